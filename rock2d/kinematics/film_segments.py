@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from rock2d.kinematics.contacts import find_contacts
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
@@ -28,7 +29,8 @@ class FilmSegments:
     ----------
     segmentation : the film, its flights and the kind of each frame
     basis : polynomials of the flights
-    impacts : every pair of flights in a row
+    impacts : pairs of flights in a row between which the block met the ground or turned round
+    mid_air : the other pairs, of which nothing says that they are two flights
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
     order : (releases,) place of each release in its block's series
@@ -37,6 +39,7 @@ class FilmSegments:
     segmentation: Segmentation
     basis: Basis
     impacts: Impacts
+    mid_air: Impacts
     start_s: Array
     unknown_spin: Array
     order: Array
@@ -49,11 +52,14 @@ class FilmSegments:
         basis = flight_basis(film, segmentation.flights)
         states = fit_states(world, film, segmentation.flights, basis)
         start = start_instants(world, segmentation, basis, states)
-        impacts = find_impacts(world, segmentation, basis, states, start)
+        pairs = find_impacts(world, segmentation, basis, states, start)
+        contacts = find_contacts(world, segmentation, basis, states, (pairs.before, pairs.after))
+        real = contacts.are_impacts(pairs.tangent, _radii(world)[pairs.block])
         spin = np.where(
             film.angle_known[segmentation.flights.release], 0.0, _rolling(world, segmentation, states)
         )
-        return cls(segmentation, basis, impacts, start, spin, release_order(film.release_block).astype(float))
+        order = release_order(film.release_block).astype(float)
+        return cls(segmentation, basis, pairs.only(real), pairs.only(~real), start, spin, order)
 
     @property
     def film(self) -> Film:
@@ -62,20 +68,22 @@ class FilmSegments:
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
         flights = self.segmentation.flights
-        keep, own = releases[flights.release], releases[self.impacts.release]
+        keep = releases[flights.release]
         index = np.append(np.cumsum(keep) - 1, -1)  # the first flight of a release still follows none
         fewer = replace(
             flights, **{f.name: getattr(flights, f.name)[keep] for f in fields(flights) if f.name != "follows"},
             follows=index[flights.follows[keep]],
         )  # fmt: skip
-        impacts = Impacts(*(getattr(self.impacts, f.name)[own] for f in fields(Impacts)))
-        impacts.before, impacts.after = index[impacts.before], index[impacts.after]
+        pairs = [own.only(releases[own.release]) for own in (self.impacts, self.mid_air)]
+        for own in pairs:
+            own.before, own.after = index[own.before], index[own.after]
         segmentation = replace(self.segmentation, flights=fewer)
         return replace(
             self,
             segmentation=segmentation,
             basis=self.basis.only(keep),
-            impacts=impacts,
+            impacts=pairs[0],
+            mid_air=pairs[1],
             start_s=self.start_s[keep],
             unknown_spin=self.unknown_spin[keep],
         )
@@ -121,8 +129,12 @@ class FilmSegments:
         return out
 
 
+def _radii(world: World) -> Array:
+    return np.array([b.radius_m for b in world.blocks.values()])
+
+
 def _rolling(world: World, segmentation: Segmentation, states: States) -> Array:
     """(flights,) spin in rad/s of a block that rolls as fast as it flies, and at least as it falls over its radius."""
-    radius = np.array([b.radius_m for b in world.blocks.values()])[segmentation.flights.block]
+    radius = _radii(world)[segmentation.flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)

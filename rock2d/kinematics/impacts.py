@@ -1,11 +1,12 @@
-"""Impacts of a film: every pair of flights in a row, and what happened between them.
+"""Impacts of a film: pairs of flights in a row, and what happened between them.
 
-An *impact* here is what happens between two flights: one touch of the ground or several in a row.
+An *impact* here is what happens between two flights: one touch of the ground or several in a row. Where neither the
+ground is near nor the velocity turns round, nothing is known to have happened.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -24,7 +25,7 @@ COMPARISON_WINDOW = 2.0  # compared part of the flight after an impact, in √(r
 
 @dataclass
 class Impacts:
-    """Every pair of flights in a row: (n,) arrays.
+    """Pairs of flights in a row: (n,) arrays.
 
     Attributes
     ----------
@@ -54,6 +55,10 @@ class Impacts:
     def __len__(self) -> int:
         return len(self.before)
 
+    def only(self, keep: Array) -> Impacts:
+        """Some of the pairs, given as a mask."""
+        return Impacts(*(getattr(self, f.name)[keep] for f in fields(self)))
+
 
 def start_instants(world: World, segmentation: Segmentation, basis: Basis, states: States) -> Array:
     """(flights,) recorded instant, from the middle of each flight, at which a simulation from it starts.
@@ -81,7 +86,7 @@ def start_instants(world: World, segmentation: Segmentation, basis: Basis, state
 def find_impacts(
     world: World, segmentation: Segmentation, basis: Basis, states: States, start: Array
 ) -> Impacts:
-    """Impacts of a film between two flights; `start` are the `start_instants` of the flights."""
+    """Every pair of flights in a row, impact or not; `start` are the `start_instants` of the flights."""
     film, flights = segmentation.film, segmentation.flights
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]

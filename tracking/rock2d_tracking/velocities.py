@@ -11,12 +11,13 @@ import pandas as pd
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.contacts import Contacts, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.flights import Film, clearances
+from rock2d.kinematics.impacts import Impacts
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import move_freely
-from rock2d.records.columns import OMEGA, STATE_NAMES, VX, VY
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -24,6 +25,10 @@ Array = np.ndarray
 DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration from which on the ground hides part of the block
 # in block sizes: rebound below which a flight is too short for precise velocities
 LOW_REBOUND_SIZES = 0.25
+WIDEST_GAP = (
+    0.6  # time between two flights over that of the shorter one, from which on velocities are carried far
+)
+MID_AIR = "mid-air"
 
 
 def flights_and_impacts(
@@ -33,9 +38,10 @@ def flights_and_impacts(
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
     (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise), `gravity_m_s2` (size of the
-    acceleration of a flight that clearly falls, else NaN) and its standard error. Impacts: release, block, t_s,
-    zone, velocities before and after with standard errors, `penetration_m`, `rebound_m`, `flag` ("", "deep", "low",
-    "deep low").
+    acceleration of a flight that clearly falls, else NaN) and its standard error. Impacts: release, block, t_s and
+    zone of the contact, velocities just before and after it with standard errors, `restitution` (speed across the
+    ground after over before), `penetration_m`, `rebound_m`, `flag` (any of "deep", "low", "wide gap"; "mid-air" where
+    neither the ground is near nor the block turns round, which is no impact).
     """
     setup = setup_world(experiment)
     data = FilmSegments.of(film, setup)
@@ -44,7 +50,7 @@ def flights_and_impacts(
     # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise
     misfit = np.sqrt((states.residuals**2).sum(axis=2) / known[:, None])
     flights = _flights(experiment, data, states.middle, misfit)
-    return flights, _impacts(experiment, data, setup, states.middle, misfit), data
+    return flights, _impacts(experiment, data, setup, misfit), data
 
 
 def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: Array) -> pd.DataFrame:
@@ -72,42 +78,78 @@ def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array
     return error * np.tile(np.maximum(misfit[which], 1.0), 2)
 
 
-def _impacts(
-    experiment: Experiment, data: FilmSegments, world: World, middle: Array, misfit: Array
+def _impacts(experiment: Experiment, data: FilmSegments, world: World, misfit: Array) -> pd.DataFrame:
+    """Table of the impacts, and of the changes of motion in mid-air, in the order of time."""
+    tables = [_contacts(experiment, data, pairs, world, misfit) for pairs in (data.impacts, data.mid_air)]
+    tables[1]["flag"] = MID_AIR
+    tables[1][["restitution", "restitution_se"]] = np.nan
+    own = [table for table in tables if len(table)] or tables[:1]
+    return pd.concat(own, ignore_index=True).sort_values(["release", "t_s"], ignore_index=True)
+
+
+def _contacts(
+    experiment: Experiment, data: FilmSegments, impacts: Impacts, world: World, misfit: Array
 ) -> pd.DataFrame:
-    film, flights, impacts = data.film, data.segmentation.flights, data.impacts
-    ends = film.t_s[flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    begins = film.t_s[flights.first[impacts.after]] - data.basis.middle[impacts.after]
-    before = move_freely(world, impacts.block, middle[impacts.before], ends)
-    after = move_freely(world, impacts.block, middle[impacts.after], begins)
+    film, _flights = data.film, data.segmentation.flights
+    contacts = find_contacts(
+        world, data.segmentation, data.basis, data.states(world), (impacts.before, impacts.after)
+    )
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
-    t = 0.5 * (film.t_s[flights.last[impacts.before] - 1] + film.t_s[flights.first[impacts.after]])
     table = pd.DataFrame({
-        "release": film.release_names[impacts.release], "block": np.array(names)[impacts.block], "t_s": t,
-        "zone": np.array(zones)[impacts.zone],
+        "release": film.release_names[impacts.release], "block": np.array(names)[impacts.block],
+        "t_s": data.basis.middle[impacts.before] + contacts.touch_s, "zone": np.array(zones)[impacts.zone],
     })  # fmt: skip
-    for label, state, which, dt in (
-        ("", before, impacts.before, ends),
-        ("_after", after, impacts.after, begins),
-    ):
+    sides = (
+        ("", contacts.arriving, impacts.before, contacts.touch_s),
+        ("_after", contacts.leaving, impacts.after, contacts.leave_s),
+    )
+    instant = _instant_errors(data, contacts, impacts, misfit)
+    along = np.column_stack([-impacts.tangent[:, 1], impacts.tangent[:, 0]])
+    normal = []
+    for label, state, which, dt in sides:
         error = _errors(data, which, dt, misfit)
+        error[:, VY] = np.hypot(error[:, VY], experiment.gravity_m_s2 * instant)
         for k in (VX, VY, OMEGA):
             name = STATE_NAMES[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
             table[name], table[f"{name}_se"] = state[:, k], error[:, k]
-    deep, high = _depths(experiment, data)
+        speed, speed_se = state[:, LINEAR_VELOCITY] * along, error[:, LINEAR_VELOCITY] * along
+        normal.append((speed.sum(axis=1), np.hypot(*speed_se.T)))
+    (coming, coming_se), (going, going_se) = normal
+    turned = (coming < 0.0) & (going > 0.0)
+    ratio = np.where(turned, -going / np.where(turned, coming, 1.0), np.nan)
+    table["restitution"] = ratio
+    table["restitution_se"] = np.hypot(going_se, ratio * coming_se) / np.where(turned, -coming, np.nan)
+    deep, high = _depths(experiment, data, impacts)
     size = np.array([b.size_m for b in experiment.blocks.values()])[impacts.block]
     table["penetration_m"], table["rebound_m"] = deep, high
-    flags = np.where(deep > DEEP_PENETRATION_SIZES * size, "deep", "")
-    table["flag"] = [
-        f"{a} low".strip() if low else str(a)
-        for a, low in zip(flags, high < LOW_REBOUND_SIZES * size, strict=True)
-    ]
+    table["flag"] = _flags(
+        data, impacts, deep > DEEP_PENETRATION_SIZES * size, high < LOW_REBOUND_SIZES * size
+    )
     return table
 
 
-def _depths(experiment: Experiment, data: FilmSegments) -> tuple[Array, Array]:
+def _instant_errors(data: FilmSegments, contacts: Contacts, impacts: Impacts, misfit: Array) -> Array:
+    """(n,) standard errors in s of the instants at which two flights meet."""
+    errors = [
+        _errors(data, which, dt, misfit)[:, POSITION].max(axis=1)
+        for which, dt in ((impacts.before, contacts.touch_s), (impacts.after, contacts.leave_s))
+    ]
+    change = np.hypot(*(contacts.leaving - contacts.arriving)[:, LINEAR_VELOCITY].T)
+    return np.hypot(*errors) / np.maximum(change, 1e-9)
+
+
+def _flags(data: FilmSegments, impacts: Impacts, deep: Array, low: Array) -> list[str]:
+    flights, t = data.segmentation.flights, data.film.t_s
+    gap = t[flights.first[impacts.after]] - t[flights.last[impacts.before] - 1]
+    lasts = t[flights.last - 1] - t[flights.first]
+    wide = gap > WIDEST_GAP * np.minimum(lasts[impacts.before], lasts[impacts.after])
+    words = np.where(np.column_stack([deep, low, wide]), ["deep", "low", "wide gap"], "")
+    return [" ".join(word for word in own if word) for own in words.tolist()]
+
+
+def _depths(experiment: Experiment, data: FilmSegments, impacts: Impacts) -> tuple[Array, Array]:
     """(n,) deepest seen penetration between the two flights of an impact, and height that the flight after reaches."""
-    film, flights, impacts = data.film, data.segmentation.flights, data.impacts
+    film, flights = data.film, data.segmentation.flights
     blocks = list(experiment.blocks.values())
     ground = ground_arrays(experiment.cross_section)
     arrays = [block_arrays(b) for b in blocks]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.errors import InputError, counted
+from rock2d_tracking.steadying import steadied
 
 if TYPE_CHECKING:
     import av
@@ -59,8 +60,10 @@ class FilmFile:
             if not lasts_s and container.duration:
                 lasts_s = container.duration / 1e6
             played = round(lasts_s * rate)
-            # an edit list shortens what is played, not the number that is stated
-            self.expected_frames = min(stream.frames or played, played or stream.frames)
+            self.expected_frames = stream.frames or played
+            if "mp4" in container.format.name and played:
+                # an edit list shortens what is played, not the number that is stated
+                self.expected_frames = min(self.expected_frames, played)
             self.played_fps, self.tick_s = rate, float(stream.time_base or 0.0)
         if first is None:
             raise InputError("this video holds no frame that can be read", self.path)
@@ -106,19 +109,28 @@ class Frames:
     Attributes
     ----------
     times_s : time stamp of each frame that was read, NaN where the file has none
+    ways_px : (n, 2) way of the picture in each frame, which is taken back; None to leave frames as they are
     """
 
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
         self._film, self._last = film, last
         self._kept: list[Array] | None = None
+        self.ways_px: Array | None = None
         self.times_s: list[float] = []
 
     def __iter__(self) -> Iterator[Array]:
-        """Read from the first frame on.
+        """Read from the first frame on, steadied if `ways_px` says how.
 
         Raises `InputError` if there is none, or if the file ends before it should and `last` does not say so.
         """
+        if self.ways_px is None:
+            yield from self._as_filmed()
+        else:
+            for frame, way_px in zip(self._as_filmed(), self.ways_px, strict=False):
+                yield steadied(frame, way_px)
+
+    def _as_filmed(self) -> Iterator[Array]:
         if self._kept is not None:
             yield from self._kept
             return

@@ -69,10 +69,11 @@ def test_bounces_on_a_floor_that_lies_higher_than_stated_are_impacts(fps, noise,
     assert len(segments(experiment).impacts) == bounces
 
 
-def test_a_glancing_impact_in_mid_air_is_kept():
-    """A change of velocity by 0.25 m/s, at once, of a ball that flies on."""
+def test_a_change_of_velocity_in_mid_air_divides_a_flight_but_is_no_impact():
+    """By 0.25 m/s, at once, of a ball that flies on and does not turn round, far from the ground."""
     experiment, _ = ball_film(240.0, 2e-4)
     table = experiment.trajectories
     late = np.maximum(table["t_s"].to_numpy() - 0.35, 0.0)
     table["y_m"] += 0.25 * late
-    assert len(segments(experiment).impacts) == 1
+    data = segments(experiment)
+    assert (len(data.segmentation.flights), len(data.impacts), len(data.mid_air)) == (2, 0, 1)

@@ -60,3 +60,23 @@ def test_where_nothing_stands_out_there_is_no_edge():
     visible = np.ones(wall.shape, np.uint8)
     start = np.array([60.0, 60.0, 0.0])
     assert fit_edges(wall, wall, visible, 1.0, edge_points(outline), start, symmetric=True) is None
+
+
+@pytest.mark.parametrize("smear_px", [(0.0, 12.0), (8.0, -8.0)])
+def test_a_ball_that_smears_is_found_in_the_middle_of_its_smear(smear_px):
+    outline = outline_of(SHAPES["ball"], 1.0, -1)
+    poses = [
+        (60.0 + share * smear_px[0], 60.0 + share * smear_px[1], 0.0) for share in np.linspace(-0.5, 0.5, 25)
+    ]
+    image = np.mean([picture("ball", pose, 1.0)[0] for pose in poses], axis=0).astype(np.float32)
+    wall = picture("ball", poses[0], 1.0)[1]
+    start, visible = np.array([62.0, 58.0, 0.0]), np.ones(wall.shape, np.uint8)
+    sharp, smeared = (
+        fit_edges(
+            image, wall, visible, 1.0, edge_points(outline), start, symmetric=True, smear_px=np.array(own)
+        )
+        for own in ((0.0, 0.0), smear_px)
+    )
+    assert smeared is not None and smeared.seen > 0.95
+    assert sharp is None or sharp.seen < smeared.seen
+    assert np.hypot(*(smeared.pose[:2] - 60.0)) < 0.4

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from rock2d_tracking import tracked_film
 from rock2d_tracking.command import FirstScale, TrackSettings, track
 from rock2d_tracking.setup_file import Setup
 
@@ -67,4 +68,17 @@ def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_pa
     text = (tmp_path / "out_explained" / "explanation.txt").read_text()
     assert "0.25 times the frame rate" in text
     assert text.count("\n1. ") == text.count("\n2. ") == text.count("\n3. ") == 1
-    assert {p.name for p in (tmp_path / "out_explained").iterdir()} >= {"candidates.png", "candidates.webm"}
+    left = {p.name for p in (tmp_path / "out_explained").iterdir()}
+    assert left >= {"candidates.png", "candidates.webm", "setup.yaml"}
+    Setup(tmp_path / "out_explained" / "setup.yaml")  # a file that can be used
+
+
+def test_a_block_that_is_followed_but_not_trusted_is_told_with_numbers(thrown, tmp_path, monkeypatch):
+    monkeypatch.setattr(tracked_film, "LARGEST_STATED_ERROR_PX", 0.0)
+    monkeypatch.setattr(tracked_film, "LARGEST_ERROR_RADII", 0.0)
+    with pytest.raises(
+        InputError, match=r"followed from frame \d+ to \d+, .*known to .* px .*'unsure'.*camera\.scale"
+    ):
+        track(thrown[0], FirstScale(SCALE, FPS), tmp_path / "out", TrackSettings())
+    left = {p.name for p in (tmp_path / "out_explained").iterdir()}
+    assert left >= {"candidates.png", "candidates.webm", "setup.yaml", "overlay.webm", "explanation.txt"}

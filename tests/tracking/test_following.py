@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
-from rock2d_tracking.tracked_film import TrackedFilm, film_of, tracked_film
+from rock2d_tracking.tracked_film import TrackedFilm, film_of, moving_releases, tracked_film
 from rock2d_tracking.velocities import flights_and_impacts
 
 from rock2d.files.experiment import Experiment
@@ -62,6 +62,11 @@ class Tracked:
         return np.array(far), (every + half) % (2 * half) - half
 
 
+def film_in(releases: list[FollowedRelease], setup: Setup) -> TrackedFilm:
+    """The experiment that releases show."""
+    return tracked_film(moving_releases(releases, setup.fall_px(SIZE_PX)), len(releases), setup, SIZE_PX)
+
+
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
     """A film with some faults, tracked."""
@@ -78,9 +83,7 @@ def tracked(tmp_path_factory):
             )
             releases = follow([s.image for s in shots], setup, SIZE_PX).releases
             pictures = [[s.frame for s in r.sights] for r in releases]
-            known[faults] = Tracked(
-                experiment, shots, pictures, releases, tracked_film(releases, setup, SIZE_PX), setup
-            )
+            known[faults] = Tracked(experiment, shots, pictures, releases, film_in(releases, setup), setup)
         return known[faults]
 
     return make
@@ -180,8 +183,8 @@ def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
 
 def test_what_never_moves_is_no_release(tracked):
     found = tracked(CLEAN)
-    still = [FollowedRelease("cube", [s] * 30) for s in found.releases[1].seen[:1]]
-    again = tracked_film([*copy.deepcopy(found.releases), *still], found.setup, SIZE_PX)
+    still = [FollowedRelease("cube", [replace(found.releases[1].seen[0], frame=k) for k in range(30)])]
+    again = film_in([*copy.deepcopy(found.releases), *still], found.setup)
     assert again.experiment.trajectories["release"].nunique() == 3
     assert any("never moved" in remark for remark in again.remarks)
 

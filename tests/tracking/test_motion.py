@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rock2d_tracking.candidates import Candidate
-from rock2d_tracking.motion import arcs_of_other_gravity, find_arcs, find_chains, motion_of
+from rock2d_tracking.motion import arcs_of_other_gravity, find_arcs, find_chains, meeting, motion_of
 
 FALL_PX = 2.0
 
@@ -54,7 +54,7 @@ def test_a_bounce_between_two_frames_joins_two_arcs():
     table = [[candidate(f, *p)] for f, p in sorted((down | up).items())]
     (chain,) = find_chains(find_arcs(table, FALL_PX), 30.0, [])
     assert (chain.first, chain.last, len(chain.arcs)) == (0, 23, 2)
-    (bounce,) = chain.bounces()
+    bounce = chain.arcs[0].at(meeting(*chain.arcs))
     assert abs(bounce[0] - u) < 12 and bounce[1] > v - 12
 
 
@@ -85,3 +85,16 @@ def test_of_a_ball_and_its_shadow_the_ball_is_the_release():
     off = [np.hypot(*(chain.at(f) - path[f])) for f in range(chain.first, chain.last + 1)]
     assert chain.frames_seen > 15 and max(off) < 4.0
     assert any(c.shadow for own in found.candidates for c in own)
+
+
+def test_the_block_is_chosen_not_its_highlight_nor_flicker():
+    down = fallen(range(0, 20), 60.0, 40.0, (3.0, 0.0), FALL_PX)
+    flicker = fallen(range(22, 34), 300.0, 40.0, (3.0, 0.0), FALL_PX)
+    table: list[list[Candidate]] = [[] for _ in range(36)]
+    for f, (u, v) in down.items():
+        highlight = Candidate(f, u + 4, v - 5, 15.0, True, (160.0,) * 3, False)
+        table[f] = [candidate(f, u, v, area=600.0), highlight]
+    for f, (u, v) in flicker.items():
+        table[f] = [Candidate(f, u, v, 12.0, True, (4.0,) * 3, False)]
+    (chain,) = find_chains(find_arcs(table, FALL_PX), 30.0, [])
+    assert chain.area_px2 == 600.0 and chain.last < 20

@@ -27,7 +27,7 @@ def tossed(frames: int, gravity: float = 9.81) -> TrackedFilm:
         "release": 0, "block": "sphere", "frame": np.arange(frames), "t_s": t, "u_px": pixels[:, 0],
         "v_px": pixels[:, 1], "angle_error_rad": np.nan, "confidence": 0.9, "reason": "",
     })  # fmt: skip
-    return TrackedFilm(experiment, frame, [])
+    return TrackedFilm(experiment, frame, [], {"sphere": 0.4})
 
 
 @pytest.mark.parametrize("frames", [25, 5])

@@ -115,18 +115,14 @@ def _compare_places(found: FilmOutcome, truth: list[RealFrame], frames: pd.DataF
 def _compare_impacts(found: FilmOutcome, impacts: pd.DataFrame, frames: pd.DataFrame) -> None:
     """Impacts at true bounces, and impacts in mid-air; those that are flagged as no impact count as neither."""
     begins = frames.groupby("release")["frame"].min()
-    own = impacts[~impacts["flag"].fillna("").str.contains("unclear")] if len(impacts) else impacts
+    own = impacts[~impacts["flag"].fillna("").str.contains("mid-air")] if len(impacts) else impacts
     when = own["release"].map(begins) + own["t_s"] * found.film.camera.fps
     rows = []
     for at, (_, row) in zip(when, own.iterrows(), strict=True):
         if not len(found.film.bounces) or np.abs(found.film.bounces - at).min() > SAME_BOUNCE_FRAMES:
             found.mid_air += 1
             continue
-        e = -row["vy_after_m_s"] / row["vy_m_s"]
-        error = abs(e) * np.hypot(
-            row["vy_m_s_se"] / row["vy_m_s"], row["vy_after_m_s_se"] / row["vy_after_m_s"]
-        )
-        rows.append((e - found.film.look.restitution, error))
+        rows.append((row["restitution"] - found.film.look.restitution, row["restitution_se"]))
     found.restitution = np.array(rows).reshape(-1, 2)
 
 
@@ -141,13 +137,15 @@ def outcome_line(name: str, outcomes: list[FilmOutcome]) -> str:
     rms, honest = (np.sqrt((a**2).mean()) if len(a) else np.nan for a in (off, ratios))
     middle = np.sqrt(np.median(ratios**2) / 0.4549) if len(ratios) else np.nan
     worst = np.abs(bounced[:, 0]).max() if len(bounced) else np.nan
+    within = int((np.abs(bounced[:, 0]) < 2 * bounced[:, 1]).sum())
     usual = np.median(np.abs(bounced[:, 0])) if len(bounced) else np.nan
     offsets = [o.offset_px for o in own]
+    off_g = f" ({sigmas[0]:+.1f} se)" if len(outcomes) == 1 and len(sigmas) else ""
     return (
         f"{name:36s} tracked {len(own)}/{len(outcomes)}  trusted {found:4d}/{free:4d} = {found / max(free, 1):.3f}  "
         f"offset {np.median(offsets) if offsets else np.nan:.2f}  rms {rms:.2f} px  "
         f"gross {sum(o.gross for o in own)}/{len(off)}  error/se {middle:.2f} {honest:.2f}  "
-        f"g {int((np.abs(sigmas) <= 2).sum())}/{len(sigmas)}  "
-        f"restitution {usual:.3f} (worst {worst:.3f}, {len(bounced)}/{sum(o.bounces for o in outcomes)})  "
-        f"mid-air {sum(o.mid_air for o in own)}"
+        f"g {int((np.abs(sigmas) <= 2).sum())}/{len(sigmas)}{off_g}  "
+        f"restitution {usual:.3f} (worst {worst:.3f}, {within} in 2 se of {len(bounced)})  "
+        f"of {sum(o.bounces for o in outcomes)}, mid-air {sum(o.mid_air for o in own)}"
     )

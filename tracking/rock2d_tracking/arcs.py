@@ -18,6 +18,10 @@ FEWEST_ARC_FRAMES = 5
 RECENT_FRAMES = 24  # frames of an arc from which its next place is predicted
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
 GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
+FEWEST_TO_GROW, GROWN_AREA_RATIO = (
+    8,
+    2.5,
+)  # frames of a run that may be carried on, and areas of what is then added
 OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
@@ -71,6 +75,11 @@ class Arc:
         """Radius of the circle of its area."""
         return float(np.sqrt(self.area_px2 / np.pi))
 
+    def after(self, frame: int) -> Arc:
+        """The same arc without its frames up to one."""
+        kept = self.frames > frame
+        return replace(self, frames=self.frames[kept], places=self.places[kept], areas=self.areas[kept])
+
     def at(self, frame: float | Array) -> Array:
         """(..., 2) places in px."""
         t = np.asarray(frame, float)[..., None] - self.middle
@@ -90,7 +99,7 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
             best = _best_run(table, used, frame, i, fall_px)
             if best is None:
                 continue
-            arc = _arc(table, best, fall_px)
+            arc = _arc(table, _grown(table, best) if len(best) >= FEWEST_TO_GROW else best, fall_px)
             if arc is not None:
                 arcs.append(arc)
                 for f, k in best:
@@ -163,6 +172,29 @@ def _extended(
             if len(run) < 4:
                 break
         frame += 1
+    return run
+
+
+def _grown(table: list[Array], run: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """A run carried on at both ends to candidates that lie on its parabola, whatever their colour: what is behind a
+    block changes how it stands out."""
+    area = float(np.median([table[f][k, 2] for f, k in run]))
+    slack = max(1.5, ARC_TOLERANCE_RADII * np.sqrt(area / np.pi))
+    for step in (-1, 1):
+        run = run[::step]
+        frame, missed = run[-1][0] + step, 0
+        while 0 <= frame < len(table) and missed <= LONGEST_ARC_GAP:
+            t = np.array([f for f, _ in run[-RECENT_FRAMES:]], float) - frame
+            places = np.array([table[f][k, :2] for f, k in run[-RECENT_FRAMES:]])
+            at = np.linalg.lstsq(np.vander(t, 3), places, rcond=None)[0][-1]
+            away = np.hypot(*(table[frame][:, :2] - at).T)
+            ratio = table[frame][:, 2] / area
+            away[(ratio > GROWN_AREA_RATIO) | (ratio < 1 / GROWN_AREA_RATIO)] = np.inf
+            missed += 1
+            if len(away) and away.min() < slack + STEP_TOLERANCE * float(np.hypot(*(at - places[-1]))):
+                run, missed = [*run, (frame, int(np.argmin(away)))], 0
+            frame += step
+        run = run[::step]
     return run
 
 

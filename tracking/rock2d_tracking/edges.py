@@ -38,6 +38,9 @@ FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an e
 TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
 JACKKNIFE_PARTS = 8  # parts of an outline
+NO_SMEAR = np.zeros(2)
+SMEAR_SHARE = 0.2  # of the width of a smeared edge, within which its points count as seen
+DEEPEST_SHARE = 0.9  # length of a normal inside the block, over its inner radius
 EDGE_SHIFT_PX = 0.15  # 1 sigma, by which a whole edge looks too far out or in
 
 
@@ -110,6 +113,7 @@ def fit_edges(
     *,
     symmetric: bool,
     free_size: bool = False,
+    smear_px: Array = NO_SMEAR,
 ) -> EdgeFit | None:
     """Fit position, angle and, if `free_size`, size of an outline to its edge in a patch of a frame; None if it fails.
 
@@ -118,6 +122,7 @@ def fit_edges(
     noise : 1 sigma of a pixel in grey levels
     start : (3,) u, v in px and angle in rad in the patch
     symmetric : whether the outline is a circle, which has no angle
+    smear_px : (2,) way of the block while the shutter is open
     """
     p = np.array([start[0], start[1], start[2], 1.0])
     free = np.array([True, True, not symmetric, free_size])
@@ -129,7 +134,7 @@ def fit_edges(
             half = max(WIDE_SHARE * edge.inner_px, NARROWEST_PX)
         else:
             half = min(max(NARROW_SHARE * edge.inner_px, NARROWEST_PX), WIDEST_PX)
-        offset, strength = _offsets(image, background, visible, noise, edge, p, half)
+        offset, strength, wide_px = _offsets(image, background, visible, noise, edge, p, half, smear_px)
         if (strength > 0).sum() < FEWEST_POINTS // 3:
             return None
         turned, normals = _placed(edge, p)
@@ -154,7 +159,7 @@ def fit_edges(
         p += full
         if not np.isfinite(p).all() or not 0.5 < p[3] < 2.0:
             return None
-        near = np.abs(left) < max(FOUND_PX, FOUND_RADII * reach)
+        near = np.abs(left) < max(FOUND_PX, FOUND_RADII * reach) + SMEAR_SHARE * wide_px
         strong = strength > STRONG
         # where the block has the colour of what is behind it, its edge says nothing for or against
         seen = float((strong & near).sum() / max(strong.sum(), ENOUGH_STRONG * len(strong)))
@@ -199,14 +204,30 @@ def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:
 
 
 def _offsets(
-    image: Array, background: Array, visible: Array, noise: float, edge: EdgePoints, p: Array, half: float
-) -> tuple[Array, Array]:
-    """(n,) distance in px by which the block reaches beyond each edge point, and (n,) how well that is seen, 0 to 1."""
+    image: Array,
+    background: Array,
+    visible: Array,
+    noise: float,
+    edge: EdgePoints,
+    p: Array,
+    half: float,
+    smear_px: Array,
+) -> tuple[Array, Array, Array]:
+    """(n,) distance in px by which the block reaches beyond each edge point, (n,) how well that is seen, 0 to 1, and
+    (n,) width over which motion smears the edge there.
+
+    An even smear makes the edge wider, but leaves the integral of its share as it is: only the normals must be longer,
+    and the block's own colour be taken from farther inside.
+    """
     import cv2
 
     turned, normals = _placed(edge, p)
-    count = 2 * int(np.ceil(half * SAMPLES_PER_PX)) + 1
-    t = np.linspace(-half, half, count)
+    wide_px = np.abs(normals @ smear_px)
+    # half the length of each normal
+    reach = np.maximum(half, np.minimum(half + 0.5 * wide_px, DEEPEST_SHARE * p[3] * edge.inner_px))
+    count = 2 * int(np.ceil(reach.max() * SAMPLES_PER_PX)) + 1
+    along = np.linspace(-1.0, 1.0, count)
+    t = reach[:, None] * along
     u = (p[0] + turned[:, :1] + normals[:, :1] * t).astype(np.float32)
     v = (p[1] + turned[:, 1:] + normals[:, 1:] * t).astype(np.float32)
     height, width = image.shape[:2]
@@ -217,32 +238,34 @@ def _offsets(
         n, count, -1
     )
     shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    inner = t < -half * (1 - INNER_SHARE)
-    own = np.median(seen[:, inner], axis=1)[:, None]
+    # where the block's own colour is taken from: inside, and clear of the smear
+    inner = (t < -np.maximum((1 - INNER_SHARE) * half, 0.5 * wide_px[:, None])) | (along <= along[2])
+    own = np.nanmedian(np.where(inner[..., None], seen, np.nan), axis=1)[:, None]
     if LEAST_SHADING_PX <= half <= WIDEST_PX:
-        own = own + _shading(seen[:, inner], t[inner], own)[:, None] * (t - t[inner].mean())[None, :, None]
+        middle = (t * inner).sum(axis=1, keepdims=True) / inner.sum(axis=1, keepdims=True)
+        own = own + _shading(seen, t - middle, inner, own)[:, None] * (t - middle)[..., None]
     contrast = own - behind
     power = (contrast**2).sum(axis=2)
     share = ((seen - behind) * contrast).sum(axis=2) / np.maximum(power, 1e-6)
-    step = t[1] - t[0]
-    offset = -half + step * (np.clip(share, -0.3, 1.3).sum(axis=1) - 0.5)
-    middle = np.abs(t) <= 0.6 * half
+    offset = reach * (along[1] - along[0]) * (np.clip(share, -0.3, 1.3).sum(axis=1) - 0.5) - reach
+    middle = np.abs(along) <= 0.6
     level = np.sqrt(power[:, middle].min(axis=1))
     faint = FAINTEST_EDGE_SIGMAS * noise
     strength = np.where(level > faint, level**2 / (level**2 + (3 * faint) ** 2), 0.0)
     strength *= inside.all(axis=1) & (shown[:, middle].min(axis=1) > 0.5)
-    return offset, strength
+    return offset, strength, wide_px
 
 
-def _shading(inside: Array, t: Array, own: Array) -> Array:
+def _shading(seen: Array, t: Array, inner: Array, own: Array) -> Array:
     """(n, colours) slope of the block's colour along the normals, alike at neighbouring points: it gets darker toward
-    the edge of its lit side."""
+    the edge of its lit side. `t`, `inner` (n, count): place from the middle of the inner part, and what is in it."""
     from scipy.ndimage import median_filter, uniform_filter1d
 
-    line = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
-    slope = np.einsum("t,ntc->nc", line, inside)
+    line = t * inner
+    slope = np.einsum("nt,ntc->nc", line / (line**2).sum(axis=1, keepdims=True), seen)
     slope = uniform_filter1d(
         median_filter(slope, (SHADING_POINTS, 1), mode="wrap"), SHADING_POINTS, axis=0, mode="wrap"
     )
-    most = SHADING_SHARE * np.abs(own[:, 0]) / np.abs(t.mean())
+    edge = (t[:, -1:] + t[:, :1]) / 2  # from the middle of the inner part to the outline
+    most = SHADING_SHARE * np.abs(own[:, 0]) / edge
     return np.asarray(np.clip(slope, -most, most))

@@ -12,6 +12,7 @@ import numpy as np
 
 from rock2d.files.folders import write_whole
 from rock2d.graphics.video_file import VideoWriter
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d_tracking.following import Followed
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
@@ -22,6 +23,26 @@ WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
 SIZE_AGREES = 0.15  # largest share by which the size that is seen may differ from the one stated
 GRAVITY_AGREES = 0.1
+PARTLY_HIDDEN = (
+    "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right"
+)
+KEY_OF_REASON = {
+    "hidden": PARTLY_HIDDEN,
+    "half hidden": PARTLY_HIDDEN,
+    "no contrast": "detection.background_frames: name frames without a block, or film before another colour",
+    "on the background": "detection.background_frames: name frames without a block",
+    "another outline": "blocks: the outline that is seen is not the one that is stated; check shape and sizes",
+    "another picture": "blocks: what is seen changes its look; state its shape and sizes",
+    "unsure": "camera.scale: film closer, or with more light and a shorter exposure; the outline is not sharp enough",
+    "too far from the expected place": "camera.fps: more frames per second; the block moves farther than expected",
+    "jumps": "camera.fps: more frames per second; the block moves farther than expected",
+}  # key of the set-up file that addresses each reason for which frames are lost
+USUAL_KEYS = (
+    "detection.background_frames: name frames without a block, if it rests in the picture for long",
+    PARTLY_HIDDEN,
+    "camera.origin_px: with cross_section it says where the ground is; a block below the ground is not seen",
+    "camera.fps: frames per second of the recording, not of the playback",
+)
 FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
 
 
@@ -65,8 +86,8 @@ def _counts(seen: TrackingAttempt) -> list[str]:
             f"block {name}: fitted by its {looks.kind}; seen {looks.size:.3f} times as large as stated"
             + (f" (± {looks.size_error:.3f})" if np.isfinite(looks.size_error) else " (not measured)")
         )
-    reasons = Counter(s.reason or "trusted" for r in followed.releases for s in r.sights)
-    reasons.update(followed.rejected)
+    reasons = lost_frames(followed)
+    reasons["trusted"] = sum(len(r.seen) for r in followed.releases)
     lines += [f"frames {reason}: {count}" for reason, count in reasons.most_common()]
     return lines
 
@@ -99,14 +120,46 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
                     f"({usual_px * setup.metres_per_pixel:.4g} m); the set-up file states {stated:.1f} px "
                     f"({stated * setup.metres_per_pixel:.4g} m)"
                 )
-    usual = [
-        "detection.background_frames: name frames without a block, if it rests in the picture for long",
-        "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right",
-        "camera.origin_px: with cross_section it says where the ground is; a block below the ground is not seen",
-        "camera.fps: frames per second of the recording, not of the playback",
-    ]
     least = setup.keys.detection.least_seen if setup is not None else 0.55
-    return [*found, *(u.format(least=least) for u in usual)][:3]
+    reasons = [reason for reason, _ in lost_frames(seen.followed).most_common()] if seen.followed else []
+    wanted = [*(KEY_OF_REASON[r] for r in reasons if r in KEY_OF_REASON), *USUAL_KEYS]
+    found += [text.format(least=least) for text in dict.fromkeys(wanted)]
+    first = {text.split(":")[0]: text for text in reversed(found)}
+    return [text for text in found if first[text.split(":")[0]] is text][:3]
+
+
+def lost_frames(followed: Followed) -> Counter[str]:
+    """How many frames were lost, by reason."""
+    reasons = Counter(s.reason for r in followed.releases for s in r.sights if s.reason)
+    reasons.update(followed.rejected)
+    return reasons
+
+
+def why_not_tracked(followed: Followed) -> str:
+    """What happened where no release can be trusted, with its numbers."""
+    reasons = ", ".join(f"{reason!r} {count}" for reason, count in lost_frames(followed).most_common(3))
+    sights = max((r.sights for r in followed.releases), key=len, default=[])
+    if sights:
+        trusted = sum(not s.reason for s in sights)
+        errors = [max(s.error[:2]) for s in sights if np.isfinite(s.error[:2]).all()]
+        known = f"; its place is known to {np.median(errors):.2g} px (median)" if errors else ""
+        lost = f"; lost frames: {reasons}" if reasons else ""
+        return (
+            f"a block was followed from frame {sights[0].frame} to {sights[-1].frame}, but in {len(sights)} frames "
+            f"{trusted} can be trusted and show it move: {FEWEST_FLIGHT_FRAMES} are needed{known}{lost}"
+        )
+    chains = followed.motion.chains
+    if chains:
+        chain = max(chains, key=lambda c: c.frames_seen)
+        return (
+            f"something falls in frames {chain.first} to {chain.last}, with a radius of "
+            f"{np.sqrt(chain.area_px2 / np.pi):.1f} px, but the block of the set-up file was fitted in none of them"
+            + (f": {reasons}" if reasons else "")
+        )
+    return (
+        "no block was seen to move in this film; check in the set-up file the scale, the sizes of the blocks, "
+        "the place of the cross-section in the picture (origin_px, origin_m) and the direction `up`"
+    )
 
 
 def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:

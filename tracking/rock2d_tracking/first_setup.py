@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.errors import InputError
 from rock2d.files.folders import write_whole
 from rock2d_tracking.film_reading import FilmFile, Frames
+from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion, motion_of
+from rock2d_tracking.sights import FollowedRelease
 
 GRAVITY_M_S2 = 9.81
 GUESSED_DENSITY_KG_M3 = 1000.0
-RESTS_RADII = 2.0  # from the lower edge of the picture, within which no ground was seen
+BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
+UNSEEN_RADIUS_SHARE = 0.02  # of the width of the picture: radius of a ball of which nothing is known
+RESTS_RADII = 2.0  # below the picture, where the ground is if it was not seen
 
 TEXT = """\
 # Written by `rock2d track` from the film alone. Lines with "guess" are to be replaced by what you know.
@@ -37,41 +42,59 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 """
 
 
-def first_motion(film: FilmFile, frames: Frames, metres_per_pixel: float, fps: float) -> Motion:
+class FirstScale(NamedTuple):
+    """What must be known of a film without a set-up file: metres per pixel, and frames per second of the recording."""
+
+    metres_per_pixel: float
+    fps: float
+
+
+def first_motion(film: FilmFile, frames: Frames, first: FirstScale) -> Motion:
     """What moves in the frames of a film whose blocks are not known."""
+    metres_per_pixel, fps = first
     fall = GRAVITY_M_S2 / metres_per_pixel / fps**2
     return motion_of(frames, film.expected_frames, [], fall, fps)
 
 
 def write_first_setup(
-    path: Path, film: FilmFile, motion: Motion, metres_per_pixel: float, fps: float, size: float = 1.0
+    path: Path,
+    film: FilmFile,
+    motion: Motion,
+    first: FirstScale,
+    size: float = 1.0,
+    ground_px: float | None = None,
 ) -> None:
-    """Write a set-up file with the size of what falls, and flat ground under its lowest place.
+    """Write a set-up file with the size of what falls, and level ground.
 
-    `size`: factor on the size of its candidates.
-
-    Raises `InputError` if nothing falls.
+    size : factor on the size of its candidates
+    ground_px : height of the ground in the picture; None if no bounce was seen
     """
-    if not motion.chains:
-        raise InputError(
-            f"nothing was seen to fall in this film with {metres_per_pixel:g} m per pixel and {fps:g} frames/s",
-            film.path,
-        )
+    metres_per_pixel, fps = first
     width, height = film.size_px
-    radius = float(np.median([np.sqrt(c.area_px2 / np.pi) for c in motion.chains])) * size
-    lowest = max(float(a.places[:, 1].max()) for c in motion.chains for a in c.arcs) + radius
-    lowest = max([lowest, *(float(p[1]) + radius for c in motion.chains for p in c.bounces())])
-    seen = lowest < height - 1 - RESTS_RADII * radius
-    ground_px = lowest if seen else height - 1 + RESTS_RADII * radius
+    areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.other or a.falls]
+    radius = float(np.sqrt(np.median(areas) / np.pi)) * size if areas else UNSEEN_RADIUS_SHARE * width
+    seen = ground_px is not None
+    ground = ground_px if ground_px is not None else height - 1 + RESTS_RADII * radius
     text = TEXT.format(
         name=_name(film.path.stem), fps=fps, scale=metres_per_pixel, bottom=height - 1,
-        ground_from="guess: level, under the lowest place of the block" if seen
+        ground_from="guess: level, under the lowest bounce" if seen
         else "guess: level, below the picture, because no bounce was seen",
         left=-width * metres_per_pixel, right=2 * width * metres_per_pixel,
-        ground=(height - 1 - ground_px) * metres_per_pixel, radius_px=radius, diameter=2 * radius * metres_per_pixel,
+        ground=(height - 1 - ground) * metres_per_pixel, radius_px=radius, diameter=2 * radius * metres_per_pixel,
         mass=GUESSED_DENSITY_KG_M3 * 4 / 3 * np.pi * (radius * metres_per_pixel) ** 3,
     )  # fmt: skip
     write_whole(path, text)
+
+
+def ground_of(releases: Sequence[FollowedRelease], first: FirstScale) -> float | None:
+    """Height in the picture of the ground under the lowest bounce of some releases; None if none bounced, or if the
+    block was seen below."""
+    fall = GRAVITY_M_S2 / first.metres_per_pixel / first.fps**2
+    feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, fall)]
+    if not feet:
+        return None
+    lowest = max(float(s.pose[1]) + BELOW_RADII * r.radius_px for r in releases for s in r.seen)
+    return max(feet) if lowest < max(feet) else None
 
 
 def _name(stem: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.edges import EdgeFit, fit_edges
+from rock2d_tracking.edges import NO_SMEAR, EdgeFit, fit_edges
 from rock2d_tracking.looks import LEAST_MATCH, PICTURE_ERROR_PX, Looks, matched
 from rock2d_tracking.outline import (
     FIT_ANGLE,
@@ -29,7 +29,10 @@ START_ANGLE_STEP_RAD = np.deg2rad(22.5)
 LARGEST_MISFIT = 0.2  # misfit of the edge in units of the contrast; a larger misfit is not this block
 FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in grey levels
 FAINTEST_CONTRAST_SHARE = 0.3  # share of the usual contrast; what is fainter is dust or an afterimage
-LARGEST_ERROR_PX = 0.5  # standard error; a frame with a larger one is lost
+# standard error, in px or in radii if that is more; a frame with a larger one is lost
+LARGEST_ERROR_PX, LARGEST_ERROR_RADII = 0.5, 0.1
+LEAST_SMEAR_PX = 2.0  # while the shutter is open; a shorter one is as any blur
+COVERED_RADII = 0.7  # radius of the disc within an outline that is compared with the background
 WINDOW_MARGIN_PX = 6.0
 # confidence of an outline that is trusted, over the share with which a block is followed
 TRUSTED_OVER_SEEN = 1.25
@@ -44,12 +47,14 @@ class Fitter:
     background : the picture without a block
     visible : (height, width) uint8, 0 where soil may hide a block
     least_seen : share of the outline that must be seen
+    pace_px : (2,) way of the block to the next frame, about
     grey, contrast : those of the block that was fitted last
     """
 
     def __init__(self, background: Background, visible: Array, least_seen: float) -> None:
         self.background, self.visible, self.least_seen = background, visible, least_seen
         self.grey = self.contrast = 0.0
+        self.pace_px = NO_SMEAR
         self._blur = 1.0
         self._usual_contrast = 0.0  # contrast of the blocks so far
 
@@ -94,12 +99,27 @@ class Fitter:
         u0, u1, v0, v1 = self.window(start, 1.9, looks.outline)
         if min(u1 - u0, v1 - v0) < looks.outline.reach_px:
             return None
+        smear_px = looks.shutter * self.pace_px
+        if np.hypot(*smear_px) < LEAST_SMEAR_PX:
+            smear_px = NO_SMEAR
         found = fit_edges(
             frame[v0:v1, u0:u1].astype(np.float32), self.background.grey[v0:v1, u0:u1], self.visible[v0:v1, u0:u1],
             self.background.noise, looks.edge, start - [u0, v0, 0.0],
-            symmetric=looks.outline.symmetry_rad == 0.0, free_size=free_size,
+            symmetric=looks.outline.symmetry_rad == 0.0, free_size=free_size, smear_px=smear_px,
         )  # fmt: skip
         return None if found is None else found._replace(pose=found.pose + np.array([u0, v0, 0.0]))
+
+    def covered(self, frame: Array, looks: Looks, pose: Array) -> float:
+        """Share of the inside of an outline at a pose that differs from the background; NaN beside the picture."""
+        u0, u1, v0, v1 = self.window(pose, 1.0, looks.outline)
+        v, u = np.mgrid[v0:v1, u0:u1]
+        inside = np.hypot(u - pose[0], v - pose[1]) <= COVERED_RADII * looks.edge.inner_px
+        if not inside.any():
+            return float("nan")
+        apart = np.abs(frame[v0:v1, u0:u1].astype(np.float32) - self.background.grey[v0:v1, u0:u1])[inside]
+        return float(
+            (apart > max(FAINTEST_CONTRAST_SIGMAS * self.background.noise, FAINTEST_CONTRAST_GREY)).mean()
+        )
 
     def fit(
         self,
@@ -127,7 +147,7 @@ class Fitter:
             return lost_sight(number, "no contrast")
         if found.seen < (least or self.least_seen):
             return lost_sight(number, "hidden")
-        if max(found.error[:2]) > LARGEST_ERROR_PX:
+        if max(found.error[:2]) > max(LARGEST_ERROR_PX, LARGEST_ERROR_RADII * looks.edge.inner_px):
             return lost_sight(number, "unsure")
         return Sight(number, found.pose, found.error, found.seen)
 

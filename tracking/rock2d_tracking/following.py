@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.fitting import TRUSTED_OVER_SEEN, Fitter, above_ground
+from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import (
     FEWEST_BLOCK_FRAMES,
     SEEN_TO_START,
@@ -22,7 +23,7 @@ from rock2d_tracking.learning import (
 )
 from rock2d_tracking.looks import SLOW_ERROR_FACTOR, ChannelMix, Looks, best_channel_mix, plain_looks
 from rock2d_tracking.marks import Marks
-from rock2d_tracking.motion import Chain, Motion, motion_of
+from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
@@ -33,19 +34,35 @@ FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in n
 FOREGROUND_GREY = 8.0  # and in grey levels
 SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
 SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
-CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
 LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
 FAR_FROM_ARC_REACHES = 1.0  # distance from its arc at which something else was fitted
 FAST_FALL_PX = 0.5  # per frame squared, from which a block falls visibly within a few frames
+USUAL_SIZE_ERROR = 0.05  # relative; a block whose size is stated is seldom farther from it
 STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
+
+OnProgress = Callable[[int, Array, FollowedRelease | None], None]
+
+
+class Prepared(NamedTuple):
+    """What is known of a film before its blocks are followed: what moves in it, how its frames become one value a
+    pixel, and a follower that knows background and looks."""
+
+    motion: Motion
+    mix: ChannelMix
+    follower: _Follower
+
+    @property
+    def looks(self) -> dict[str, Looks]:
+        """How each block looks."""
+        return self.follower.looks
 
 
 def follow(
     film: Iterable[Array],
     setup: Setup,
     size_px: tuple[int, int],
-    on_progress: Callable[[int, Array, FollowedRelease | None], None] = lambda number, frame, release: None,
+    on_progress: OnProgress = lambda number, frame, release: None,
     expected_frames: int = 0,
 ) -> Followed:
     """Every release of a film, in the order filmed.
@@ -57,12 +74,17 @@ def follow(
     motion = motion_in(film, setup, size_px, expected_frames)
     if not motion.candidates:
         return Followed([], motion, {})
-    follower, mix = _prepared(film, setup, size_px, motion)
+    return followed(film, prepared(film, setup, size_px, motion), on_progress)
+
+
+def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) -> Followed:
+    """The same, of a film that was `prepared`."""
+    follower = known.follower
     for number, frame in enumerate(film):
-        follower.read_frame(number, mix(frame))
+        follower.read_frame(number, known.mix(frame))
         on_progress(number, frame, follower.release)
     follower.end_release()
-    return Followed(follower.releases, motion, follower.looks, follower.rejected)
+    return Followed(follower.releases, known.motion, follower.looks, follower.rejected)
 
 
 def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], expected_frames: int) -> Motion:
@@ -73,17 +95,8 @@ def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], exp
     return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps)
 
 
-def looks_in(
-    film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion
-) -> dict[str, Looks]:
-    """How the blocks look where their arcs say that they are."""
-    return _prepared(film, setup, size_px, motion)[0].looks
-
-
-def _prepared(
-    film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion
-) -> tuple[_Follower, ChannelMix]:
-    """A follower that knows background and looks, and how it wants to see frames."""
+def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
+    """Learn background and looks where the arcs of the blocks say that they are."""
     named = setup.keys.detection.background_frames
     samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
     samples = samples or motion.samples
@@ -93,7 +106,7 @@ def _prepared(
     mix = best_channel_mix([(picture, place) for _, picture, place in block_frames], still, radius)
     follower = _Follower(setup, size_px, Background([mix(s) for s in samples]), motion)
     follower.learn_looks([(number, mix(picture), place) for number, picture, place in block_frames])
-    return follower, mix
+    return Prepared(motion, mix, follower)
 
 
 @dataclass
@@ -183,12 +196,17 @@ class _Follower:
         self.release, self._marks, self.chain = self._new_release(self._next_block()), Marks(), chain
 
     def _new_release(self, name: str) -> FollowedRelease:
-        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, self.looks[name].bias_px)
+        looks = self.looks[name]
+        radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
+        # where only the lit part of a block is seen, it looks smaller and lies beside the middle
+        beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
+        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, float(np.hypot(looks.bias_px, beside)), radius)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""
         if self.release is not None:
             self._distrust_hidden(self.release)
+            self._distrust_shadow(self.release)
             seen = [i for i, s in enumerate(self.release.sights) if not s.reason]
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
@@ -204,6 +222,14 @@ class _Follower:
             for sight in release.seen:
                 if sight.confidence < TRUSTED_OVER_SEEN * self.setup.keys.detection.least_seen:
                     sight.reason, sight.confidence = "half hidden", 0.0
+
+    def _distrust_shadow(self, release: FollowedRelease) -> None:
+        """What darkens its background as a shadow does is a block only if its outline is sharp."""
+        if self.chain is None or self.chain.shadow_share < SHADOW_SHARE or not release.seen:
+            return
+        if np.median([s.confidence for s in release.seen]) < SURE_FIT:
+            for sight in release.seen:
+                sight.reason, sight.confidence = "like a shadow", 0.0
 
     def _next_block(self) -> str:
         return self.setup.block_of(len(self.releases) + (self.release is not None))
@@ -225,40 +251,65 @@ class _Follower:
         outline = looks.outline
         seen = self.release.last_seen(4)
         on_arc = self._place_on_arc(number, outline)
+        self.fitter.pace_px = self._pace(number, seen)
         if not seen:
             if on_arc is None:
                 return lost_sight(number, "no fit")
-            best, expected = (
-                self.fitter.fit_anywhere_turned(number, frame, looks, on_arc),
-                np.array([*on_arc, 0.0]),
-            )
+            expected = np.array([*on_arc, 0.0])
+            best = self.fitter.fit_anywhere_turned(number, frame, looks, on_arc)
+            best = self._if_expected(best, on_arc, expected, frame)
         else:
             expected = self._expected(number)
-            starts = [] if on_arc is not None and (len(seen) < 2 or self._lost) else [expected]
-            starts += [np.array([*on_arc, expected[2]])] if on_arc is not None else []
             best = lost_sight(number, "no fit")
-            for start in starts:
-                best = self.fitter.fit(number, frame, looks, start, self.fitter.grey)
+            for start in self._starts(number, frame, expected, on_arc):
+                found = self.fitter.fit(number, frame, looks, start, self.fitter.grey)
+                found = self._if_expected(found, on_arc, expected, frame)
+                best = found if not found.reason or best.reason == "no fit" else best
                 if not best.reason:
                     break
-            if best.reason:
-                blob = self._blob(number, frame, expected, outline)
-                if blob is not None:
-                    other = self.fitter.fit(
-                        number, frame, looks, np.array([*blob, expected[2]]), self.fitter.grey
-                    )
-                    best = other if not other.reason else best
-        if not best.reason:
-            far = (
-                np.hypot(*(best.pose[:2] - on_arc)) > FAR_FROM_ARC_REACHES * outline.reach_px
-                if on_arc is not None
-                else self._jumped(best.pose, expected, outline)
-            )
-            if far:
-                best = lost_sight(number, "too far from the expected place")
         if not best.reason and outline.symmetry_rad == 0.0 and self.setup.keys.detection.marks:
             best = self._with_angle_of_marks(frame, best, expected[2], outline)
         return best
+
+    def _starts(self, number: int, frame: Array, expected: Array, on_arc: Array | None) -> Iterator[Array]:
+        """Poses (3,) from which the block is fitted, the likeliest first."""
+        assert self.release is not None
+        outline = self.looks[self.release.block].outline
+        if on_arc is None or (len(self.release.last_seen(2)) == 2 and not self._lost):
+            yield expected
+        if on_arc is not None:
+            yield np.array([*on_arc, expected[2]])
+        last = self.release.last_seen(1)[0].pose
+        # an impact turns it round
+        around = 2.0 * outline.reach_px + (1 + self._lost) * self._fastest(outline)
+        for near, reach_px in ((expected, 2.0 * outline.reach_px), (last, around)):
+            blob = self._blob(number, frame, near, reach_px, outline)
+            if blob is not None:
+                yield np.array([*blob, expected[2]])
+
+    def _if_expected(self, sight: Sight, on_arc: Array | None, expected: Array, frame: Array) -> Sight:
+        """The sight, lost if it is too far from where the block can be."""
+        assert self.release is not None
+        if sight.reason:
+            return sight
+        looks = self.looks[self.release.block]
+        far = (
+            np.hypot(*(sight.pose[:2] - on_arc)) > FAR_FROM_ARC_REACHES * looks.outline.reach_px
+            if on_arc is not None
+            else self._jumped(sight.pose, expected, looks.outline)
+        )
+        if far:
+            return lost_sight(sight.frame, "too far from the expected place")
+        sight.covered = self.fitter.covered(frame, looks, sight.pose)
+        return sight
+
+    def _pace(self, number: int, seen: list[Sight]) -> Array:
+        """(2,) way of the block to the next frame, about."""
+        if self.chain is not None and self.chain.first <= number <= self.chain.last:
+            return self.chain.pace(number)
+        if len(seen) < 2:
+            return np.zeros(2)
+        return np.asarray((seen[-1].pose - seen[-2].pose)[:2] / (seen[-1].frame - seen[-2].frame))
 
     def _place_on_arc(self, number: int, outline: Outline) -> Array | None:
         """Where the block's arc, or what moves there, says that it is."""
@@ -266,7 +317,7 @@ class _Follower:
         if place is None:
             return None
         moving = self.motion.near(number, place, 0.5 * outline.reach_px)
-        return place if moving is None or not moving.whole else np.array([moving.u_px, moving.v_px])
+        return place if moving is None else np.array([moving.u_px, moving.v_px])
 
     def _expected(self, number: int) -> Array:
         """Pose in this frame if the motion of the last frames continues."""
@@ -286,9 +337,14 @@ class _Follower:
             expected[1] += 0.5 * g * ahead**2
         return np.asarray(expected)
 
+    def _fastest(self, outline: Outline) -> float:
+        """Largest way in px per frame of the last frames: at an impact a step is shorter than those before."""
+        seen = self.release.last_seen(4) if self.release is not None else []
+        steps = [np.hypot(*(b.pose - a.pose)[:2]) / (b.frame - a.frame) for a, b in pairwise(seen)]
+        return float(max(steps, default=outline.reach_px))
+
     def _jumped(self, pose: Array, expected: Array, outline: Outline) -> bool:
-        seen = self.release.last_seen(2) if self.release is not None else []
-        pace = np.hypot(*(seen[-1].pose - seen[-2].pose)[:2]) if len(seen) > 1 else outline.reach_px
+        pace = self._fastest(outline)
         way = float(np.hypot(*(pose - expected)[:2]))
         return way > 0.5 * outline.reach_px + (1 + self._lost) * (1.5 * pace + 1.0)
 
@@ -375,13 +431,13 @@ class _Follower:
         return [(float(u), float(v)) for u, v in middles]
 
     def _blob(
-        self, number: int, frame: Array, expected: Array, outline: Outline
+        self, number: int, frame: Array, near: Array, reach_px: float, outline: Outline
     ) -> tuple[float, float] | None:
-        """Centre of what differs from the background near the expected place."""
-        moving = self.motion.near(number, expected[:2], 2.0 * outline.reach_px)
-        if moving is not None and moving.whole and moving.area_px2 < CANDIDATE_AREAS[1] * outline.area_px2:
+        """Centre of what differs from the background near a place, at most `reach_px` away."""
+        moving = self.motion.near(number, near[:2], reach_px, outline.area_px2)
+        if moving is not None:
             return moving.u_px, moving.v_px
-        u0, u1, v0, v1 = self._around(expected, 2.5)
+        u0, u1, v0, v1 = self._around(near, 2.5)
         if u1 - u0 < 4 or v1 - v0 < 4:
             return None
         part = np.abs(frame[v0:v1, u0:u1].astype(np.float32) - self.background.grey[v0:v1, u0:u1])

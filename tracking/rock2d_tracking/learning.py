@@ -24,8 +24,13 @@ FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # pairs on an arc; ratio of scatter 
 SEEN_TO_START = 0.75  # share of the outline that must be seen where nothing else says that it is a block
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
 LEAST_SIZE_CHANGE = 0.012  # relative change of the outline's size below which the stated size is better
-LARGEST_SIZE_CHANGE = 0.5
+LARGEST_SIZE_CHANGE = 0.25
 LARGEST_SIZE_SPREAD = 0.08  # from frame to frame; a larger one is no outline
+FAST_RADII = 0.4  # way from frame to frame from which on a block may smear, in radii
+SHUTTERS, SAME_SHARE = (
+    (0.0, 0.25, 0.5, 0.75, 1.0),
+    0.02,
+)  # that are tried; seen shares of the outline that are the same
 SIZE_ROUNDS, SIZE_CONVERGED = 5, 0.002
 WIDE_PICTURE = 1.5  # width of a learned picture that shows the block's edge, in units of the usual width
 UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over the reach of the block
@@ -53,15 +58,22 @@ def frames_with_blocks(film: Iterable[Array], motion: Motion) -> BlockFrames:
 
 def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motion: Motion) -> Looks:
     """The looks of a block in its frames: size, and the kind of fit that works; `looks`: those that are stated."""
-    sized, turns = _sized(fitter, looks, block_frames)
-    by_outline = _sights(fitter, looks, block_frames, turns)
+    paces = [_pace(motion, number) for number, _, _ in block_frames]
+    looks = replace(looks, shutter=_shutter(fitter, looks, block_frames, paces))
+    sized, turns = _sized(fitter, looks, block_frames, paces)
+
+    def sights(own: Looks) -> list[Sight]:
+        return _sights(fitter, own, block_frames, turns, paces)
+
+    by_outline = sights(looks)
     trusted = TRUSTED_OVER_SEEN * fitter.least_seen
     if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         looks = replace(looks, size=sized.size, size_error=sized.size_error)
     elif sized is not looks:
-        looks, by_outline = sized, _sights(fitter, sized, block_frames, turns)
-    by_edge = _sights(fitter, replace(looks, kind="edge"), block_frames, turns)
-    if _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
+        looks, by_outline = sized, sights(sized)
+    by_edge = sights(replace(looks, kind="edge"))
+    smeared = looks.shutter > 0.0 and _share_seen(by_edge) > _share_seen(by_outline, trusted)
+    if _share_seen(by_outline, trusted) >= LEAST_OUTLINES and not smeared:
         better, apart = _better(by_edge, by_outline, motion)
         return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
@@ -116,11 +128,41 @@ def _centre_of_picture(
     return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(np.sqrt(squares.max()), CENTRE_STEP_PX))
 
 
-def _sights(fitter: Fitter, looks: Looks, block_frames: BlockFrames, turns: list[Array]) -> list[Sight]:
-    return [
-        fitter.fit_anywhere_turned(number, image, looks, place, turns=own)
-        for (number, image, place), own in zip(block_frames, turns, strict=True)
-    ]
+def _sights(
+    fitter: Fitter, looks: Looks, block_frames: BlockFrames, turns: list[Array], paces: list[Array]
+) -> list[Sight]:
+    found = []
+    for (number, image, place), own, pace in zip(block_frames, turns, paces, strict=True):
+        fitter.pace_px = pace
+        found.append(fitter.fit_anywhere_turned(number, image, looks, place, turns=own))
+    return found
+
+
+def _pace(motion: Motion, number: int) -> Array:
+    """(2,) way of the block from one frame to the next, about a frame in which a chain shows it."""
+    chain = motion.chain_at(number)
+    assert chain is not None
+    return chain.pace(number)
+
+
+def _shutter(fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]) -> float:
+    """The least share of the time between frames with which smeared edges are seen as well as with any other."""
+    fast = [
+        (image, place, pace) for (_, image, place), pace in zip(block_frames, paces, strict=True)
+        if np.hypot(*pace) > FAST_RADII * looks.edge.inner_px
+    ]  # fmt: skip
+    if len(fast) < FEWEST_BLOCK_FRAMES or looks.outline.symmetry_rad != 0.0:
+        return 0.0
+    seen = []
+    for shutter in SHUTTERS:
+        own = replace(looks, shutter=shutter)
+        shares = []
+        for image, place, pace in fast:
+            fitter.pace_px = pace
+            found = fitter.edge_fit(image, own, np.array([*place, 0.0]), free_size=True)
+            shares.append(0.0 if found is None else found.seen)
+        seen.append(float(np.mean(shares)))
+    return next(s for s, share in zip(SHUTTERS, seen, strict=True) if share > max(seen) - SAME_SHARE)
 
 
 def _share_seen(sights: list[Sight], least: float = 0.0) -> float:
@@ -157,7 +199,9 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _sized(fitter: Fitter, looks: Looks, block_frames: BlockFrames) -> tuple[Looks, list[Array]]:
+def _sized(
+    fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]
+) -> tuple[Looks, list[Array]]:
     """The looks in the size that the edge shows, as they are if the edge is not seen well enough; and the angles from
     which to fit each shot, one where its edge was found."""
     size, outline = 1.0, looks.outline
@@ -167,6 +211,7 @@ def _sized(fitter: Fitter, looks: Looks, block_frames: BlockFrames) -> tuple[Loo
         sizes = []
         for k, (_, image, place) in enumerate(block_frames):
             best: EdgeFit | None = None
+            fitter.pace_px = paces[k]
             for turn in turns[k]:
                 found = fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True)
                 if found is not None and (best is None or found.seen > best.seen):

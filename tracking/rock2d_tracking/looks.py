@@ -15,7 +15,9 @@ Array = np.ndarray
 
 GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
 COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used
-CORE_RADII = 0.7  # radii of the pixels of the block around its place on an arc
+COLOUR_PAIRS = np.array([[1.0, -1.0, 0.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
+RIM_RADII, RIM_SECTORS = (0.5, 0.85), 8  # the rim of a block around its place on an arc, and its parts
+WEAK_QUANTILE = 0.15  # of the parts of the rim, in the order in which they stand out
 TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
 PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, before frames are compared
@@ -63,6 +65,7 @@ class Looks:
     centre_px : (2,) from the middle of this picture to the centroid
     bias_px : 1 sigma of a coordinate that all frames share: for an outline, its distance from the one found by the
         edge; for a picture, the error of its centre
+    shutter : share of the time between frames in which the block smears
     """
 
     kind: Kind
@@ -73,6 +76,7 @@ class Looks:
     picture: Array | None = None
     bias_px: float = 0.0
     centre_px: tuple[float, float] = (0.0, 0.0)
+    shutter: float = 0.0
 
 
 def plain_looks(outline: Outline) -> Looks:
@@ -81,23 +85,39 @@ def plain_looks(outline: Outline) -> Looks:
 
 
 def best_channel_mix(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> ChannelMix:
-    """The mix of channels in which blocks stand out best; `block_frames`: pictures and where a block is in each,
-    `still`: without it."""
+    """The mix of channels in which the rim of blocks stands out best where it stands out least.
+
+    block_frames : pictures and where a block is in each; `still`: without it
+    """
     if still.ndim == 2 or not block_frames:
         return ChannelMix()
-    steps = []
-    for picture, place in block_frames:
-        core = _ring(still.shape[:2], place, 0.0, CORE_RADII * radius_px)
-        if core[0].size:
-            steps.append((picture[core].astype(float) - still[core]).mean(axis=0))
-    if not steps:
+    rims = [_rim_steps(picture, still, place, radius_px) for picture, place in block_frames]
+    steps = np.concatenate(rims)
+    if not len(steps):
         return ChannelMix()
-    step = np.median(steps, axis=0)
-    size = float(np.hypot.reduce(step))
-    by_grey = abs(float(step @ GREY_BGR)) / float(np.hypot.reduce(GREY_BGR))
-    if size < COLOUR_GAIN * by_grey or size == 0.0:
+    tried = [
+        np.median(steps, axis=0),
+        *np.linalg.svd(steps, full_matrices=False)[2],
+        *np.eye(3),
+        *COLOUR_PAIRS,
+    ]
+
+    def stands_out(weights: Array) -> float:
+        size = float(np.hypot.reduce(weights))
+        return float(np.quantile(np.abs(steps @ weights), WEAK_QUANTILE)) / size if size > 0.0 else 0.0
+
+    best = max(tried, key=stands_out)
+    if stands_out(best) <= COLOUR_GAIN * stands_out(GREY_BGR):
         return ChannelMix()
-    return ChannelMix(step / np.abs(step).sum())
+    return ChannelMix(best / np.abs(best).sum())
+
+
+def _rim_steps(picture: Array, still: Array, place: Array, radius_px: float) -> Array:
+    """(n, 3) mean change of colour in each sector of the rim of a block."""
+    v, u = _ring(still.shape[:2], place, RIM_RADII[0] * radius_px, RIM_RADII[1] * radius_px)
+    step = picture[v, u].astype(float) - still[v, u]
+    sector = (np.arctan2(v - place[1], u - place[0]) / (2 * np.pi) % 1.0 * RIM_SECTORS).astype(int)
+    return np.array([step[sector == k].mean(axis=0) for k in np.unique(sector)]).reshape(-1, 3)
 
 
 def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float) -> tuple[Array, Array]:

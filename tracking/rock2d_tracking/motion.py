@@ -28,13 +28,21 @@ COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at 
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least
 CHUNK_BYTES = 400_000_000  # coarse pictures that share a background
 FULL_SAMPLES = 25  # pictures of full size that are kept for the background of the fits
+SHADOW_SHARE = (
+    0.5  # of the frames of an arc or a chain that look like a shadow, from which on it is taken for one
+)
 SHADOW_WEIGHT = 0.2  # weight of frames in which a chain looks like a shadow
 SHADOW_CHANGE_PX, SHADOW_CHANGE_SHARE = (
     3.0,
     0.08,
 )  # change of the distance from a block to its shadow, and share of its way
+LONGEST_OVERLAP = 4  # frames that two arcs of one release may share next to an impact
 LONGEST_LINK_S, LONGEST_LINK_FRAMES = 0.25, 4  # between two arcs of one release
 FEWEST_CHAIN_FRAMES = 6
+UNLIKE_SHARE = 0.5  # of the reach, by which a candidate of the least likely area counts as farther away
+CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest of a candidate that may be a block, over its area
+# contrast and area of a chain over those of the one that stands out most, where the size of the block is not known
+LEAST_CONTRAST_SHARE, ONE_BLOCK_AREAS = 0.25, 3.0
 
 
 @dataclass
@@ -59,13 +67,21 @@ class Chain:
         return float(np.median(np.concatenate([a.areas for a in self.arcs])))
 
     @property
+    def shadow_share(self) -> float:
+        """Share of its frames that look like a shadow."""
+        return float(
+            np.average([a.shadow_share for a in self.arcs], weights=[len(a.frames) for a in self.arcs])
+        )
+
+    @property
     def frames_seen(self) -> int:
         """Number of its candidates."""
         return sum(len(a.frames) for a in self.arcs)
 
-    def bounces(self) -> list[Array]:
-        """Places (2,) in px at which one arc passes into the next."""
-        return [b.at(meeting(b, a)) for b, a in zip(self.arcs, self.arcs[1:], strict=False)]
+    def pace(self, frame: int) -> Array:
+        """(2,) way in px from one frame to the next, about a frame."""
+        arc = min(self.arcs, key=lambda a: max(a.first - frame, frame - a.last, 0))
+        return np.asarray(arc.at(frame + 0.5) - arc.at(frame - 0.5))
 
     def at(self, frame: int) -> Array | None:
         """(2,) place in px, bridged between two arcs by whichever is nearer in time; None before and after them."""
@@ -101,13 +117,26 @@ class Motion:
         """The chain that spans a frame."""
         return next((c for c in self.chains if c.first <= frame <= c.last), None)
 
-    def near(self, frame: int, place: Array, reach_px: float) -> Candidate | None:
-        """The candidate of a frame nearest to a place, if one is within reach."""
-        own = [c for c in self.candidates[frame] if not c.shadow] if frame < len(self.candidates) else []
-        best = min(own, key=lambda c: np.hypot(c.u_px - place[0], c.v_px - place[1]), default=None)
-        if best is None or np.hypot(best.u_px - place[0], best.v_px - place[1]) > reach_px:
-            return None
-        return best
+    def near(
+        self, frame: int, place: Array, reach_px: float, area_px2: float | None = None
+    ) -> Candidate | None:
+        """The whole candidate of a frame nearest to a place, if one is within reach; the nearest in size, too, if its
+        area is known."""
+
+        def away(c: Candidate) -> float:
+            return float(np.hypot(c.u_px - place[0], c.v_px - place[1]))
+
+        def cost(c: Candidate) -> float:
+            unlike = (
+                0.0 if area_px2 is None else abs(np.log(c.area_px2 / area_px2)) / np.log(CANDIDATE_AREAS[1])
+            )
+            return away(c) + UNLIKE_SHARE * reach_px * unlike
+
+        own = self.candidates[frame] if frame < len(self.candidates) else []
+        own = [c for c in own if c.whole and not c.shadow and away(c) <= reach_px]
+        if area_px2 is not None:
+            own = [c for c in own if CANDIDATE_AREAS[0] < c.area_px2 / area_px2 < CANDIDATE_AREAS[1]]
+        return min(own, key=cost, default=None)
 
 
 def motion_of(
@@ -152,7 +181,8 @@ def _coarseness(width: int, radii_px: list[float]) -> int:
 
 def meeting(before: Arc, after: Arc) -> float:
     """The instant between two arcs, in frames, at which they are nearest to each other."""
-    when = np.linspace(before.last, after.first, 4 * (after.first - before.last) + 1)
+    first, last = sorted((before.last, after.first))
+    when = np.linspace(first, last, 4 * (last - first) + 1)
     apart = before.at(when) - after.at(when)
     return float(when[int(np.argmin((apart**2).sum(axis=1)))])
 
@@ -162,18 +192,26 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     longest = max(LONGEST_LINK_FRAMES, round(LONGEST_LINK_S * fps))
     chains: list[Chain] = []
     for arc in sorted((a for a in arcs if not a.other), key=lambda a: (a.first, a.last)):
-        for chain in reversed(chains):
-            before = chain.arcs[-1]
-            if 0 < arc.first - before.last <= longest and _joined(before, arc):
-                chain.arcs.append(arc)
-                break
+        before = [
+            c for c in chains
+            if -LONGEST_OVERLAP < arc.first - c.last <= longest and arc.last > c.last + LONGEST_OVERLAP
+            and _joined(c.arcs[-1], arc)
+        ]  # fmt: skip
+        if before:  # a part of the block, or its shadow, moves as it does, but is seen for a shorter time
+            own = max(before, key=lambda c: c.frames_seen)
+            own.arcs.append(arc.after(own.last))
         else:
             chains.append(Chain([arc]))
     kept = [c for c in chains if any(a.falls for a in c.arcs) and c.frames_seen >= FEWEST_CHAIN_FRAMES]
     if radii_px:
-        low, high = np.pi * min(radii_px) ** 2 * 0.3, np.pi * max(radii_px) ** 2 * 2.5
+        low, high = (
+            np.pi * r**2 * share
+            for r, share in zip((min(radii_px), max(radii_px)), CANDIDATE_AREAS, strict=True)
+        )
         kept = [c for c in kept if low < c.area_px2 < high]
     kept = [_shadow_caster(c, arcs) or c for c in kept]
+    if kept and not radii_px:
+        kept = _alike(kept)
     # where two chains overlap in time, the block is the one that falls longer, stands out more, and has a block's size
     kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
@@ -183,14 +221,25 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     return sorted(chosen, key=lambda c: c.first)
 
 
+def _alike(chains: list[Chain]) -> list[Chain]:
+    """Chains that may be of the same block as the one that stands out most: others are flicker and compression."""
+    first = max(chains, key=lambda c: _weight(c, []))
+    contrast, area = max(a.contrast for a in first.arcs), first.area_px2
+    return [
+        c for c in chains
+        if max(a.contrast for a in c.arcs) > LEAST_CONTRAST_SHARE * contrast
+        and 1 / ONE_BLOCK_AREAS < c.area_px2 / area < ONE_BLOCK_AREAS
+    ]  # fmt: skip
+
+
 def _shadow_caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
     """What casts a chain that looks like a shadow: arcs that keep their distance from it and are no shadow."""
-    if np.average([a.shadow_share for a in chain.arcs], weights=[len(a.frames) for a in chain.arcs]) < 0.5:
+    if chain.shadow_share < SHADOW_SHARE:
         return None
     found: list[Arc] = []
     for arc in sorted(arcs, key=lambda a: -len(a.frames)):
         both = [f for f in arc.frames.tolist() if chain.first <= f <= chain.last]
-        if arc.shadow_share > 0.5 or len(both) < max(FEWEST_ARC_FRAMES, 0.5 * len(arc.frames)):
+        if arc.shadow_share > SHADOW_SHARE or len(both) < max(FEWEST_ARC_FRAMES, 0.5 * len(arc.frames)):
             continue
         shadow = np.array([chain.at(f) for f in both])
         way = float(np.hypot(*np.ptp(shadow, axis=0)))
@@ -205,9 +254,12 @@ def _shadow_caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
 
 def _weight(chain: Chain, radii_px: list[float]) -> float:
     frames = sum(
-        len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > 0.5 else 1.0) * a.contrast for a in chain.arcs
+        len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > SHADOW_SHARE else 1.0) * a.contrast
+        for a in chain.arcs
     )
-    misfit = min((abs(np.log(chain.area_px2 / (np.pi * r**2))) for r in radii_px), default=0.0)
+    if not radii_px:  # highlights are brighter than the block, but smaller
+        return float(frames * np.sqrt(chain.area_px2))
+    misfit = min(abs(np.log(chain.area_px2 / (np.pi * r**2))) for r in radii_px)
     return float(frames * np.exp(-misfit))
 
 

@@ -16,12 +16,14 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.tracked_film import TrackedFilm
+from rock2d_tracking.velocities import MID_AIR
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
 
+LISTED_IMPACTS = 8  # whose restitution is told one by one
 SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel
 
 
@@ -59,13 +61,20 @@ def write_page(
 def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) -> dict[str, str]:
     """Label -> value of the table at the top of the page."""
     frames, experiment, flag = film.frames, film.experiment, impacts["flag"].astype(str)
+    own, beside = impacts[flag != MID_AIR], int((flag == MID_AIR).sum())
     lost = frames.loc[frames["reason"] != "", "reason"].value_counts()
     angles = frames["angle_error_rad"].notna().any()
     angle_noise = f"{np.rad2deg(experiment.angle_noise_rad):.2g}°" if angles else "angle not measured"
     return {
         "releases": f"{frames['release'].nunique()}",
         "frames trusted": f"{(frames['reason'] == '').sum()} of {len(frames)}",
-        "flights, impacts": f"{len(flights)}, {len(impacts)}",
+        "flights, impacts": f"{len(flights)}, {len(own)}"
+        + (f"; changes in mid-air: {beside}" if beside else ""),
+        "restitution, across the ground": _restitution(own),
+        "error that all positions share": ", ".join(
+            f"{name} {offset:.2g} px ({1e3 * offset * _pixel_m(film):.2g} mm)"
+            for name, offset in film.offset_px.items()
+        ),
         "noise of a frame": f"{1e3 * experiment.position_noise_m:.3g} mm, {angle_noise}",
         "residuals of the parabolas, over the noise": f"{flights['misfit'].median():.2f} (noise alone makes 1)"
         if len(flights)
@@ -73,6 +82,19 @@ def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) ->
         "impacts flagged": f"{(flag != '').sum()} "
         f"(deep {flag.str.contains('deep').sum()}, low rebound {flag.str.contains('low').sum()})",
     } | {f"lost: {reason}": counted(count, "frame") for reason, count in lost.items()}
+
+
+def _restitution(impacts: pd.DataFrame) -> str:
+    """Of each impact with its standard error; of many, the middle half."""
+    seen = impacts.dropna(subset=["restitution", "restitution_se"])
+    if not len(seen):
+        return "no impact shows it"
+    if len(seen) <= LISTED_IMPACTS:
+        pairs = zip(seen["restitution"], seen["restitution_se"], strict=True)
+        return ", ".join(f"{value:.3f} ± {error:.3f}" for value, error in pairs)
+    low, middle, high = seen["restitution"].quantile([0.25, 0.5, 0.75])
+    error = seen["restitution_se"].median()
+    return f"{middle:.2f} (half of them {low:.2f} to {high:.2f}), each ± {error:.3f} (medians of {len(seen)} impacts)"
 
 
 def _tracks(frames: pd.DataFrame, background: Array) -> Figure:

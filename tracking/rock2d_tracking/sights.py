@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -20,6 +20,7 @@ class Sight:
     error : (3,) standard errors
     confidence : share of the outline that was seen as fitted, less for a poor fit; 0 if lost
     reason : why the frame is lost, "" if it is not
+    covered : share of the outline's inside that differs from the background; NaN if nobody looked
     """
 
     frame: int
@@ -27,6 +28,7 @@ class Sight:
     error: Array
     confidence: float
     reason: str = ""
+    covered: float = np.nan
 
 
 @dataclass
@@ -38,13 +40,15 @@ class FollowedRelease:
     block : its name
     sights : its frames in order
     error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
-    bias_px : usual distance of a coordinate between two ways to fit the block, added to the standard errors
+    bias_px : 1 sigma by which a coordinate of all frames may be off alike; it is no part of the errors of frames
+    radius_px : half the size of the block in the picture
     """
 
     block: str
     sights: list[Sight] = field(default_factory=list)
     error_factor: float = 1.0
     bias_px: float = 0.0
+    radius_px: float = 0.0
 
     @property
     def seen(self) -> list[Sight]:
@@ -65,41 +69,83 @@ def lost_sight(frame: int, reason: str) -> Sight:
 ERROR_NEIGHBOURS = (
     3  # frames on each side of one whose scatter about their parabola is compared with its error
 )
+FEWEST_COMPARED = 5  # frames of such a parabola
 LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
 FEWEST_ERROR_FRAMES = 8
-LARGEST_ERROR_FACTOR = 30.0
+ERROR_FACTORS = (0.3, 30.0)  # of the errors that fits state, to the scatter that frames show
+KINK_FRAMES = 3  # before and after a frame between which velocities are compared
+KINK_RATIO, LEAST_KINK_PX = (
+    10.0,
+    0.3,
+)  # a kink is larger than the quieter changes of velocity, and than this per frame
 
 
-def enlarge_errors(release: FollowedRelease) -> None:
-    """Enlarge the standard errors of a release to the scatter of its frames about the parabolas through their
-    neighbours: a fit knows the noise of pixels, not compression, blur and light."""
+def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
+    """The frames between impacts: (n,) indices into `sights`, in which velocity nowhere changes at once.
+
+    `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out.
+    """
+    t = np.array([s.frame for s in sights], float)
+    count, k = len(t), KINK_FRAMES
+    places = np.array([s.pose[:2] for s in sights]).reshape(-1, 2)
+    places[:, 1] -= 0.5 * fall_px * (t - t[:1]) ** 2
+    parted = np.flatnonzero(np.diff(t) > KINK_FRAMES) + 0.5
+    if count > 2 * k:
+        pace = (places[k:] - places[:-k]) / (t[k:] - t[:-k])[:, None]
+        change = np.zeros(count)
+        change[k : count - k] = np.hypot(*(pace[k:] - pace[:-k]).T)
+        limit = max(KINK_RATIO * float(np.quantile(change[k : count - k], 0.25)), LEAST_KINK_PX)
+        kinks: list[int] = []
+        for i in np.argsort(-change).tolist():
+            if change[i] > limit and all(abs(i - other) > k for other in kinks):
+                kinks.append(i)
+        parted = np.sort(np.append(parted, kinks))
+    ends = np.concatenate([[-1.0], parted, [count]])
+    parts = [np.arange(int(np.floor(a)) + 1, int(np.ceil(b))) for a, b in pairwise(ends)]
+    return [part for part in parts if len(part)]
+
+
+def state_errors(release: FollowedRelease, fall_px: float) -> None:
+    """Set the standard errors of a release to the scatter of its frames about the parabolas through their neighbours
+    in the same flight.
+
+    A fit knows the noise of pixels, not compression, blur and light; and it fears what shifts all frames alike, which
+    is kept apart in `bias_px`.
+    """
     seen = release.seen
-    t = np.array([s.frame for s in seen], float)
     if len(seen) < FEWEST_ERROR_FRAMES:
         return
-    pose, error = np.array([s.pose for s in seen]), np.array([s.error for s in seen])
-    ratios = []
+    error = np.array([s.error for s in seen])
+    # a fit that looks better than usual is so by chance
+    turned = np.isfinite(error[:, 2]).any()
+    usual = np.nanmedian(error, axis=0) if turned else np.median(error, axis=0)
+    ratios = _scatter_ratios(seen, np.maximum(error, usual), flights_of(seen, fall_px))
+    if len(ratios) < 2:
+        return
+    place = 1.4826 * float(np.median(ratios[:, :2]))
+    turn = 1.4826 * float(np.nanmedian(ratios[:, 2])) if np.isfinite(ratios[:, 2]).any() else 1.0
+    factor = release.error_factor * np.clip([place, place, turn], *ERROR_FACTORS)
+    for sight in seen:
+        sight.error = np.maximum(sight.error, usual) * factor
+    alike = release.error_factor * float(np.median(usual[:2])) * np.sqrt(max(1.0 - place**2, 0.0))
+    release.bias_px = float(np.hypot(release.bias_px, alike))
+
+
+def _scatter_ratios(seen: list[Sight], error: Array, flights: list[Array]) -> Array:
+    """(n, 3) distances of frames from the parabolas through their neighbours, over the errors stated."""
+    t, pose = np.array([s.frame for s in seen], float), np.array([s.pose for s in seen])
     # a fit errs alike in two frames that show the block at nearly the same place within its pixels
     pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
     stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))
-    around = stride * np.arange(-ERROR_NEIGHBOURS, ERROR_NEIGHBOURS + 1)
-    for i in range(-around[0], len(seen) - around[-1]):
-        near = i + around
-        if t[near[-1]] - t[near[0]] > 1.5 * (around[-1] - around[0]):
-            continue
-        basis = np.linalg.qr(np.vander(t[near] - t[i], 3))[0]
-        left = pose[near] - basis @ (basis.T @ pose[near])
-        own = 1.0 - float((basis[ERROR_NEIGHBOURS] ** 2).sum())
-        ratios.append(left[ERROR_NEIGHBOURS] / (error[i] * np.sqrt(own)))
-    if len(ratios) < 2:
-        return
-    table = np.abs(np.array(ratios))
-    # impacts are outliers of the median
-    place = 1.4826 * float(np.median(table[:, :2]))
-    turn = 1.4826 * float(np.nanmedian(table[:, 2])) if np.isfinite(table[:, 2]).any() else 1.0
-    factor = np.clip([place, place, turn], 1.0, LARGEST_ERROR_FACTOR)
-    # a fit that looks better than usual is so by chance
-    usual = np.nanmedian(error, axis=0) if np.isfinite(error[:, 2]).any() else np.median(error, axis=0)
-    for sight in seen:
-        sight.error = np.maximum(sight.error, usual) * factor * release.error_factor
-        sight.error[:2] = np.hypot(sight.error[:2], release.bias_px)
+    ratios = []
+    for flight in flights:
+        for i, at in enumerate(flight):
+            around = i + stride * np.arange(-ERROR_NEIGHBOURS, ERROR_NEIGHBOURS + 1)
+            near = flight[around[(around >= 0) & (around < len(flight))]]
+            if len(near) < FEWEST_COMPARED:
+                continue
+            basis = np.linalg.qr(np.vander(t[near] - t[at], 3))[0]
+            own = int(np.flatnonzero(near == at)[0])
+            left = pose[at] - basis[own] @ (basis.T @ pose[near])
+            ratios.append(np.abs(left) / (error[at] * np.sqrt(1.0 - float((basis[own] ** 2).sum()))))
+    return np.array(ratios).reshape(-1, 3)

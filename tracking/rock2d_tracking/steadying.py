@@ -12,7 +12,9 @@ Array = np.ndarray
 WIDTH_PX = 640  # of the picture in which the background is compared, at most
 TRIED_FRAMES = 40  # frames, evenly over the film, that tell whether the camera moves
 MEDIAN_FRAMES = 21  # whose median is the still picture
-LEAST_SHAKE_PX = 0.3  # root mean square; a smaller motion is left in the film
+LEAST_SHAKE_PX = (
+    1.3  # root mean square; a smaller motion, or what a person before the wall looks like, is left alone
+)
 LEVELS, ROUNDS = (
     (4, 1),
     8,

@@ -13,15 +13,14 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.gross_errors import reject_jumps
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, enlarge_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, state_errors
 
 Array = np.ndarray
 
-LARGEST_STATED_ERROR_PX = 0.8  # standard error of a coordinate with which a frame is still trusted
-COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
-JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
-SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
+# standard error of a coordinate with which a frame is still trusted: in px, or in radii of the block if that is more
+LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side that a step is compared with
 SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
 SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
@@ -39,27 +38,29 @@ class TrackedFilm:
     frames : a row a frame of a release: release, block, frame, t_s, u_px, v_px, angle_px_rad, their standard errors,
         confidence, reason ("" or why the frame is lost)
     remarks : for the user
+    offset_px : block -> 1 sigma by which a coordinate of all its frames may be off alike
     """
 
     experiment: Experiment
     frames: pd.DataFrame
     remarks: list[str]
+    offset_px: dict[str, float]
 
 
-def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
-    """The experiment that a film shows; raises ValueError if it shows no release."""
+def tracked_film(
+    kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]
+) -> TrackedFilm:
+    """The experiment that a film shows.
+
+    kept : its `moving_releases`, at least one
+    followed : how many objects were followed
+    """
     camera = setup.pixel_map(size_px)
     remarks: list[str] = []
-    kept = without_jumps(releases, setup.fall_px(size_px))
-    if len(kept) < len(releases):
+    if len(kept) < followed:
         remarks.append(
-            f"{len(releases) - len(kept)} of {counted(len(releases), 'object')} that were followed never moved and "
+            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved and "
             "are left out"
-        )
-    if not kept:
-        raise ValueError(
-            "no block was seen to move in this film; check in the set-up file the scale, the sizes of the blocks, "
-            "the place of the cross-section in the picture (origin_px, origin_m) and the direction `up`"
         )
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
@@ -80,54 +81,36 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     frames = pd.DataFrame([row for own in rows for row in own])
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
         remarks.append("circles carry no marks: their angle is left empty and their spin is unknown")
-    return TrackedFilm(_experiment(frames, setup, camera, fps), frames, remarks)
+    offset_px: dict[str, float] = {}
+    for release in kept:
+        offset_px[release.block] = max(release.bias_px, offset_px.get(release.block, 0.0))
+    return TrackedFilm(_experiment(frames, setup, camera, fps), frames, remarks, offset_px)
 
 
-def _moved(release: FollowedRelease) -> bool:
+def _moved(release: FollowedRelease, fall_px: float) -> bool:
+    """Whether enough was seen, and the block moved within a flight: from one thing to another, nothing moves."""
     seen = release.seen
     if len(seen) < FEWEST_FLIGHT_FRAMES:
         return False
     poses = np.array([s.pose[:2] for s in seen])
-    return bool(np.ptp(poses, axis=0).max() > SHORTEST_MOTION_PX)
+    ways = [np.ptp(poses[own], axis=0).max() for own in flights_of(seen, fall_px)]
+    return bool(max(ways) > SHORTEST_MOTION_PX)
 
 
-def without_jumps(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
+def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
     """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
 
     `fall_px`: acceleration of gravity along v in px per frame squared.
     """
-    kept = [release for release in releases if _moved(release)]
+    kept = [release for release in releases if _moved(release, fall_px)]
     for release in kept:
-        _reject_jumps(release.sights, fall_px)
-        enlarge_errors(release)
+        reject_jumps(release, fall_px)
+        state_errors(release, fall_px)
+        limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * release.radius_px)
         for sight in release.seen:
-            if max(sight.error[:2]) > LARGEST_STATED_ERROR_PX:
+            if max(sight.error[:2]) > limit:
                 sight.reason, sight.confidence = "unsure", 0.0
-    return [release for release in kept if _moved(release)]
-
-
-def _reject_jumps(sights: list[Sight], fall_px: float) -> None:
-    """Frames that jump out of the parabola through their neighbours are rejected: no block moves like that."""
-    seen = [s for s in sights if not s.reason]
-    if len(seen) < 2 * COMPARED_FRAMES + 1:
-        return
-    t = np.array([s.frame for s in seen], float)
-    pose = np.array([s.pose for s in seen])
-    pose[:, 1] -= (
-        0.5 * fall_px * (t - t[0]) ** 2
-    )  # so that a line can be compared with few frames of a fast fall
-    odd = []
-    for i in range(len(seen)):
-        near = [
-            k for k in range(max(0, i - COMPARED_FRAMES), min(len(seen), i + COMPARED_FRAMES + 1)) if k != i
-        ]
-        before, after = [k for k in near if k < i], [k for k in near if k > i]
-        # at an impact one side is enough
-        misses = [_relative_misfit(t, pose, i, side) for side in (before, after, near) if len(side) >= 3]
-        if misses and min(misses) > 1.0:
-            odd.append(i)
-    for i in odd:
-        seen[i].reason, seen[i].confidence = "jumps", 0.0
+    return [release for release in kept if _moved(release, fall_px)]
 
 
 def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
@@ -159,19 +142,6 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
         shift = int(later.get(sight.frame, shift))
         sight.frame += shift
     return int(found.sum())
-
-
-def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
-    """Distance of a frame from the curve through some of its neighbours, over the largest distance that is allowed."""
-    degree = 2 if len(side) > 4 else 1
-    basis = np.vander(t[side] - t[i], degree + 1)
-    fitted, *_ = np.linalg.lstsq(basis, pose[side], rcond=None)
-    left = pose[side] - basis @ fitted
-    sigma = np.sqrt((left**2).sum(axis=0) / max(len(side) - degree - 1, 1))
-    off = np.abs(pose[i] - fitted[-1])
-    return float(
-        (off / np.maximum(JUMP_SIGMAS * sigma, [SMALLEST_JUMP_PX, SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD])).max()
-    )
 
 
 def _rows(number: int, release: FollowedRelease, fps: float) -> list[dict[str, object]]:

@@ -1,0 +1,164 @@
+"""Frames in which something else than the block was fitted: what no motion explains, or what lies on the background."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from rock2d_tracking.sights import FollowedRelease, Sight, flights_of
+
+Array = np.ndarray
+
+COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
+JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
+SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
+LEAST_COVERED = 0.5  # share of a frame's outline that differs from the background, over the usual share
+FLIGHT_ENDS = 5  # frames of a flight from which it is carried on
+FEWEST_BOUNCE_FRAMES = 4  # of a flight before or after a bounce
+LONGEST_CARRY = 6  # frames over which a flight is carried on to the next one
+APART_PX, APART_RADII, APART_STEPS = (
+    3.0,
+    0.5,
+    0.3,
+)  # distance of two flights that still meet: px, radii, steps
+
+
+def reject_jumps(release: FollowedRelease, fall_px: float) -> None:
+    """Reject frames of a release that lie on the background or jump out of its motion.
+
+    `fall_px`: acceleration of gravity along v in px per frame squared.
+    """
+    _reject_background(release.seen)
+    _reject_frames(release.seen, fall_px)
+    _reject_flights(release, fall_px)
+    _reject_frames(release.seen, fall_px)  # ends of what was rejected
+
+
+def _reject(sight: Sight, reason: str) -> None:
+    sight.reason, sight.confidence = reason, 0.0
+
+
+def _reject_background(seen: list[Sight]) -> None:
+    """Frames whose outline holds much more of the background than usual."""
+    covered = np.array([s.covered for s in seen])
+    if not np.isfinite(covered).any():
+        return
+    least = LEAST_COVERED * float(np.nanmedian(covered))
+    for sight in seen:
+        if sight.covered < least:
+            _reject(sight, "on the background")
+
+
+def _reject_frames(seen: list[Sight], fall_px: float) -> None:
+    """Frames that jump out of the parabola through their neighbours."""
+    if len(seen) < 2 * COMPARED_FRAMES + 1:
+        return
+    t = np.array([s.frame for s in seen], float)
+    pose = np.array([s.pose for s in seen])
+    pose[:, 1] -= (
+        0.5 * fall_px * (t - t[0]) ** 2
+    )  # so that a line can be compared with few frames of a fast fall
+    odd = []
+    for i in range(len(seen)):
+        near = [
+            k for k in range(max(0, i - COMPARED_FRAMES), min(len(seen), i + COMPARED_FRAMES + 1)) if k != i
+        ]
+        before, after = [k for k in near if k < i], [k for k in near if k > i]
+        # at an impact one side is enough
+        misses = [_relative_misfit(t, pose, i, side) for side in (before, after, near) if len(side) >= 3]
+        if misses and min(misses) > 1.0:
+            odd.append(i)
+    for i in odd:
+        _reject(seen[i], "jumps")
+
+
+def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
+    """Distance of a frame from the curve through some of its neighbours, over the largest distance that is allowed."""
+    degree = 2 if len(side) > 4 else 1
+    basis = np.vander(t[side] - t[i], degree + 1)
+    fitted, *_ = np.linalg.lstsq(basis, pose[side], rcond=None)
+    left = pose[side] - basis @ fitted
+    sigma = np.sqrt((left**2).sum(axis=0) / max(len(side) - degree - 1, 1))
+    off = np.abs(pose[i] - fitted[-1])
+    return float(
+        (off / np.maximum(JUMP_SIGMAS * sigma, [SMALLEST_JUMP_PX, SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD])).max()
+    )
+
+
+def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
+    """Flights that begin elsewhere than where the flight before them ends: an impact turns a block, but it does not
+    carry it. The longest flight is right."""
+    seen = release.seen
+    flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
+    if len(flights) < 2:
+        return
+    longest = int(np.argmax([len(own) for own in flights]))
+    for order in (flights[longest:], flights[longest::-1]):
+        known = order[0]
+        for own in order[1:]:
+            if _meet(known, own, fall_px, release.radius_px):
+                known = own
+                continue
+            for sight in own:
+                _reject(sight, "jumps")
+    _reject_between(seen, flights, fall_px)
+
+
+def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: float) -> None:
+    """Frames at the ends of flights, nearer to one that was rejected than to one that was not."""
+    inside = {s.frame for own in flights for s in own}
+    ends = np.array([[own[0].frame, own[-1].frame] for own in flights])
+    for sight in seen:
+        if sight.frame in inside or sight.reason:
+            continue
+        beside = np.argsort(np.abs(ends - sight.frame).min(axis=1))[:2].tolist()
+        away = []
+        for k in beside:
+            own = flights[k][-FLIGHT_ENDS:] if ends[k, 1] < sight.frame else flights[k][:FLIGHT_ENDS]
+            place = _carried(own, np.array([float(sight.frame)]), fall_px)[0]
+            away.append(float(np.hypot(*(sight.pose[:2] - place))))
+        if flights[beside[int(np.argmin(away))]][0].reason:
+            _reject(sight, "jumps")
+
+
+def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float) -> bool:
+    """Whether two flights, each carried on toward the other, come to the same place; true if nobody can know."""
+    before, after = (one, other) if one[0].frame < other[0].frame else (other, one)
+    if after[0].frame - before[-1].frame > LONGEST_CARRY or min(len(before), len(after)) < 2:
+        return True
+    _, paths = _between(before, after, fall_px)
+    step = max(float(np.hypot(*np.diff(path[:5:4], axis=0).T).max()) for path in paths)
+    allowed = max(APART_PX, APART_RADII * radius_px) + APART_STEPS * step
+    return bool(np.hypot(*(paths[0] - paths[1]).T).min() < allowed)
+
+
+def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
+    """Places (2,) at which a block that comes down turns round, from the flights before and after."""
+    flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
+    found = []
+    for before, after in pairwise(own for own in flights if len(own) >= FEWEST_BOUNCE_FRAMES):
+        if after[0].frame - before[-1].frame > LONGEST_CARRY:
+            continue
+        _, (coming, going) = _between(before, after, fall_px)
+        if coming[-1, 1] > coming[-2, 1] and going[1, 1] < going[0, 1]:
+            at = int(np.hypot(*(coming - going).T).argmin())
+            found.append(0.5 * (coming[at] + going[at]))
+    return found
+
+
+def _between(before: list[Sight], after: list[Sight], fall_px: float) -> tuple[Array, tuple[Array, Array]]:
+    """Four instants a frame between two flights, (n,), and the places (n, 2) to which each is carried on then."""
+    gap = after[0].frame - before[-1].frame
+    when = np.linspace(before[-1].frame, after[0].frame, 4 * gap + 1)
+    one, other = (_carried(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS]))
+    return when, (one, other)
+
+
+def _carried(sights: list[Sight], when: Array, fall_px: float) -> Array:
+    """(n, 2) places at the instants `when` (n,) in frames, on the parabola with gravity through some sights."""
+    t = np.array([s.frame for s in sights], float)
+    bend = np.array([0.0, 0.5 * fall_px])
+    places = np.array([s.pose[:2] for s in sights]) - (t - t[0])[:, None] ** 2 * bend
+    line = np.linalg.lstsq(np.vander(t - t[0], 2), places, rcond=None)[0]
+    return np.asarray(np.vander(when - t[0], 2) @ line + (when - t[0])[:, None] ** 2 * bend)

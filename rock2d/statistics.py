@@ -122,7 +122,7 @@ def percentile_ranks(n: int, percentile: float) -> list[int]:
     return sorted(rank for rank in ranks if 0 <= rank < n)
 
 
-def percentile_estimate(ranked: Mapping[int, float], n: int, percentile: float) -> Estimate:
+def percentile_estimate(ranked: Mapping[int, float] | Array, n: int, percentile: float) -> Estimate:
     """A percentile, linear between the two nearest of n sorted values, with the interval of `percentile_interval`; NaN
     where n is less than `least_count`. `ranked` gives the value of each of `percentile_ranks`."""
     if n < least_count(percentile):

@@ -42,24 +42,43 @@ def envelope_table(
     """
     import pandas as pd
 
+    stations = evenly_spread(cross_section, STATIONS)
+    rows = []
+    for block, found in passing_values(tracks, stations, cross_section, blocks, own_blocks).items():
+        counts = np.isfinite(found).sum(axis=0)
+        ranked = np.sort(found, axis=0)  # NaN last
+        for s, x in enumerate(stations.tolist()):
+            for q, quantity in enumerate(QUANTITIES):
+                n, own = int(counts[s, q]), ranked[:, s, q]
+                for percentile in PERCENTILES:
+                    if n >= least_count(percentile):
+                        rows.append(
+                            (block, x, quantity, percentile, n, *percentile_estimate(own, n, percentile))
+                        )
+    return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))
+
+
+def evenly_spread(cross_section: CrossSection, count: int) -> Array:
+    """(count,) stations from the left end of a cross-section to the right one, in m."""
     ends = cross_section.points_m[:, 0]
-    stations = np.linspace(ends.min(), ends.max(), STATIONS)
+    return np.linspace(ends.min(), ends.max(), count)
+
+
+def passing_values(
+    tracks: Iterable[Track],
+    stations: Array,
+    cross_section: CrossSection,
+    blocks: Mapping[str, Block],
+    own_blocks: Mapping[int, Block],
+) -> dict[str, Array]:
+    """For each block (releases, stations, 3) values of QUANTITIES where a release first comes past each station, in the
+    direction of x; NaN where it does not."""
     ground = cross_section.height_m(stations)
     values: dict[str, list[Array]] = {}
     for track in tracks:
         own = own_blocks.get(track.release, blocks[track.block])
         values.setdefault(track.block, []).append(_at_stations(track, stations, ground, own))
-    rows = []
-    for block, found in values.items():
-        stacked = np.stack(found)  # (releases, stations, quantities)
-        for s, x in enumerate(stations.tolist()):
-            for q, quantity in enumerate(QUANTITIES):
-                ranked = np.sort(stacked[np.isfinite(stacked[:, s, q]), s, q]).tolist()
-                for percentile in PERCENTILES:
-                    if len(ranked) >= least_count(percentile):
-                        estimate = percentile_estimate(dict(enumerate(ranked)), len(ranked), percentile)
-                        rows.append((block, x, quantity, percentile, len(ranked), *estimate))
-    return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))
+    return {block: np.stack(found) for block, found in values.items()}
 
 
 def _at_stations(track: Track, stations: Array, ground: Array, block: Block) -> Array:

@@ -80,15 +80,15 @@ def passing_rows(
     rows: list[tuple[Any, ...]] = []
     for line, *own in zip(lines, *(each.tolist() for each in counts), strict=True):
         passed, unresolved, arrived, arrived_unresolved = own
-        share = _share(passed, unresolved, releases)
+        share = passing_share(passed, unresolved, releases)
         rows.append(
             (block, line, releases, left, arrived, passed, unresolved, *share,
-             *_share(passed, arrived_unresolved, arrived))
+             *passing_share(passed, arrived_unresolved, arrived))
         )  # fmt: skip
     return rows
 
 
-def _share(passed: int, unresolved: int, of: int) -> tuple[float, float, float]:
+def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, float]:
     """Share with its 95 % interval, from the bound if no unresolved release had passed to that if all had."""
     if of == 0:
         return (np.nan,) * 3

@@ -1,0 +1,115 @@
+"""Paths of many releases in few points, small enough to travel inside a page.
+
+A flight needs its two ends alone: with the gravity and the time between them they give its parabola. Contacts and
+flights so short that they look straight are thinned as polylines (Douglas and Peucker 1973), as functions of time.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_X, INSTANT_Y, TIME
+from rock2d.records.track import Track
+
+Array = np.ndarray
+
+TYPICAL_SPEED_M_S = 10.0  # by which a time counts as a length where paths are thinned
+AT_ONCE = 500  # tracks that are thinned in one go
+STEPS = 65535  # values of a packed number
+
+
+@dataclass(frozen=True)
+class ThinnedPaths:
+    """Points of paths, one path after the other.
+
+    Attributes
+    ----------
+    instants : (n, 3) t_s, x_m, y_m
+    arc : (n,) bool, True where a parabola leads from this point to the next, else a straight line
+    counts : (paths,) points of each path
+    """
+
+    instants: Array
+    arc: Array
+    counts: Array
+
+    def of(self, wanted: Sequence[int]) -> ThinnedPaths:
+        """Some of the paths, in the order in which they stand here."""
+        chosen = np.zeros(len(self.counts), bool)
+        chosen[list(wanted)] = True
+        kept = np.repeat(chosen, self.counts)
+        return ThinnedPaths(self.instants[kept], self.arc[kept], self.counts[chosen])
+
+    def packed(self) -> tuple[str, list[list[float]]]:
+        """The points as text, and the least value and the span of t_s, x_m and y_m.
+
+        The text is base64 of zlib of rows of bytes, one byte for each point: for each of t, x and y the high and the
+        low byte of its difference to the point before (modulo 2^16) in 1/STEPS of the span; then `arc`.
+        """
+        low = self.instants.min(axis=0)
+        span = np.maximum(np.ptp(self.instants, axis=0), 1e-9)
+        whole = np.round((self.instants - low) / span * STEPS).astype(np.uint16)
+        change = np.diff(whole, axis=0, prepend=np.zeros((1, 3), np.uint16))
+        rows = [part for column in change.T for part in (column >> 8, column & 255)]
+        scales = [[float(a), float(b)] for a, b in zip(low, span, strict=True)]
+        return packed(np.array([*rows, self.arc], np.uint8).tobytes()), scales
+
+
+def packed(raw: bytes) -> str:
+    """Bytes as text: base64 of zlib."""
+    return base64.b64encode(zlib.compress(raw, 9)).decode()
+
+
+def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
+    """The paths of tracks (at least one), mostly off by less than `tolerance_m`, where blocks are fast by up to three
+    times that."""
+    parts = [_thinned(tracks[i : i + AT_ONCE], tolerance_m) for i in range(0, len(tracks), AT_ONCE)]
+    return ThinnedPaths(
+        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("instants", "arc", "counts"))
+    )
+
+
+def _thinned(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
+    instants = np.concatenate([track.knots[:, [TIME, INSTANT_X, INSTANT_Y]] for track in tracks])
+    sizes = np.array([len(track.knots) for track in tracks])
+    flies = np.concatenate([np.append(track.flight[: len(track.knots) - 1], False) for track in tracks])
+    lasts_s = np.append(np.diff(instants[:, 0]), 0.0)
+    gravity = np.repeat([track.gravity_m_s2 for track in tracks], sizes)
+    arc = flies & (gravity * lasts_s**2 / 8.0 > tolerance_m)  # what a parabola sags below its chord
+    last = np.zeros(len(instants), bool)
+    last[np.cumsum(sizes) - 1] = True
+    run = np.concatenate([[0], np.cumsum((arc | last)[:-1])])  # knots between two parabolas
+    kept = _polyline_vertices(instants, run, tolerance_m)
+    path = np.repeat(np.arange(len(tracks)), sizes)
+    return ThinnedPaths(instants[kept], arc[kept], np.bincount(path[kept], minlength=len(tracks)))
+
+
+def _polyline_vertices(instants: Array, run: Array, tolerance_m: float) -> Array:
+    """(n,) bool, which instants (n, 3) are kept of polylines; `run` (n,) numbers these. Their ends are kept."""
+    import shapely
+
+    kept = np.bincount(run)[run] <= 2
+    rest = np.flatnonzero(~kept)
+    if not len(rest):
+        return kept
+    _, line = np.unique(run[rest], return_inverse=True)
+    t, x, y = instants[rest].T
+    for way in (x, y):  # as functions of time; the third coordinate tells which vertices remain
+        lines = shapely.linestrings(np.column_stack([TYPICAL_SPEED_M_S * t, way, rest]), indices=line)
+        remain = shapely.simplify(lines, tolerance_m, preserve_topology=False)
+        kept[shapely.get_coordinates(remain, include_z=True)[:, 2].astype(np.int64)] = True
+    return kept
+
+
+def largest_energies_J(tracks: Iterable[Track], masses: Iterable[tuple[float, float]]) -> Array:
+    """(n,) largest kinetic energy of each track at its knots; `masses`: mass in kg and moment of inertia in kg m²."""
+    found = []
+    for track, (mass_kg, inertia_kg_m2) in zip(tracks, masses, strict=True):
+        vx, vy, omega = track.knots[:, INSTANT_VX : INSTANT_OMEGA + 1].T
+        found.append((0.5 * mass_kg * (vx**2 + vy**2) + 0.5 * inertia_kg_m2 * omega**2).max())
+    return np.array(found)

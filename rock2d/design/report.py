@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.design.design_values import demands, design_table, norm_remarks
+from rock2d.design.live_slope import live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.report_tables import (
     block_rows,
@@ -34,7 +35,7 @@ from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
 from rock2d.graphics.printing import write_pdf
-from rock2d.graphics.rendering import Made, rendered
+from rock2d.graphics.rendering import Made, asset, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
@@ -98,6 +99,12 @@ class ReportContent:
         """Whether a target was asked for that no size meets."""
         return self.answer is not None and self.answer.least is None
 
+    @property
+    def releases(self) -> int:
+        """How many releases the tables count."""
+        stops = self.tables.get("stops", ())
+        return int(self.tables["stops"]["releases"].sum()) if "releases" in stops else len(self.sample.tracks)
+
     @cached_property
     def diagnosis(self) -> list[str]:
         """What is to be said of the scenario's diagnosis."""
@@ -128,7 +135,7 @@ def write_report(
 
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
-    """The page."""
+    """The page; its live view is a figure, too."""
     scenario = content.scenario
     context = {
         "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
@@ -143,6 +150,8 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
         "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
+        "live": live_slope(content.sample, content.releases) if figures else None,
+        "script": asset("live_slope.js"), "live_style": asset("live_slope.css"),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context, {})
 
@@ -205,9 +214,6 @@ def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
     """What, value, note of each tile. A tile with an answer shows the bound that is judged."""
     run, answer, found = content.sample, content.answer, []
     ranges = short_ranges(content.models) if content.models is not None else {}
-    releases = int(content.tables["stops"]["releases"].sum()) if "releases" in content.tables.get(
-        "stops", ()
-    ) else len(run.tracks)  # fmt: skip
     over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
     for worst in worst_blocks(content):
         what = f"Share of {worst.block} that pass {worst.line}"
@@ -224,7 +230,7 @@ def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
     return [
         *found,
         *demand_tiles(content, ranges),
-        ("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}"),
+        ("Releases", f"{content.releases}", f"engine {run.engine}, seed {run.seed}"),
     ]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -75,6 +77,16 @@ def css_text(text: str) -> Markup:
     return Markup('"' + "".join(c if c.isalnum() else f"\\{ord(c):x} " for c in text) + '"')
 
 
+def asset(name: str) -> str:
+    """The text of a script or a style sheet of `rock2d.graphics`."""
+    return files("rock2d.graphics").joinpath(name).read_text(encoding="utf-8")
+
+
+def source_hash(script: str) -> str:
+    """What a content security policy calls a script by that stands in the page."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
+
+
 def rendered(
     package: str, template: str, context: Mapping[str, Any], filters: Mapping[str, Callable[..., Any]]
 ) -> str:
@@ -91,5 +103,11 @@ def rendered(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
         loader=jinja2.FunctionLoader(source),
     )  # fmt: skip
-    environment.filters |= {"breakable": breakable, "coded": coded, "css_text": css_text, **filters}
+    environment.filters |= {
+        "breakable": breakable,
+        "coded": coded,
+        "css_text": css_text,
+        "source_hash": source_hash,
+    }
+    environment.filters |= filters
     return environment.get_template(template).render({"style": source("style.css"), **context})

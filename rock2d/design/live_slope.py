@@ -1,0 +1,250 @@
+"""The live view of a page: the slope with its paths and a data collector, as data for live_slope.js.
+
+The script shows what is computed here, and computes nothing but where things lie on the screen.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rock2d.design.collector import collected
+from rock2d.design.report_tables import quantity_text
+from rock2d.graphics.canvas import Limits
+from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, block_colours
+from rock2d.graphics.scenery import zone_tones
+from rock2d.graphics.slope_figures import energy_unit
+from rock2d.graphics.thinned_paths import STEPS, largest_energies_J, packed, thinned_paths
+from rock2d.graphics.trajectories import STOP_MARKERS
+from rock2d.records.columns import INSTANT_Y
+from rock2d.records.track import Track
+from rock2d.runs.indicators.envelopes import PERCENTILES, QUANTITIES
+from rock2d.runs.simulation import Simulation
+from rock2d.statistics import least_count
+from rock2d.wording import listed, spoken, with_interval
+
+MOST_BYTES = 1_900_000  # that the data add to a page
+FEW, FINE, COARSE = (
+    2000,
+    1000,
+    250,
+)  # of up to FEW paths, the tolerance is the width of the view over FINE, else COARSE
+MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
+BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # of the heights, shown below the lowest and above the highest
+WORST_SHARE = 0.01  # of the releases of each block: those with the largest energies
+BYTES_OF_A_RELEASE = 16  # beside its points: number, block, stop
+LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
+# head of a column -> its value in an impact of a track
+IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
+    ("t (s)", lambda impact: impact["t_s"]),
+    ("x (m)", lambda impact: impact["x_m"]),
+    ("speed before (m/s)", lambda impact: math.hypot(impact["vx_m_s"], impact["vy_m_s"])),
+    ("speed after (m/s)", lambda impact: math.hypot(impact["vx_after_m_s"], impact["vy_after_m_s"])),
+    ("penetration (m)", lambda impact: impact["penetration_m"]),
+    ("largest force (kN)", lambda impact: 1e-3 * impact["force_N"]),
+)
+
+
+@dataclass(frozen=True)
+class LiveSlope:
+    """What the template live_slope.html.j2 shows.
+
+    Attributes
+    ----------
+    data : JSON that holds no "<"
+    blocks, stops, quantities : words for the boxes to tick, and for what a curve can show
+    notes : what was thinned and left out
+    """
+
+    data: str
+    blocks: Sequence[str]
+    stops: Sequence[str]
+    quantities: Sequence[str]
+    notes: Sequence[str]
+
+
+def live_slope(run: Simulation, released: int) -> LiveSlope | None:
+    """The live view of a run, which may be the first of the `released` ones; None if nothing was released."""
+    if not run.tracks:
+        return None
+    names = list(dict.fromkeys(track.block for track in run.tracks))
+    stops = [stop for stop in STOP_MARKERS if any(track.stop == stop for track in run.tracks)]
+    limits = _limits(run)
+    worst = worst_releases(run)
+    impacts, of_impacts = _impacts(run, worst)
+    data = {
+        **_scene(run, names, limits), **_collector(run, names), "impacts": impacts,
+    }  # fmt: skip
+    room = MOST_BYTES - len(_compact(data))
+    data["paths"], of_paths = _paths(run, names, stops, worst, limits[1] - limits[0], room)
+    counts = ", ".join(map(str, map(least_count, PERCENTILES)))
+    first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
+    notes = [
+        *([first] if len(run.tracks) < released else []), *of_paths, *of_impacts,
+        f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "
+        "come past. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
+        "that cross it; elsewhere they count the first passing of an upright line, in the direction of x. Heights are "
+        "those of the centroid above the ground.",
+    ]  # fmt: skip
+    return LiveSlope(
+        _compact(data).replace("<", "\\u003c"), list(map(spoken, names)), [STOP_MARKERS[stop][1] for stop in stops],
+        ["passing frequency", *(LABELS[name] for name in QUANTITIES)], notes,
+    )  # fmt: skip
+
+
+def _limits(run: Simulation) -> Limits:
+    """The whole length of the cross-section, and all heights of ground, lines and paths."""
+    heights = [track.knots[:, INSTANT_Y] for track in run.tracks]
+    y = np.concatenate(
+        [run.cross_section.points_m[:, 1], *(ends[:, 1] for ends in run.cross_section.measure_lines.values()),
+         [own(each) for each in heights for own in (np.min, np.max)]]
+    )  # fmt: skip
+    x = run.cross_section.points_m[:, 0]
+    high = float(np.ptp(y))
+    low, top = float(y.min()) - BELOW_SHARE * high, float(y.max()) + ABOVE_SHARE * high
+    return float(x.min()), float(x.max()), low, top
+
+
+def _compact(data: Any) -> str:
+    return json.dumps(data, separators=(",", ":"), allow_nan=False)
+
+
+def worst_releases(run: Simulation) -> list[int]:
+    """Indices of the tracks with the largest energies: WORST_SHARE of each block, at least one."""
+    bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
+    energy = largest_energies_J(run.tracks, ((body.mass_kg, body.inertia_kg_m2) for body in bodies))
+    block = np.array([track.block for track in run.tracks])
+    found: list[int] = []
+    for name in dict.fromkeys(block.tolist()):
+        own = np.flatnonzero(block == name)
+        found += own[np.argsort(-energy[own], kind="stable")][: math.ceil(WORST_SHARE * len(own))].tolist()
+    return found
+
+
+def _scene(run: Simulation, names: Sequence[str], limits: Limits) -> dict[str, Any]:
+    """What stands still: ground, lines, and the colours."""
+    ground, colours, tones = run.cross_section, block_colours(run.blocks), zone_tones(run.cross_section)
+    return {
+        "limits": limits,
+        "blocks": [
+            {"name": spoken(name), "colour": colours[name], "radius": run.blocks[name].radius_m} for name in names
+        ],
+        "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],
+        "lines": [ends.tolist() for ends in ground.measure_lines.values()],
+        "colours": {"deep": DEEP_GROUND, "sky": SKY, "ink": INK, "line": LINE_INK},
+    }  # fmt: skip
+
+
+def _collector(run: Simulation, names: Sequence[str]) -> dict[str, Any]:
+    """What the collector shows: texts of each block at each station, and curves of each quantity and block."""
+    stations = collected(run)
+    texts = [
+        [
+            [at.passed, f"{with_interval(*at.frequency, 100.0)} %",
+             [[quantity_text(name, *estimate) for estimate in at.estimates[name]] for name in QUANTITIES]]
+            for at in (station.of_block[block] for station in stations)
+        ]
+        for block in names
+    ]  # fmt: skip
+    upright = [station for station in stations if not station.line]
+    energies = [e.value for s in upright for at in s.of_block.values() for e in at.estimates["kinetic_J"]]
+    kilo, energy_label = energy_unit(max(filter(math.isfinite, energies), default=0.0))
+    units = {
+        "height_m": (1.0, "height (m)"),
+        "speed_m_s": (1.0, "speed (m/s)"),
+        "kinetic_J": (kilo, energy_label),
+    }
+    shares = [[_rounded([s.of_block[b].frequency for s in upright], 100.0) for b in names]]
+    curves = [
+        [
+            _rounded([[e.value for e in s.of_block[b].estimates[q]] for s in upright], units[q][0])
+            for b in names
+        ]
+        for q in QUANTITIES
+    ]
+    return {
+        "stations": [[station.x_m, spoken(station.zone), spoken(station.line)] for station in stations],
+        "texts": texts, "quantities": [LABELS[name] for name in QUANTITIES],
+        "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
+        "curves": shares + curves, "curve_labels": ["passing frequency (%)", *(units[q][1] for q in QUANTITIES)],
+    }  # fmt: skip
+
+
+def _rounded(rows: Sequence[Sequence[float]], factor: float) -> list[list[float | None]]:
+    """Columns of rows times a factor, with four digits; None where there is no number."""
+    return [
+        [float(f"{factor * value:.4g}") if math.isfinite(value) else None for value in column]
+        for column in zip(*rows, strict=True)
+    ]
+
+
+def _paths(
+    run: Simulation,
+    names: Sequence[str],
+    stops: Sequence[str],
+    worst: Sequence[int],
+    width_m: float,
+    room: int,
+) -> tuple[dict[str, Any], list[str]]:
+    """The paths that fit into `room` bytes."""
+    tracks, kept = run.tracks, list(range(len(run.tracks)))
+    tolerance_m = width_m / (FINE if len(tracks) <= FEW else COARSE)
+    thinned = thinned_paths(tracks, tolerance_m)
+    points, scales = thinned.packed()
+    size = len(points) + BYTES_OF_A_RELEASE * len(tracks)
+    if size > room:
+        kept = _first_and_worst(tracks, worst, int(len(tracks) * room / size))
+        thinned = thinned.of(kept)
+        points, scales = thinned.packed()
+    chosen = set(worst)
+    shown = [tracks[i] for i in kept]
+    data = {
+        "stops": [STOP_MARKERS[stop][1] for stop in stops],
+        "points": points, "scales": scales, "steps": STEPS, "gravity": tracks[0].gravity_m_s2,
+        "counts": thinned.counts.tolist(), "release": [track.release for track in shown],
+        "block": [names.index(track.block) for track in shown], "stop": [stops.index(track.stop) for track in shown],
+        "worst": [int(i in chosen) for i in kept],
+    }  # fmt: skip
+    said = f"All {len(kept)} paths" if len(kept) == len(tracks) else (
+        f"{len(kept)} of {len(tracks)} paths, the first ones and the worst 1 % of each block"
+    )  # fmt: skip
+    return data, [f"{said}: flights are parabolas, contacts are thinned to {tolerance_m:.2g} m."]
+
+
+def _first_and_worst(tracks: Sequence[Track], worst: Sequence[int], most: int) -> list[int]:
+    """Indices of at most about `most` tracks: the worst, and the first ones of each block in equal number."""
+    rank: Counter[str] = Counter()
+    ranked = []
+    for i, track in enumerate(tracks):
+        ranked.append((rank[track.block], i))
+        rank[track.block] += 1
+    first = [i for _, i in sorted(ranked)]
+    return sorted({*worst, *first[: max(most - len(worst), 0)]})
+
+
+def _impacts(run: Simulation, worst: Sequence[int]) -> tuple[dict[str, Any], list[str]]:
+    """The impacts of the worst and of the first releases, while there is room."""
+    tracks, total = run.tracks, 0
+    chosen = []
+    for i in dict.fromkeys([*worst, *_first_and_worst(tracks, (), len(tracks))]):
+        total += len(tracks[i].impacts)
+        if total > MOST_IMPACTS:
+            break
+        chosen.append(i)
+    zones = list(dict.fromkeys(run.cross_section.zones))
+    rows = [impact for i in chosen for impact in tracks[i].impacts]
+    columns = [[_value(impact) for impact in rows] for _, _value in IMPACT_COLUMNS]
+    of_zone = np.array([zones.index(impact["zone"]) for impact in rows], "<u2")
+    raw = np.array(columns, "<f4").tobytes() + of_zone.tobytes()
+    data = {
+        "rows": packed(raw), "columns": [name for name, _ in IMPACT_COLUMNS], "zones": list(map(spoken, zones)),
+        "release": [tracks[i].release for i in chosen], "counts": [len(tracks[i].impacts) for i in chosen],
+    }  # fmt: skip
+    few = [f"Impacts are listed for {len(chosen)} of {len(tracks)} releases."]
+    return data, few if len(chosen) < len(tracks) else []

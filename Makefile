@@ -26,6 +26,12 @@ docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fa
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	touch $@
 
+browser: .venv/browser  ## what the tests of pages in a browser need, beside Chromium
+
+.venv/browser: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[browser]"
+	touch $@
+
 .venv/bench: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	touch $@
@@ -35,4 +41,4 @@ docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fa
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[test]"
 	touch $@
 
-.PHONY: demo test lint docs bench
+.PHONY: demo test lint docs bench browser

@@ -30,8 +30,7 @@ class Estimate(NamedTuple):
     def within(value: float, low: float, high: float) -> Estimate:
         """The estimate, with the value moved into its interval.
 
-        Value and bounds can come from different estimators: a median over few sites from the bounds of a posterior, an
-        interpolated percentile from those of order statistics.
+        Value and bounds can come from different estimators: an interpolated percentile and order statistics.
         """
         return Estimate(float(np.fmin(np.fmax(value, low), high)), low, high)
 

@@ -76,7 +76,8 @@ def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Gener
     lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
     highest = 1.0 if (k_most == n).mean() > 0.025 else bound(k_most, 0.975)
     shares = _shares(_between(passed, of), float((k / n * (1 - k / n) / n).mean()))
-    return *Estimate.within(float(np.median(k / n)), lowest, highest), *shares
+    median = float(np.median(k / n))
+    return median, min(lowest, median), max(median, highest), *shares
 
 
 def _between(passed: Array, of: Array) -> float:

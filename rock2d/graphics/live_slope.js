@@ -35,7 +35,7 @@
   const numbers = (text, n) => new Set(text.split(",").filter((i) => i !== "" && +i >= 0 && +i < n).map(Number));
   function readAddress() {
     const said = new URLSearchParams(location.hash.slice(1));
-    const at = said.has("x") ? Number(said.get("x")) : NaN;
+    const at = said.has("x") ? Number(said.get("x")) : null;
     state.station = nearest(Number.isFinite(at) ? at : (limits[0] + limits[1]) / 2);
     state.block = said.has("block") ? numbers(said.get("block"), blocks.length) : every(blocks.length);
     state.stop = said.has("stop") ? numbers(said.get("stop"), paths.stops.length) : every(paths.stops.length);

@@ -68,10 +68,11 @@ def test_a_cause_of_the_motion_changes_what_follows_it_and_no_piece_is_lost(reco
 
 
 def test_a_strong_cause_still_shows_in_the_impacts(record):
-    """An impact that comes earlier or later does not take those after it away."""
+    """An impact that comes earlier or later does not take those after it away: of some four impacts a release, one, a
+    quarter, would be left."""
     own = put_in(record, "rounded_edges", radius=0.4).experiment
     impacts = [len(FilmData.of(load_film(film), world()).impacts.release) for film in (own, record)]
-    assert impacts[0] > 0.7 * impacts[1]
+    assert impacts[0] > 0.5 * impacts[1]
 
 
 def test_a_wrong_scale_is_the_scaled_record(record):

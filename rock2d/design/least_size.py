@@ -304,8 +304,8 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
             float(np.quantile(further_site_draws(counts.sum(axis=1), n, rng), level))
             for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
         )
-        median = float(np.median(passed.sum(axis=1) / n))
-        bands[block] = Estimate(median, min(low, median), max(median, high))
+        middle = float(np.median(passed.sum(axis=1) / n))
+        bands[block] = Estimate(middle, min(low, middle), max(middle, high))
     median, low_of, high_of = ({block: band[i] for block, band in bands.items()} for i in range(3))
     return Judgement(size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved)
 

@@ -18,7 +18,7 @@ from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown
-from rock2d.files.diagnosis import read_model
+from rock2d.files.diagnosis import no_fitted_law, read_model
 from rock2d.files.experiment import Experiment
 from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
@@ -137,7 +137,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     import pandas as pd
 
     if not content["base"]:
-        raise InputError("this diagnosis has no fitted law: its experiment failed the sanity checks")
+        raise InputError(no_fitted_law(content.get("sanity", {}).get("faults", [])))
     if experiment.trajectories is None:
         return _impacts(experiment, content, base_only)
     setup, film = setup_world(experiment), load_film(experiment)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +53,14 @@ def read_model(file: str | Path) -> tuple[Document, DiagnosisFile]:
         message = f"expected a diagnosis of schema 1 to {KNOWN_SCHEMAS[-1]}, found {read.schema_}"
         raise document.error(message, "schema", code="wrong_kind")
     if read.fitted_law is None:
-        message = "this diagnosis has no fitted law: its experiment failed the sanity checks"
-        raise document.error(message, "base", code="missing_key", key="base")
+        raise document.error(no_fitted_law(read.sanity.faults), "base", code="missing_key", key="base")
     _check_effects(document, read)
     return document, read
+
+
+def no_fitted_law(faults: Sequence[str]) -> str:
+    """Why nothing can be simulated with a diagnosis of an experiment with these faults."""
+    return f"this diagnosis has no fitted law: {'; '.join(faults) or 'its experiment was not diagnosed'}"
 
 
 def _check_effects(document: Document, read: DiagnosisFile) -> None:

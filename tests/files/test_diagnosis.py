@@ -43,6 +43,13 @@ def learnt(lever: str, basis, coefficients: np.ndarray) -> dict[str, Any]:
     return content("unknown", schema=2, model=with_learnt(SOIL, change))
 
 
+def test_why_nothing_can_be_predicted_is_told(tmp_path):
+    faults = {"faults": ["1 release is too few"], "fault_codes": ["few_releases"], "remarks": []}
+    (tmp_path / "d.json").write_text(json.dumps(content("unknown") | {"base": {}, "sanity": faults}))
+    said = "no fitted law: 1 release is too few"
+    assert refusal(read_for_prediction, tmp_path / "d.json", said=said).code == "missing_key"
+
+
 @pytest.mark.parametrize("lever", LEVERS)
 def test_all_read_every_change_that_can_be_learnt(tmp_path, lever):
     rng = np.random.default_rng(1)

@@ -99,27 +99,27 @@ def _shares(not_known: float, sampling: float) -> tuple[float, float]:
 def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
     """As `_frequency`, of the percentile of `values` (sites, releases), NaN where a release did not cross.
 
-    Of few values the sample percentile lies too low: of m values it has the rank p (m - 1) + 1, a level of
-    (p (m - 1) + 1) / (m + 1) on average, and its level is a Beta variable with that mean and m + 1 values. How far that
-    is from the true percentile follows from the values of all sites about the median of each, whose tail is known much
-    better than that of a single site. Sites with few crossings say nothing of it. The percentiles of n sites spread by
-    their sampling error, too. The bounds are those of a further site: normal about a mean that is known to the spread
-    over sqrt(n), with the variance between the sites that is left of a variance drawn from its posterior
-    ((n - 1) s² / chi²) after that of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
+    Of few values the sample percentile lies too low: of m values it has the rank p (m - 1) + 1, a level of (p (m - 1)
+    + 1) / (m + 1) on average, and its level is a Beta variable with that mean and m + 1 values. How far that is from
+    the true percentile follows from the values of all sites together, whose tail is known much better than that of a
+    single site. Sites with few crossings say nothing of it. The percentiles of n sites spread by their sampling
+    error, too. The bounds are those of a further site: normal about a mean that is known to the spread over sqrt(n),
+    with the variance between the sites that is left of a variance drawn from its posterior ((n - 1) s² / chi²) after
+    that of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
     """
     share = DESIGN_PERCENTILE / 100.0
     crossed = [row[np.isfinite(row)] for row in values]
     crossed = [own for own in crossed if len(own) >= FEWEST_CROSSINGS]
     if not crossed:
         return (np.nan,) * 5
-    about_median = np.concatenate([own - np.median(own) for own in crossed])
-    true = np.quantile(about_median, share)
+    together = np.concatenate(crossed)
+    true = np.quantile(together, share)
     known = []
     for own in crossed:
         m = len(own)
         rank = share * (m - 1) + 1.0
         levels = rng.beta(rank, m + 1 - rank, DRAWS_PER_SITE)
-        known.append(np.quantile(own, share) + true - np.quantile(about_median, levels))
+        known.append(np.quantile(own, share) + true - np.quantile(together, levels))
     at = np.mean(known, axis=1)
     error = np.array(known) - at[:, None]
     sampling = float(error.var(axis=1).mean())

@@ -84,6 +84,6 @@ def _crossed(when: Array, gap: Array) -> float:
     if not len(below):
         return float(when[-1])
     k = int(below[0])
-    if k == 0:
-        return float(when[0])
+    if k == 0 or not np.isfinite(gap[k - 1 : k + 1]).all():  # far from the ground, or on the far side of it
+        return float(when[k])
     return float(when[k - 1] + (when[k] - when[k - 1]) * gap[k - 1] / (gap[k - 1] - gap[k]))

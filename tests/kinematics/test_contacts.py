@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.contacts import find_contacts
+from rock2d.kinematics.contacts import _crossed, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Flights, Segmentation, load_film
 from rock2d.kinematics.setup_world import setup_world
@@ -74,3 +74,10 @@ def test_a_free_flight_that_is_divided_has_no_impact(middle):
     assert not contacts.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).any()
     low = contacts._replace(clearance_m=np.array([0.2 * RADIUS_M]))
     assert low.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).all()
+
+
+def test_the_instant_of_contact_is_between_two_clearances_that_are_known():
+    when = np.array([0.0, 1.0, 2.0])
+    for gap, found in (([1.0, -1.0, -3.0], 0.5), ([2.0, 1.0, 0.5], 2.0), ([np.inf, -1.0, -2.0], 1.0),
+                       ([1.0, -np.inf, np.inf], 1.0), ([-1.0, 1.0, 1.0], 0.0)):  # fmt: skip
+        assert _crossed(when, np.array(gap)) == found

@@ -30,11 +30,8 @@ from rock2d.statistics import least_count
 from rock2d.wording import listed, spoken, with_interval
 
 MOST_BYTES = 1_900_000  # that the data add to a page
-FEW, FINE, COARSE = (
-    2000,
-    1000,
-    250,
-)  # of up to FEW paths, the tolerance is the width of the view over FINE, else COARSE
+# of up to FEW paths, the tolerance is the width of the view over FINE, else COARSE
+FEW, FINE, COARSE = 2000, 1000, 250
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
 BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # of the heights, shown below the lowest and above the highest
 WORST_SHARE = 0.01  # of the releases of each block: those with the largest energies

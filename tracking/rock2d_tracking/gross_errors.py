@@ -17,11 +17,8 @@ LEAST_COVERED = 0.5  # share of a frame's outline that differs from the backgrou
 FLIGHT_ENDS = 5  # frames of a flight from which it is carried on
 FEWEST_BOUNCE_FRAMES = 4  # of a flight before or after a bounce
 LONGEST_CARRY = 6  # frames over which a flight is carried on to the next one
-APART_PX, APART_RADII, APART_STEPS = (
-    3.0,
-    0.5,
-    0.3,
-)  # distance of two flights that still meet: px, radii, steps
+# distance of two flights that still meet: px, radii, steps
+APART_PX, APART_RADII, APART_STEPS = 3.0, 0.5, 0.3
 
 
 def reject_jumps(release: FollowedRelease, fall_px: float) -> None:
@@ -56,9 +53,8 @@ def _reject_frames(seen: list[Sight], fall_px: float) -> None:
         return
     t = np.array([s.frame for s in seen], float)
     pose = np.array([s.pose for s in seen])
-    pose[:, 1] -= (
-        0.5 * fall_px * (t - t[0]) ** 2
-    )  # so that a line can be compared with few frames of a fast fall
+    # without the fall, so that a line can be compared with few frames
+    pose[:, 1] -= 0.5 * fall_px * (t - t[0]) ** 2
     odd = []
     for i in range(len(seen)):
         near = [

@@ -9,6 +9,16 @@ import numpy as np
 
 Array = np.ndarray
 
+# frames on each side of one whose scatter about their parabola is compared with its error
+ERROR_NEIGHBOURS = 3
+FEWEST_COMPARED = 5  # frames of such a parabola
+LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
+FEWEST_ERROR_FRAMES = 8
+ERROR_FACTORS = (0.3, 30.0)  # of the errors that fits state, to the scatter that frames show
+KINK_FRAMES = 3  # before and after a frame between which velocities are compared
+# a kink is larger than the quieter changes of velocity, and than this per frame
+KINK_RATIO, LEAST_KINK_PX = 10.0, 0.3
+
 
 @dataclass
 class Sight:
@@ -64,20 +74,6 @@ class FollowedRelease:
 def lost_sight(frame: int, reason: str) -> Sight:
     """A frame in which the block was not found."""
     return Sight(frame, np.full(3, np.nan), np.full(3, np.nan), 0.0, reason)
-
-
-ERROR_NEIGHBOURS = (
-    3  # frames on each side of one whose scatter about their parabola is compared with its error
-)
-FEWEST_COMPARED = 5  # frames of such a parabola
-LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
-FEWEST_ERROR_FRAMES = 8
-ERROR_FACTORS = (0.3, 30.0)  # of the errors that fits state, to the scatter that frames show
-KINK_FRAMES = 3  # before and after a frame between which velocities are compared
-KINK_RATIO, LEAST_KINK_PX = (
-    10.0,
-    0.3,
-)  # a kink is larger than the quieter changes of velocity, and than this per frame
 
 
 def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:

@@ -12,18 +12,14 @@ Array = np.ndarray
 WIDTH_PX = 640  # of the picture in which the background is compared, at most
 TRIED_FRAMES = 40  # frames, evenly over the film, that tell whether the camera moves
 MEDIAN_FRAMES = 21  # whose median is the still picture
-LEAST_SHAKE_PX = (
-    1.3  # root mean square; a smaller motion, or what a person before the wall looks like, is left alone
-)
-LEVELS, ROUNDS = (
-    (4, 1),
-    8,
-)  # how many times smaller the compared pictures are, one after the other, and steps at each
+# root mean square; a smaller motion, or what a person before the wall looks like, is left alone
+LEAST_SHAKE_PX = 1.3
+# how many times smaller the compared pictures are, one after the other, and steps at each
+LEVELS, ROUNDS = (4, 1), 8
 CONVERGED_PX = 0.005
 BLUR_PX = 1.5  # of the compared pictures, so that slopes hold over a step
-ROBUST_SIGMAS = (
-    2.0  # difference in grey, over the usual one, at which a pixel counts half: something moves there
-)
+# difference in grey, over the usual one, at which a pixel counts half: something moves there
+ROBUST_SIGMAS = 2.0
 
 
 def camera_ways(film: Iterable[Array], expected_frames: int) -> Array | None:

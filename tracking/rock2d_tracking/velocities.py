@@ -25,9 +25,8 @@ Array = np.ndarray
 DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration from which on the ground hides part of the block
 # in block sizes: rebound below which a flight is too short for precise velocities
 LOW_REBOUND_SIZES = 0.25
-WIDEST_GAP = (
-    0.6  # time between two flights over that of the shorter one, from which on velocities are carried far
-)
+# time between two flights over that of the shorter one, from which on velocities are carried far
+WIDEST_GAP = 0.6
 MID_AIR = "mid-air"
 
 
@@ -90,7 +89,7 @@ def _impacts(experiment: Experiment, data: FilmSegments, world: World, misfit: A
 def _contacts(
     experiment: Experiment, data: FilmSegments, impacts: Impacts, world: World, misfit: Array
 ) -> pd.DataFrame:
-    film, _flights = data.film, data.segmentation.flights
+    film = data.film
     contacts = find_contacts(
         world, data.segmentation, data.basis, data.states(world), (impacts.before, impacts.after)
     )

@@ -5,7 +5,6 @@ The script shows what is computed here, and computes nothing but where things li
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,10 +16,10 @@ import numpy as np
 from rock2d.design.collector import collected
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
-from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, block_colours
-from rock2d.graphics.scenery import zone_tones
+from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
+from rock2d.graphics.palette import block_colours
 from rock2d.graphics.slope_figures import energy_unit
-from rock2d.graphics.thinned_paths import STEPS, largest_energies_J, packed, thinned_paths
+from rock2d.graphics.thinned_paths import largest_energies_J, thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
 from rock2d.records.columns import INSTANT_Y
 from rock2d.records.track import Track
@@ -78,7 +77,7 @@ def live_slope(run: Simulation, released: int) -> LiveSlope | None:
     data = {
         **_scene(run, names, limits), **_collector(run, names), "impacts": impacts,
     }  # fmt: skip
-    room = MOST_BYTES - len(_compact(data))
+    room = MOST_BYTES - len(compact(data))
     data["paths"], of_paths = _paths(run, names, stops, worst, limits[1] - limits[0], room)
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
@@ -90,7 +89,7 @@ def live_slope(run: Simulation, released: int) -> LiveSlope | None:
         "those of the centroid above the ground.",
     ]  # fmt: skip
     return LiveSlope(
-        _compact(data).replace("<", "\\u003c"), list(map(spoken, names)), [STOP_MARKERS[stop][1] for stop in stops],
+        in_page(data), list(map(spoken, names)), [STOP_MARKERS[stop][1] for stop in stops],
         ["passing frequency", *(LABELS[name] for name in QUANTITIES)], notes,
     )  # fmt: skip
 
@@ -108,10 +107,6 @@ def _limits(run: Simulation) -> Limits:
     return float(x.min()), float(x.max()), low, top
 
 
-def _compact(data: Any) -> str:
-    return json.dumps(data, separators=(",", ":"), allow_nan=False)
-
-
 def worst_releases(run: Simulation) -> list[int]:
     """Indices of the tracks with the largest energies: WORST_SHARE of each block, at least one."""
     bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
@@ -126,15 +121,13 @@ def worst_releases(run: Simulation) -> list[int]:
 
 def _scene(run: Simulation, names: Sequence[str], limits: Limits) -> dict[str, Any]:
     """What stands still: ground, lines, and the colours."""
-    ground, colours, tones = run.cross_section, block_colours(run.blocks), zone_tones(run.cross_section)
+    colours = block_colours(run.blocks)
     return {
         "limits": limits,
         "blocks": [
             {"name": spoken(name), "colour": colours[name], "radius": run.blocks[name].radius_m} for name in names
         ],
-        "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],
-        "lines": [ends.tolist() for ends in ground.measure_lines.values()],
-        "colours": {"deep": DEEP_GROUND, "sky": SKY, "ink": INK, "line": LINE_INK},
+        **live_scene(run.cross_section),
     }  # fmt: skip
 
 

@@ -1,27 +1,15 @@
-"use strict";
 // The live view of a run: shows the numbers that rock2d/design/live_slope.py has computed, and computes none itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  if (!window.DecompressionStream || !CanvasRenderingContext2D.prototype.reset) return; // an old browser: the page without a script
+  const { unpacked, starts, columns, every, sorted, numbers, cleared, ticks, row, swatch } = live;
+  if (!live.able()) return;
   const data = JSON.parse(find("data").textContent);
   const { stations, limits, blocks, colours, paths } = data;
-  const STEP_S = 0.04, LEAST_STEPS = 50, THUMB_PX = 16, NEAR_PX = 12, MOST_HIGH_PX = 440, MARGIN = { left: 46, right: 10, top: 8, bottom: 24 };
+  const STEP_S = 0.04, LEAST_STEPS = 50, THUMB_PX = 16, NEAR_PX = 12;
 
   // ---- data -------------------------------------------------------------------------------------------------------
-  async function unpacked(text) {
-    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return new Response(stream).arrayBuffer();
-  }
-  const starts = (counts) => counts.reduce((sums, n) => (sums.push(sums.at(-1) + n), sums), [0]);
-  const first = starts(paths.counts), points = first.at(-1);
-  const raw = await unpacked(paths.points);
-  const [t, x, y] = [0, 1, 2].map((column) => {
-    const [high, low] = [0, 1].map((part) => new Uint8Array(raw, (2 * column + part) * points, points));
-    const [least, span] = paths.scales[column];
-    let sum = 0;
-    return Float64Array.from(high, (step, i) => least + (span * (sum = (sum + 256 * step + low[i]) & 0xffff)) / paths.steps);
-  });
+  const first = starts(paths.counts), points = first.at(-1), raw = await unpacked(paths.points);
+  const [t, x, y] = columns(raw, paths.scales, paths.steps, points);
   const arc = new Uint8Array(raw, 6 * points, points);
   const impacts = data.impacts, firstImpact = starts(impacts.counts), impactCount = firstImpact.at(-1);
   const impactRaw = await unpacked(impacts.rows);
@@ -29,12 +17,9 @@
   const impactZone = new Uint16Array(impactRaw, 4 * impacts.columns.length * impactCount, impactCount);
 
   // ---- state, also in the address ---------------------------------------------------------------------------------
-  const every = (n) => new Set(Array(n).keys());
-  const sorted = (set) => [...set].sort((a, b) => a - b);
   const state = {};
-  const numbers = (text, n) => new Set(text.split(",").filter((i) => i !== "" && +i >= 0 && +i < n).map(Number));
   function readAddress() {
-    const said = new URLSearchParams(location.hash.slice(1));
+    const said = live.address();
     const at = said.has("x") ? Number(said.get("x")) : null;
     state.station = nearest(Number.isFinite(at) ? at : (limits[0] + limits[1]) / 2);
     state.block = said.has("block") ? numbers(said.get("block"), blocks.length) : every(blocks.length);
@@ -44,19 +29,14 @@
     state.path = said.has("release") ? paths.release.indexOf(Number(said.get("release"))) : -1;
     state.time = state.path < 0 ? 0 : t[first[state.path]];
   }
-  let writing = 0;
-  function writeAddress() { // browsers slow down pages that do this at every move
-    clearTimeout(writing);
-    writing = setTimeout(() => {
-      const said = new URLSearchParams({ x: +stations[state.station][0].toPrecision(8) });
-      if (state.block.size < blocks.length) said.set("block", sorted(state.block).join());
-      if (state.stop.size < paths.stops.length) said.set("stop", sorted(state.stop).join());
-      if (state.worst) said.set("worst", 1);
-      if (state.quantity) said.set("quantity", state.quantity);
-      if (state.path >= 0) said.set("release", paths.release[state.path]);
-      history.replaceState(null, "", `#${decodeURIComponent(said)}`);
-    }, 250);
-  }
+  const writeAddress = () => live.writeAddress(() => ({
+    x: +stations[state.station][0].toPrecision(8),
+    ...(state.block.size < blocks.length && { block: sorted(state.block).join() }),
+    ...(state.stop.size < paths.stops.length && { stop: sorted(state.stop).join() }),
+    ...(state.worst && { worst: 1 }),
+    ...(state.quantity && { quantity: state.quantity }),
+    ...(state.path >= 0 && { release: paths.release[state.path] }),
+  }));
   function nearest(at) { // of equally near ones the measure line
     const miss = (s) => Math.abs(s[0] - at) - (s[2] ? 1e-9 : 0);
     return stations.reduce((best, s, i) => (miss(s) < miss(stations[best]) ? i : best), 0);
@@ -65,80 +45,13 @@
 
   // ---- the section ------------------------------------------------------------------------------------------------
   const stage = find("stage"), [ground, ways, top] = stage.children;
-  const view = {};
-  const px = (at) => view.left + (at - limits[0]) * view.scale;
-  const py = (at) => view.top + (limits[3] - at) * view.scale;
-  function cleared(canvas) {
-    const dense = window.devicePixelRatio || 1, pen = canvas.getContext("2d");
-    const [width, height] = [canvas.clientWidth * dense, canvas.clientHeight * dense].map(Math.round);
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    pen.reset();
-    pen.scale(dense, dense);
-    pen.font = "12px system-ui, sans-serif";
-    pen.lineJoin = "round";
-    return pen;
-  }
+  const view = new live.View(stage, limits);
+  const px = (at) => view.x(at), py = (at) => view.y(at);
   function fit() {
-    const width = stage.clientWidth, wide = limits[1] - limits[0], high = limits[3] - limits[2];
-    const room = width - MARGIN.left - MARGIN.right;
-    view.scale = Math.min(room / wide, MOST_HIGH_PX / high);
-    view.left = MARGIN.left + (room - wide * view.scale) / 2;
-    view.top = MARGIN.top;
-    view.bottom = MARGIN.top + high * view.scale;
-    stage.style.height = `${view.bottom + MARGIN.bottom}px`;
+    view.fit();
+    const wide = (limits[1] - limits[0]) * view.scale;
     slider.style.marginLeft = `${view.left - THUMB_PX / 2}px`;
-    slider.style.width = `calc(100% - ${width - wide * view.scale - THUMB_PX}px)`;
-  }
-  function ticks(low, high, most) {
-    const rough = (high - low) / most, ten = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((m) => m * ten).find((s) => s >= rough);
-    const found = [];
-    for (let i = Math.ceil(low / step); i * step <= high; i++) found.push(+(i * step).toPrecision(10));
-    return found;
-  }
-  function line(pen, list) {
-    pen.beginPath();
-    list.forEach(([a, b], i) => (i ? pen.lineTo(px(a), py(b)) : pen.moveTo(px(a), py(b))));
-  }
-  function drawGround() {
-    const pen = cleared(ground), right = px(limits[1]);
-    pen.save();
-    pen.beginPath();
-    pen.rect(px(limits[0]), view.top, right - px(limits[0]), view.bottom - view.top);
-    pen.clip();
-    pen.fillStyle = colours.sky;
-    pen.fill();
-    const surface = data.ground, floor = limits[2] - 1e3 * (limits[3] - limits[2]);
-    line(pen, [...surface, [surface.at(-1)[0], floor], [surface[0][0], floor]]);
-    pen.fillStyle = colours.deep;
-    pen.fill();
-    pen.save();
-    pen.clip(); // the zones tint the ground below the surface alone
-    pen.lineWidth = 28;
-    pen.lineCap = "round";
-    data.tones.forEach((tone, i) => {
-      pen.strokeStyle = tone;
-      line(pen, surface.slice(i, i + 2));
-      pen.stroke();
-    });
-    pen.restore();
-    pen.strokeStyle = colours.ink;
-    pen.lineWidth = 1.5;
-    line(pen, surface);
-    pen.stroke();
-    pen.strokeStyle = colours.line;
-    pen.setLineDash([5, 3]);
-    for (const ends of data.lines) line(pen, ends), pen.stroke();
-    pen.restore();
-    pen.fillStyle = colours.ink;
-    pen.textAlign = "center";
-    for (const at of ticks(limits[0], limits[1], stage.clientWidth / 90))
-      if (px(at) < right - 45) pen.fillText(`${at}`, px(at), view.bottom + 15);
-    pen.textAlign = "right";
-    for (const at of ticks(limits[2], limits[3], (view.bottom - view.top) / 60))
-      if (py(at) > view.top + 20) pen.fillText(`${at}`, view.left - 6, py(at) + 4);
-    pen.fillText("x (m)", right, view.bottom + 15);
-    pen.fillText("y (m)", view.left - 6, view.top + 9);
+    slider.style.width = `calc(100% - ${stage.clientWidth - wide - THUMB_PX}px)`;
   }
   function trace(pen, i) {
     const end = first[i + 1] - 1;
@@ -185,24 +98,14 @@
     pen.beginPath();
     trace(pen, state.path);
     pen.stroke();
-    const [bx, by] = place(state.path, state.time);
+    const [bx, by] = place(state.path, player.time);
     pen.beginPath();
     pen.arc(px(bx), py(by), Math.max(block.radius * view.scale, 5), 0, 2 * Math.PI);
     pen.fill();
   }
 
   // ---- the collector ----------------------------------------------------------------------------------------------
-  function row(parent, cells, tag = "td") {
-    const made = parent.insertRow();
-    for (const text of cells) made.appendChild(document.createElement(tag)).textContent = text;
-    return made;
-  }
   const slider = find("station");
-  function swatch(cell, colour) {
-    const mark = document.createElement("i");
-    mark.style.background = colour;
-    cell.prepend(mark);
-  }
   function fillTable() {
     const [at, zone, measured] = stations[state.station];
     const words = `x = ${at.toFixed(view.decimals)} m, ${zone}${measured ? `, measure line: ${measured}` : ""}`;
@@ -213,7 +116,7 @@
       const [passed, frequency, values] = data.texts[b][state.station], table = document.createElement("table");
       table.className = "cells";
       table.createCaption().textContent = `${blocks[b].name}: ${passed} past, ${frequency} of the released`;
-      swatch(table.caption, blocks[b].colour);
+      table.caption.prepend(swatch(blocks[b].colour));
       row(table.createTHead(), ["", ...data.percentiles], "th");
       const body = table.createTBody();
       data.quantities.forEach((name, q) => row(body, [name, ...values[q]]));
@@ -266,39 +169,17 @@
 
   // ---- one release ------------------------------------------------------------------------------------------------
   const said = (words) => { find("said").textContent = words; };
-  const clock = find("time"), play = find("play");
-  let playing = 0;
-  function setTime(time) {
-    state.time = Math.min(Math.max(time, Number(clock.min)), Number(clock.max));
-    clock.value = state.time;
-    clock.setAttribute("aria-valuetext", `${state.time.toFixed(2)} s`);
-    drawTop();
-  }
-  const step = (way) => { pause(); setTime(state.time + way * Math.min(STEP_S, (clock.max - clock.min) / LEAST_STEPS)); };
-  function pause() {
-    cancelAnimationFrame(playing);
-    playing = 0;
-    play.textContent = "play";
-  }
-  function start() {
-    play.textContent = "pause";
-    if (state.time >= Number(clock.max)) setTime(Number(clock.min));
-    let before = performance.now();
-    const frame = (now) => {
-      setTime(state.time + ((now - before) / 1000) * Number(find("speed").value));
-      before = now;
-      if (state.time < Number(clock.max)) playing = requestAnimationFrame(frame);
-      else pause();
-    };
-    playing = requestAnimationFrame(frame);
-  }
+  const clock = find("time");
+  const step = () => Math.min(STEP_S, (clock.max - clock.min) / LEAST_STEPS);
+  const parts = { clock, play: find("play"), back: find("back"), on: find("on"), speed: find("speed") };
+  const player = new live.Player(parts, (time, way) => time + way * step(), drawTop);
   const digits = (v) => (Number.isFinite(v) ? `${+v.toPrecision(3)}` : "-");
   function fillRelease() {
-    pause();
+    player.pause();
     find("one").hidden = state.path < 0;
     find("release").value = state.path < 0 ? "" : paths.release[state.path];
     if (state.path < 0) return;
-    [clock.min, clock.max] = [t[first[state.path]], t[first[state.path + 1] - 1]];
+    player.range(t[first[state.path]], t[first[state.path + 1] - 1]);
     const release = paths.release[state.path], i = impacts.release.indexOf(release);
     said(`release ${release}, ${blocks[paths.block[state.path]].name}, ${paths.stops[paths.stop[state.path]]}`);
     const own = find("impacts");
@@ -342,7 +223,7 @@
     state.path = path;
     fillRelease();
     drawPaths();
-    if (path >= 0) setTime(t[first[path]]);
+    if (path >= 0) player.set(t[first[path]]);
     else drawTop();
     writeAddress();
   }
@@ -350,7 +231,7 @@
   function drawAll() {
     view.decimals = Math.max(0, 2 - Math.floor(Math.log10(limits[1] - limits[0]) - 1));
     fit();
-    drawGround();
+    view.scene(cleared(ground), data);
     drawPaths();
     fillTable();
     drawTop();
@@ -362,9 +243,9 @@
     find("quantity").value = state.quantity;
     fillRelease();
     drawAll();
-    if (state.path >= 0) setTime(state.time);
+    if (state.path >= 0) player.set(state.time);
   }
-  const at = (event) => { const box = stage.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+  const at = (event) => view.at(event);
   stage.addEventListener("pointermove", (event) => moveTo(nearest(limits[0] + (at(event)[0] - view.left) / view.scale)));
   stage.addEventListener("click", (event) => choose(pathNear(...at(event))));
   slider.max = stations.length - 1;
@@ -378,7 +259,7 @@
         drawAll();
         writeAddress();
       });
-  boxes("block").forEach((box, b) => { const mark = document.createElement("i"); mark.style.background = blocks[b].colour; box.after(mark); });
+  boxes("block").forEach((box, b) => box.after(swatch(blocks[b].colour)));
   find("worst").addEventListener("change", (event) => { state.worst = event.target.checked; choose(-1); });
   find("quantity").addEventListener("change", (event) => { state.quantity = Number(event.target.value); drawCurve(); writeAddress(); });
   find("release").addEventListener("change", (event) => {
@@ -387,14 +268,9 @@
     if (path < 0 && wanted !== "") said(`the page holds no path of release ${wanted}`);
   });
   find("all").addEventListener("click", () => choose(-1));
-  play.addEventListener("click", () => (playing ? pause() : start()));
-  find("back").addEventListener("click", () => step(-1));
-  find("on").addEventListener("click", () => step(1));
-  clock.addEventListener("input", () => { const time = Number(clock.value); pause(); setTime(time); });
   window.addEventListener("hashchange", () => { readAddress(); showState(); });
   section.hidden = false;
   readAddress();
   showState();
-  let wide = stage.clientWidth;
-  new ResizeObserver(() => { if (stage.clientWidth !== wide) { wide = stage.clientWidth; drawAll(); } }).observe(stage);
+  live.whenResized(stage, drawAll);
 })();

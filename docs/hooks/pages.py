@@ -124,8 +124,19 @@ API_GROUPS = {
     "Set-up": ("make_block", "Block", "CrossSection", "ContactParameters", "ReboundParameters"),
     "Simulate": ("simulate", "load_scenario", "Scenario", "run", "Simulation", "RunResult"),
     "Design": ("assess", "Assessment", "least_size", "Target", "Answer", "variant", "write_report"),
-    "Compare with experiments": ("load_experiment", "Experiment", "diagnose", "DiagnosisResult", "predict"),
+    "Films and experiments": (
+        "track",
+        "TrackResult",
+        "load_experiment",
+        "Experiment",
+        "diagnose",
+        "DiagnosisResult",
+        "predict",
+    ),
 }
+
+# members of a class without a leading underscore, of a base that is not public
+INHERITED = {"RunResult": "    options:\n      inherited_members: [experiment, write, write_video]\n"}
 
 
 def api_page() -> str:
@@ -138,7 +149,7 @@ def api_page() -> str:
     lines = [_head("reference/api.md")]
     for heading, names in groups.items():
         lines += ["", f"## {heading}", ""]
-        lines += [f"::: rock2d.{name}\n" for name in names if name in public]
+        lines += [f"::: rock2d.{name}\n{INHERITED.get(name, '')}" for name in names if name in public]
     lines += ["", "## JSON Schemas", "", "::: rock2d.schemas.file_schema"]
     return "\n".join(lines) + "\n"
 

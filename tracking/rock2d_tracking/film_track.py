@@ -84,6 +84,15 @@ class FilmTrack:
             f"{counted((self.impacts['flag'] != MID_AIR).sum(), 'impact')}"
         )
 
+    def frames(self) -> pd.DataFrame:
+        """`film.frames` with x_m, y_m and theta_rad, NaN where a frame is lost."""
+        frames, seen = self.film.frames.copy(), self.film.experiment.trajectories
+        assert seen is not None
+        trusted = frames["reason"] == ""
+        for name in ("x_m", "y_m", "theta_rad"):
+            frames.loc[trusted, name] = seen[name].to_numpy()
+        return frames
+
     def write(self, folder: Path, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the experiment folder with tables, page and overlay, whole or not at all; `also` writes further files
         into the folder that it is given."""

@@ -69,7 +69,7 @@ class TrackResult:
             standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad, which are NaN where
             it is not, and theta_rad also where no angle can be seen.
         """
-        return self.found.frames()
+        return self.found.film.placed_frames()
 
     def write(self, folder: str | Path) -> None:
         """Write the folder of `rock2d track`: experiment, tables, set-up file, overlay video and tracking.html.

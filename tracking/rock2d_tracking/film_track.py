@@ -20,6 +20,7 @@ from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, why_not_tr
 from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.first_setup import FirstScale, first_motion, first_setup, ground_of
 from rock2d_tracking.following import Followed, Prepared, follow, followed, prepared
+from rock2d_tracking.live_frames import SeenFrames, live_frames, seen_frames
 from rock2d_tracking.looks import ChannelMix, Looks
 from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_checks import check_sanity
@@ -46,6 +47,7 @@ PASSES = {
     "finding what moves": 1.0,
     "learning looks": 0.4,
     "following": 0.7,
+    "pictures for the page": 0.1,
 }
 
 
@@ -63,6 +65,7 @@ class FilmTrack:
     setup : that was used or guessed
     overlay : WebM of the film with the tracked outlines
     still : (height, width) uint8, the first frame
+    seen : the frames as the page shows them
     """
 
     film: TrackedFilm
@@ -74,6 +77,7 @@ class FilmTrack:
     setup: Setup
     overlay: bytes
     still: Array
+    seen: SeenFrames
 
     def counts(self) -> str:
         """Releases, frames, flights and impacts in words."""
@@ -83,15 +87,6 @@ class FilmTrack:
             f"{counted(len(frames), 'frame')} trusted, {counted(len(self.flights), 'flight')}, "
             f"{counted((self.impacts['flag'] != MID_AIR).sum(), 'impact')}"
         )
-
-    def frames(self) -> pd.DataFrame:
-        """`film.frames` with x_m, y_m and theta_rad, NaN where a frame is lost."""
-        frames, seen = self.film.frames.copy(), self.film.experiment.trajectories
-        assert seen is not None
-        trusted = frames["reason"] == ""
-        for name in ("x_m", "y_m", "theta_rad"):
-            frames.loc[trusted, name] = seen[name].to_numpy()
-        return frames
 
     def write(self, folder: Path, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the experiment folder with tables, page and overlay, whole or not at all; `also` writes further files
@@ -114,7 +109,8 @@ class FilmTrack:
         from rock2d_tracking.page import write_page
 
         (folder / OVERLAY).write_bytes(self.overlay)
-        write_page(folder / PAGE, self.film, self.flights, self.impacts, self.data, self.still)
+        live = live_frames(self.seen, self.film, self.looks, self.flights, self.impacts)
+        write_page(folder / PAGE, self.film, self.flights, self.impacts, self.data, self.still, live)
 
     def _write_metadata(self, path: Path) -> None:
         """Write how each block was found, and by how much all its positions may be off alike."""
@@ -213,7 +209,7 @@ def _tracked(
     seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
     stamps = frames.stamps()
     for sight in (s for release in found_in_film.releases for s in release.sights):
-        sight.frame = int(stamps.numbers[sight.frame])
+        sight.read, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
     try:
         kept = moving_releases(found_in_film.releases, setup.fall_px(film.size_px))
         if guessed is not None:
@@ -234,7 +230,9 @@ def _tracked(
     flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
     said = film_findings(data, setup_world(found.experiment), found.experiment.fps)
     looks = found_in_film.looks
-    return FilmTrack(found, flights, impacts, data, said, looks, setup, overlay, still), seen
+    read = np.array([sight.read for release in kept for sight in release.sights])
+    pictured = seen_frames(frames, found.placed_frames(), read, looks, (flights, impacts), still)
+    return FilmTrack(found, flights, impacts, data, said, looks, setup, overlay, still, pictured), seen
 
 
 def _followed(

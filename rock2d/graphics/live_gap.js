@@ -4,7 +4,7 @@
   const { unpacked, starts, columns, cleared, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent), { blocks, causes, models, frames, items } = data;
-  const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, MOST_LISTED = 300, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
+  const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, LEAST_ASPECT = 0.5, MOST_LISTED = 300, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
   const CHANGED = 7; // numbers of an item for each model: σ, two places in mm, angle in °, three velocities
 
   // ---- data -------------------------------------------------------------------------------------------------------
@@ -36,8 +36,18 @@
     state.release = frames.release.indexOf(release);
     if (state.release < 0) state.release = frames.release.indexOf(state.item === "" ? ofRelease[every[0]] : ofRelease[state.item]);
     const at = Number(said.get("t"));
-    state.time = said.has("t") && Number.isFinite(at) ? at : state.item === "" ? 0 : ofTime[state.item];
+    state.time = said.has("t") && Number.isFinite(at) ? at : state.item === "" ? showing() : startOf(state.item);
   }
+  function showing() { // where the gap of the chosen release is largest: the end of that segment
+    const worst = every.find((i) => ofRelease[i] === frames.release[state.release] && ofPhase[i] === IMPACT);
+    return worst === undefined ? 0 : t[segmentOf(worst)[1] - 1];
+  }
+  function segmentOf(i) { // [first frame, beyond the last] of the segment of an impact
+    const own = frames.release.indexOf(ofRelease[i]);
+    const after = ([a, b]) => a >= first[own] && b <= first[own + 1] && t[b - 1] > ofTime[i] + 1e-6;
+    return frames.segments.find(after) ?? [first[own], first[own] + 1];
+  }
+  const startOf = (i) => (ofPhase[i] === IMPACT ? t[segmentOf(i)[0]] : ofTime[i]);
   const writeAddress = () => live.writeAddress(() => ({
     release: data.released[frames.release[state.release]],
     ...(causes.length && { causes: live.sorted(state.causes).map((i) => causes[i]).join() }),
@@ -69,12 +79,12 @@
     const table = find("channels"), m = shown();
     table.tHead.replaceChildren();
     table.tBodies[0].replaceChildren();
-    row(table.tHead, ["", "n", data.labels[0], "", ...(m ? [data.labels[m], ""] : [])], "th");
+    row(table.tHead, ["", "n", data.labels[0], ...(m ? [data.labels[m]] : [])], "th");
     parts.forEach(([n, channels], phase) => {
       if (state.phase !== "" && state.phase !== phase) return;
       channels.forEach((own, c) => {
         const name = data.channel_names[3 * phase + c].join(", ");
-        row(table.tBodies[0], [name, n, ...own[0], ...(m ? own[m] : [])]);
+        row(table.tBodies[0], [name, n, own[0], ...(m ? [own[m]] : [])]);
       });
     });
   }
@@ -177,7 +187,7 @@
   function drawNear() {
     const i = frameAt(player.time), release = frames.release[state.release], known = data.angles[release];
     const block = blocks[data.release_block[release]], m = shown(), inside = segment[i] >= 0, [l, r, b, h] = data.limits;
-    const half = CLOSE_RADII * block.radius, high = (half * (h - b)) / (r - l), [x, y] = poseOf(i, -1);
+    const half = CLOSE_RADII * block.radius, high = half * Math.max((h - b) / (r - l), LEAST_ASPECT), [x, y] = poseOf(i, -1);
     near.fit(state.close ? [x - half, x + half, y - high, y + high] : data.limits);
     near.scene(cleared(nearGround), data);
     const pen = cleared(nearTop);
@@ -250,7 +260,7 @@
     if (release >= 0) {
       state.release = release;
       fillRelease();
-      player.set(ofTime[item]);
+      player.set(startOf(item));
     }
     fillItem();
     drawSection();

@@ -50,13 +50,14 @@ LEARNT = "learnt"  # in the address
 
 @dataclass(frozen=True)
 class ModelWords:
-    """A model in words: its name, how large its gap is, that as a bar, and misses (what, in the film, base law, this
-    model)."""
+    """A model in words: its name, how large its gap is, that as a bar; misses (what, base law, this model) and passing
+    frequencies (what, film, base law, this model)."""
 
     label: str
     said: str
     bar: Markup
-    misses: Sequence[tuple[str, str, str, str]]
+    misses: Sequence[tuple[str, str, str]]
+    passing: Sequence[tuple[str, str, str, str]]
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ def _words(
 ) -> list[ModelWords]:
     """Gap and misses of every model; `passing`: position of a model -> the name that it has in the `rows`."""
     film = measured(data, segments)
-    places = ("at the end of a segment: place", "at the end of a segment: angle", "after an impact: velocity")
+    places = ("place at the end of a segment", "angle at the end of a segment", "velocity after an impact")
     misses, words = [], []
     for model in models:
         speed = np.hypot(*model.own.held_out.residuals.impacts[:, -3:-1].T)
@@ -215,20 +216,19 @@ def _words(
         misses.append((f"{mm:.2g} mm", f"{degrees:.2g}°", f"{velocity:.2g} m/s"))
     axis = Axis(0.0, 100.0)
     for k, model in enumerate(models):
-        own = [
-            (place, "", base, here) for place, base, here in zip(places, misses[0], misses[k], strict=True)
-        ]
+        passes = []
         for row in rows:
             shares = {name: f"{estimates[0].value:.0f} %" for name, estimates in row.models.items()}
-            what, here = f"passing {spoken(row.place)}: {spoken(row.block)}", passing.get(k, "")
-            own.append((what, shares["measured"], shares["base"], shares.get(here, "not simulated")))
+            what, here = f"{spoken(row.place)}: {spoken(row.block)}", passing.get(k, "")
+            passes.append((what, shares["measured"], shares["base"], shares.get(here, "not simulated")))
         said, bar = f"The typical residual is {model.gap:.2f} σ.", Markup("")
         if model.share is not None:
             closed = text.share_closed(model.share.closes, model.share.ci95)
             value, low, high = (100.0 * v for v in (model.share.closes, *model.share.ci95))
             said = f"The typical residual falls from {models[0].gap:.2f} σ to {model.gap:.2f} σ: closed {closed}."
             bar = chart(axis, [Mark("effect", value, low, high, f"{model.label} closes {closed}", "bar")])
-        words.append(ModelWords(model.label, said, bar, own))
+        own = list(zip(places, misses[0], misses[k], strict=True))
+        words.append(ModelWords(model.label, said, bar, own, passes))
     return words
 
 

@@ -20,7 +20,6 @@ from rock2d.diagnosis.segments import Segments
 from rock2d.graphics.live_data import packed, packed_columns
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X
-from rock2d.wording import three_digits
 
 Array = np.ndarray
 
@@ -96,21 +95,21 @@ class Items:
             np.array(squares), np.array(misses),
         )  # fmt: skip
 
-    def channels(self, phase: int, block: int | None, zone: int | None) -> tuple[int, list[list[list[str]]]]:
+    def channels(self, phase: int, block: int | None, zone: int | None) -> tuple[int, list[list[str]]]:
         """Number of the impacts or flights of a block in a zone (None: all), and for each channel and model the typical
         residual and the median misses, in words."""
         own = self.phase == phase
         own &= (block is None or self.block == block) & (zone is None or self.zone == zone)
         units = (IMPACT_UNITS, FLIGHT_UNITS)[phase]
+        if not own.any():
+            return 0, [["-"] * len(self.squares)] * len(units)
         found = [
             [
-                [f"{typical(squares[own, c]):.1f} σ" if own.any() else "-", ", ".join(
-                    f"{three_digits(_median(misses[own, c, k]) * IN_UNIT[unit])} {unit}" for k, unit in enumerate(of)
-                )]
+                f"{typical(squares[own, c]):.1f} σ ({_units(misses[own, c], of)})"
                 for squares, misses in zip(self.squares, self.misses, strict=True)
             ]
             for c, of in enumerate(units)
-        ]  # fmt: skip
+        ]
         return int(own.sum()), found
 
     def table(self, keep: Array) -> dict[str, Any]:
@@ -126,9 +125,13 @@ class Items:
         return {"rows": packed(raw), "count": int(keep.sum()), "measured": len(measured)}
 
 
-def _median(values: Array) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(np.median(known)) if len(known) else np.nan
+def _units(misses: Array, units: Sequence[str]) -> str:
+    """Medians of misses (n, 2) in their units."""
+    sizes = [
+        np.abs(own[np.isfinite(own)]) * IN_UNIT[unit] for own, unit in zip(misses.T, units, strict=False)
+    ]
+    said = [f"{np.median(own):.2g}" if len(own) else "-" for own in sizes]
+    return ", ".join(f"{value} {unit}".replace(" °", "°") for value, unit in zip(said, units, strict=True))
 
 
 def _left(result: Diagnosis, data: FilmData, own: Validated) -> tuple[Array, Array]:

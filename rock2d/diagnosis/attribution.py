@@ -85,7 +85,8 @@ class Attribution:
     learnt : what was learnt beside the named effects; beside others, too, if that predicts better (`uncertain`)
     left_regressed : flexible regression of what is left beside the learnt changes
     named : the effects that are named, all of them in the chain; there may be none
-    sets : residuals and scores of the sets that tell what each of these closes
+    sets : the sets that tell what each of these closes: names -> set; with none, all, each alone, and all but each;
+        of up to three all subsets
     """
 
     base: Fit
@@ -101,7 +102,7 @@ class Attribution:
     learnt: Learnt
     left_regressed: RegressedResiduals
     named: Names
-    sets: dict[Names, HeldOut]
+    sets: dict[Names, CauseSet]
 
     @property
     def best(self) -> str:
@@ -285,7 +286,7 @@ def _attribution(search: Search) -> Attribution:
     p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
-        learnt = without_harmful_changes(data, learnt, search.base.fit)
+        learnt = without_harmful_changes(data, learnt, search.base)
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
@@ -294,7 +295,7 @@ def _attribution(search: Search) -> Attribution:
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, left, best.names,
-        {names: own.held_out for names, own in search.within(best.names).items()},
+        search.within(best.names),
     )  # fmt: skip
 
 

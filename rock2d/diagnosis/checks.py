@@ -72,7 +72,7 @@ class Check:
     Attributes
     ----------
     name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
-    value : that of the film, in standard deviations of replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
+    value : that of the film, in standard deviations of replicates; `percentiles`: (101,) those of the replicates
     p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
     """
 
@@ -80,9 +80,14 @@ class Check:
     compared: str
     largest: str
     value: float
-    replicates: list[float]
+    percentiles: Array
     p: float
     p_of_all: float
+
+    @property
+    def replicates(self) -> list[float]:
+        """Quantiles 0.05, 0.5 and 0.95 of the replicates."""
+        return [float(self.percentiles[k]) for k in (5, 50, 95)]
 
     @property
     def words(self) -> str:
@@ -151,7 +156,7 @@ def _placed(found: Sequence[_Patterns]) -> list[Check]:
     return [
         Check(
             own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
-            [float(v) for v in np.quantile(row[1:], [0.05, 0.5, 0.95])], float(rank[0]),
+            np.quantile(row[1:], np.linspace(0.0, 1.0, 101)), float(rank[0]),
             float((least <= rank[0]).mean()),
         )
         for own, sizes, row, rank in zip(found, z, largest, p, strict=True)

@@ -143,7 +143,7 @@ def diagnose(
         result.checks = predictive_checks(data, found.learnt.fit, seed)
         bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
-            result.predicted = predicted_gap(data, found.base, found.learnt, seed)
+            result.predicted = predicted_gap(data, found.sets[frozenset()], found.learnt, seed)
         bar.step("predictions")
     return result
 
@@ -227,7 +227,7 @@ def locate(
         best = found.final.fit
         # the stated set-up would put a mirrored film on the wrong side
         fitted = best.model.world(best.p, data.impact_order)
-        below = _zone_below(cross_section, data.states(fitted).middle[:, X])
+        below = zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight) and len(data.impacts):
@@ -235,13 +235,13 @@ def locate(
             before, after = (
                 rest_squares(data, rests, fit, variance)[..., None] for fit in (found.base, best)
             )
-            zone, block = _zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
+            zone, block = zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
             release = flights.release[rests.flight]
             parts.append(Part("rest", before - after, before, after, zone, block, release))
     return where(parts, cross_section.zone_names, blocks)
 
 
-def _zone_below(cross_section: CrossSection, x: Array) -> Array:
+def zone_below(cross_section: CrossSection, x: Array) -> Array:
     """(n,) zone of the ground below positions x."""
     facet = np.searchsorted(cross_section.points_m[1:, X], x)
     return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]

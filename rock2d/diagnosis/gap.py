@@ -38,7 +38,7 @@ class Gaps:
         floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
         self._base, flexible = gap(base), gap(sizes.remaining(found.base_regressed))
         self._floor = self._draws.floor([*floors, flexible], [self._base])
-        sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
+        sets = {names: sizes.of(own.held_out.residuals) for names, own in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 
     def of(self, candidate: Candidate) -> Share:
@@ -158,9 +158,9 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
                     amount = part.taken[own, c].sum(axis=1)
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[own])
-                        typical = [_typical(v[own, c]) for v in (part.base, part.augmented)]
+                        sizes = [typical(v[own, c]) for v in (part.base, part.augmented)]
                         place = part.phase, zones[int(z)], blocks[int(b)], channel
-                        cells.append(Cell(*place, float(amount.sum()), sigma, *typical))
+                        cells.append(Cell(*place, float(amount.sum()), sigma, *sizes))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]
     shown = [cell for cell in significant if cell.phase != "rest"] or significant or cells
     total = sum(cell.share for cell in shown)
@@ -169,7 +169,7 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
     return sorted(shown, key=lambda cell: -cell.share)
 
 
-def _typical(squares: Array) -> float:
+def typical(squares: Array) -> float:
     """Geometric mean of the sizes of residuals, from their squares (n, columns)."""
     return float(np.exp(0.5 * np.log(np.maximum(squares.mean(axis=1), SMALLEST_SD**2)).mean()))
 

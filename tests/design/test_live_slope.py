@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -20,10 +17,17 @@ from rock2d.graphics.rendering import Made
 from rock2d.runs.indicators.envelopes import QUANTITIES
 from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.wording import with_interval
+from tests.browsing import (
+    assert_not_printed_and_all_named,
+    assert_nothing_else_was_run_or_loaded,
+    assert_only_its_own_script_may_run,
+    opened,
+    picture,
+    until,
+)
 from tests.diagnosis.test_report import Page
 from tests.scenarios_of_tests import scenario_file
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 NASTY = "</script><b>x"
 BLOCKS = f"""blocks:
   ball: {{shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}
@@ -56,12 +60,7 @@ def test_without_a_script_the_view_is_hidden_and_only_its_own_script_may_run(rep
     text = report.read_text(encoding="utf-8")
     page = Page(text)
     assert [own["id"] for own in page.of("section") if "hidden" in own] == ["live"]
-    data, script = page.of("script")
-    assert data["type"] == "application/json" and not script
-    code = text[text.rindex("<script>") + 8 : text.rindex("</script>")]
-    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
-    policy = next(own["content"] for own in page.of("meta") if own.get("http-equiv"))
-    assert policy.startswith("default-src 'none';") and policy.endswith(f"script-src 'sha256-{digest}'")
+    assert_only_its_own_script_may_run(text)
     assert len(text) < 400_000
 
 
@@ -93,49 +92,22 @@ def test_the_worst_have_the_largest_energies_of_their_block(result):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    sync = pytest.importorskip("playwright.sync_api", reason="needs pip install 'rock2d[browser]'")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"needs a browser: {' or '.join(BROWSERS)}")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-@pytest.fixture(scope="module")
-def opened(browser, report):
+def watched(browser, report):
     """The page, and what its browser complains of or asks for."""
-    page, seen = browser.new_page(viewport={"width": 1280, "height": 1000}), []
-    page.on("console", lambda message: seen.append(message.text))
-    page.on("pageerror", lambda error: seen.append(str(error)))
-    page.on("request", lambda asked: seen.append(asked.url) if not asked.url.startswith("data:") else None)
-    page.goto(report.as_uri())
-    page.wait_for_selector("#live:not([hidden])")
-    return page, seen
+    return opened(browser, report)
 
 
 @pytest.fixture
-def page(opened):
+def page(watched):
     """The page as it is when opened at x = 20 m."""
-    go(opened[0], 20.0)
-    return opened[0]
+    go(watched[0], 20.0)
+    return watched[0]
 
 
 def go(page, x_m: float) -> None:
     """Move the collector by the address, and leave no choice behind; the address differs each time."""
     page.evaluate("x => { location.hash = `#x=${x}&visit=${performance.now()}` }", x_m)
     until(page, lambda: abs(place(page) - x_m) < 0.06 and page.locator("#live-one").is_hidden())
-
-
-def until(page, holds) -> None:
-    """Wait, at most 5 s; the policy of the page refuses what playwright itself would wait with."""
-    for _ in range(250):
-        if holds():
-            return
-        page.wait_for_timeout(20)
-    raise AssertionError("still waiting")
 
 
 def place(page) -> float:
@@ -150,12 +122,6 @@ def shown(page, x_m: float) -> dict[str, list[str]]:
         "all => all.map(t => [t.caption.textContent, ...[...t.querySelectorAll('td')].map(c => c.textContent)])",
     )
     return {words[0].split(":")[0]: words for words in found}
-
-
-def picture(page, name: str) -> str:
-    return page.evaluate(
-        f"[...document.querySelectorAll('{name}')].map(c => c.hidden ? '' : c.toDataURL()).join()"
-    )
 
 
 def test_at_measure_lines_the_numbers_are_those_of_the_tables(page, result):
@@ -279,15 +245,13 @@ def test_a_click_chooses_the_path_under_it(page):
     assert page.inner_text("#live-said").startswith(f"release {page.input_value('#live-release')}, ")
 
 
-def test_the_address_holds_the_view(page, browser):
+def test_the_address_holds_the_view(page, browser, report):
     page.get_by_label("ball").uncheck()
     page.locator("#live-quantity").select_option("2")
     page.get_by_label("Release").fill(str(RELEASES + 2))
     page.keyboard.press("Enter")
     until(page, lambda: "release" in page.url)
-    other = browser.new_page()
-    other.goto(page.url)
-    other.wait_for_selector("#live:not([hidden])")
+    other, _ = opened(browser, report, page.url[page.url.index("#") :])
     assert other.inner_text("#live-place") == page.inner_text("#live-place")
     assert shown_now(other) == [NASTY] and other.input_value("#live-quantity") == "2"
     assert other.input_value("#live-release") == str(RELEASES + 2)
@@ -304,20 +268,12 @@ def test_a_phone_shows_it_without_scrolling_sideways(page):
 
 
 def test_it_is_not_printed_and_every_control_has_a_name(page):
-    controls = "#live input, #live select, #live button"
-    named = "all => all.every(c => c.labels?.[0]?.textContent.trim() || c.textContent.trim())"
-    assert page.locator(controls).count() > 12 and page.eval_on_selector_all(controls, named)
-    page.emulate_media(media="print")
-    assert page.locator("#live").is_hidden() and page.locator("h1").is_visible()
-    page.emulate_media(media="screen")
-    assert page.locator("#live").is_visible()
+    assert_not_printed_and_all_named(page)
 
 
 def test_names_stay_text_and_nothing_is_loaded(
-    opened, report
+    watched, report
 ):  # the last test: all others have used the page
-    page, seen = opened
+    page, seen = watched
     assert page.locator("#live b").count() == 0 and page.get_by_label(NASTY).count() == 1
-    assert {text.split("#")[0] for text in seen} == {report.as_uri()}
-    other = "() => { const own = document.createElement('script'); own.textContent = 'window.other = 1';"
-    assert page.evaluate(f"{other} document.body.append(own); return window.other }}") is None
+    assert_nothing_else_was_run_or_loaded(page, seen, report)

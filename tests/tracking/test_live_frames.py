@@ -16,7 +16,7 @@ from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.files.experiment import load_experiment
-from tests.design.test_live_slope import browser, until  # noqa: F401  (a fixture)
+from tests.browsing import CONTROLS, opened, until
 from tests.docs.sources import DOCS
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
 from tests.tracking.test_command import tracked
@@ -50,21 +50,15 @@ def frames(folder):
 
 
 @pytest.fixture(scope="module")
-def opened(browser, folder):  # noqa: F811
-    page, seen = browser.new_page(viewport={"width": 1280, "height": 1000}), []
-    page.on("console", lambda message: seen.append(message.text))
-    page.on("pageerror", lambda error: seen.append(str(error)))
-    page.on("request", lambda asked: seen.append(asked.url) if not asked.url.startswith("data:") else None)
-    page.goto((folder / "tracking.html").as_uri())
-    page.wait_for_selector("#live:not([hidden])")
-    return page, seen
+def watched(browser, folder):
+    return opened(browser, folder / "tracking.html")
 
 
 @pytest.fixture
-def page(opened):
+def page(watched):
     """The page at the first frame of the second release."""
-    go(opened[0], 1, 0)
-    return opened[0]
+    go(watched[0], 1, 0)
+    return watched[0]
 
 
 def go(page, release: int, frame: int) -> None:
@@ -220,12 +214,10 @@ def test_a_release_is_chosen(page, frames):
     assert len(page.get_attribute("#live-near polygon", "points").split()) == 4
 
 
-def test_the_address_holds_release_and_frame(page, browser):  # noqa: F811
+def test_the_address_holds_release_and_frame(page, browser, folder):
     page.get_by_role("button", name="next lost frame").click()
     until(page, lambda: page.url.endswith(f"#release=1&frame={COVERED[0]}"))
-    other = browser.new_page()
-    other.goto(page.url)
-    other.wait_for_selector("#live:not([hidden])")
+    other, _ = opened(browser, folder / "tracking.html", page.url[page.url.index("#") :])
     assert shown(other) == COVERED[0] and facts(other) == facts(page)
     other.goto(page.url.split("#")[0] + "#release=nonsense&frame=-3")
     assert other.locator("#live-table").is_visible()
@@ -238,10 +230,9 @@ def test_a_phone_shows_it_without_scrolling_sideways(page):
     page.set_viewport_size({"width": 1280, "height": 1000})
 
 
-def test_without_a_script_or_on_paper_the_page_is_as_before(page, browser, folder):  # noqa: F811
-    controls = "#live input, #live select, #live button"
+def test_without_a_script_or_on_paper_the_page_is_as_before(page, browser, folder):
     named = "all => all.every(c => c.labels?.[0]?.textContent.trim() || c.textContent.trim())"
-    assert page.locator(controls).count() == 10 and page.eval_on_selector_all(controls, named)
+    assert page.locator(CONTROLS).count() == 10 and page.eval_on_selector_all(CONTROLS, named)
     page.emulate_media(media="print")
     assert page.locator("#live").is_hidden() and page.locator("h1").is_visible()
     page.emulate_media(media="screen")
@@ -251,10 +242,9 @@ def test_without_a_script_or_on_paper_the_page_is_as_before(page, browser, folde
     plain.close()
 
 
-def test_only_its_own_script_runs_and_nothing_is_loaded_but_the_overlay(
-    opened, folder
-):  # uses what others did
-    page, seen = opened
+def test_only_its_own_script_runs_and_nothing_is_loaded_but_the_overlay(watched, folder):  # after all others
+    page, seen = watched
+    assert_only_its_own_script_may_run((folder / "tracking.html").read_text(encoding="utf-8"))
     addresses = {(folder / name).as_uri() for name in ("tracking.html", "overlay.webm")}
     assert {text.split("#")[0] for text in seen} <= addresses
     assert page.evaluate("document.querySelector('video').error") is None

@@ -16,7 +16,7 @@ from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.files.experiment import load_experiment
-from tests.browsing import CONTROLS, opened, until
+from tests.browsing import CONTROLS, assert_only_its_own_script_may_run, opened, until
 from tests.docs.sources import DOCS
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
 from tests.tracking.test_command import tracked

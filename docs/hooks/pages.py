@@ -1,4 +1,7 @@
-"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation."""
+"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation.
+
+Some of them also lie in the repository, to be read there: `python docs/hooks/pages.py` writes these anew.
+"""
 
 from __future__ import annotations
 
@@ -260,3 +263,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "changelog.md": _from_root("CHANGELOG.md"),
     "contributing.md": _from_root("CONTRIBUTING.md"),
 } | {f"tutorials/{path.stem}.md": (lambda path=path: tutorial_page(path)) for path in tutorial_files()}
+
+KEPT = ("formats/setup.md",)  # pages that lie in the repository, too
+
+if __name__ == "__main__":
+    for name in KEPT:
+        (DOCS / name).write_text(PAGES[name](), encoding="utf-8")

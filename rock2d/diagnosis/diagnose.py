@@ -28,7 +28,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
-from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments, flightless_remarks
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -169,7 +169,11 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         if seen is None:
             return sanity, None
         data, world = seen, sanity.registered or setup
-        sanity.remarks += shape_remarks(data, world) + rest_remarks(data.film, world)
+        sanity.remarks += [
+            *shape_remarks(data, world),
+            *rest_remarks(data.film, world),
+            *flightless_remarks(data),
+        ]
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)

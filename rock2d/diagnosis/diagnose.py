@@ -152,7 +152,7 @@ def registered_remark(world: World) -> str:
     """What the world in which a film is divided differs in."""
     turn, scale = np.rad2deg(world.view.tilt_rad), world.view.scale
     return (
-        f"flights and impacts fit an image that is turned by {turn:.1f}° and {scale:.3f} times as large as stated; the "
+        f"flights and impacts fit an image that is turned by {turn:.2g}° and {scale:.4f} times as large as stated; the "
         "film is divided into flights in it"
     )
 

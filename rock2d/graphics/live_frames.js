@@ -43,7 +43,7 @@
       ["in the picture", `u = ${number(frames.u_px[row], 2)} ± ${error(frames.u_error_px[row])} px, ` +
         `v = ${number(frames.v_px[row], 2)} ± ${error(frames.v_error_px[row])} px`],
       ["in metres", lost(row) ? "not trusted" : `x = ${number(frames.x_m[row], 4)} m, y = ${number(frames.y_m[row], 4)} m`],
-      ["angle", turned === null ? "not measured" : `${turned.toFixed(1)}° ± ${error(off)}°`],
+      ["angle", lost(row) ? "not trusted" : turned === null ? "not measured" : `${turned.toFixed(1)}° ± ${error(off)}°`],
       ["flight", data.flights[frames.flight[row]] ?? "none: too near an impact, or too short"],
       ["impact", data.impacts[frames.impact[row]] ?? "none"],
     ];
@@ -61,6 +61,7 @@
   }
   function drawPath() {
     const radius = Math.max(...size) * DOT_SHARE, seen = rows().filter((row) => frames.u_px[row] !== null);
+    seen.sort((a, b) => lost(a) - lost(b)); // lost ones lie on top
     dots.replaceChildren(...seen.map((row) =>
       drawn("circle", { cx: frames.u_px[row], cy: frames.v_px[row], r: radius, class: lost(row) ? "lost" : "seen" })));
   }
@@ -104,7 +105,12 @@
   const rowAt = (time) => rows().findLast((row) => t[row] <= time + SOON_S) ?? first[state.release];
   const inside = (row) => Math.min(Math.max(row, first[state.release]), first[state.release + 1] - 1);
   const parts = { clock, play: find("play"), back: find("back"), on: find("on"), speed: find("speed") };
-  const player = new live.Player(parts, (time, way) => t[inside(rowAt(time) + way)], (time) => show(rowAt(time)));
+  const player = new live.Player(parts, (time, way) => t[inside(rowAt(time) + way)], (time) => show(pictured(rowAt(time))));
+  function pictured(row) { // while the film plays, frames without a picture are passed over
+    let shown = row;
+    while (player.playing && !pictureOf.has(shown) && shown > first[state.release]) shown--;
+    return shown;
+  }
   function go(row) {
     player.pause();
     player.set(t[row]);

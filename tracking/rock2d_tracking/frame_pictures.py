@@ -12,7 +12,7 @@ Array = np.ndarray
 HALF_RADII, LEAST_HALF_PX = 3.0, 20  # half side of what is cut out: in radii of the block, and at least
 LARGEST_SIDE_PX = 160  # what is larger is reduced
 QUALITY = 75  # of WebP, 0 to 100
-MOST_TRIED = 1600  # pictures that are made before it is known how many fit
+MOST_TRIED = 2500  # pictures that are made before it is known how many fit
 IMPORTANT_RATIO = 8  # of important frames so many more are shown than of the others
 STILL_WIDTH_PX = 720
 

@@ -98,8 +98,10 @@ class TrackResult:
 
         columns = ["release", "t_s", "zone", "restitution", "restitution_se", "flag"]
         said = (f"{self.experiment.name}: {self.found.counts()}", *self.remarks)
-        impacts = table_html(self.found.impacts[columns].head(IMPACTS_SHOWN))
-        return "".join(f"<p>{escape(text)}</p>" for text in said) + impacts
+        impacts = self.found.impacts[columns].head(IMPACTS_SHOWN)
+        return "".join(f"<p>{escape(text)}</p>" for text in said) + (
+            table_html(impacts) if len(impacts) else ""
+        )
 
 
 def track(

@@ -39,6 +39,16 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     assert any("set-up file to refine" in line for line in said)
 
 
+def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, tmp_path):
+    out = tmp_path / "out"
+    track(thrown[0], FirstScale(SCALE, FPS), out, TrackSettings())
+    refined = (out / "setup.yaml").read_text().replace("name: thrown_ball", "name: refined")
+    (out / "setup.yaml").write_text(refined)
+    track(thrown[0], out / "setup.yaml", out, TrackSettings())
+    assert (out / "setup.yaml").read_text() == refined
+    assert "name: refined" in (out / "experiment.yaml").read_text()
+
+
 def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):

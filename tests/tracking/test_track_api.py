@@ -49,6 +49,15 @@ def test_a_track_has_frames_flights_impacts_and_an_experiment(found):
     assert found.to_pandas()["x_m"].max() > 0  # a table that is given away is a copy
 
 
+def test_its_experiment_is_diagnosed_as_the_written_one_is(found, tmp_path):
+    found.write(tmp_path / "out")
+    of_memory, of_folder = (
+        rock2d.diagnose(e, workers=1).to_dict() for e in (found.experiment, tmp_path / "out")
+    )
+    assert of_memory["film"]["said"] == of_folder["film"]["said"] and of_memory["film"]["said"]
+    assert of_memory["sanity"]["fault_codes"] == of_folder["sanity"]["fault_codes"] == ["few_releases"]
+
+
 def test_it_is_written_as_the_command_writes_it(found, tmp_path):
     found.write(tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}

@@ -279,6 +279,8 @@
     if (!box.checked) state.causes.delete(LEARNT);
     modelChanged();
   }));
+  const folded = [...section.querySelectorAll(".live-model details")]; // those of all models open and close together
+  for (const own of folded) own.addEventListener("toggle", () => folded.forEach((other) => { other.open = own.open; }));
   for (const name of ["block", "zone", "phase", "size"])
     find(name).addEventListener("change", (event) => {
       state[name] = event.target.value === "" ? "" : Number(event.target.value);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -163,7 +164,7 @@ def shown_releases(items: Items, count: int, share: float) -> Array:
     most = max(int(share * count), 1)
     size = np.zeros(count)
     np.maximum.at(size, items.release, items.sigma[0])
-    worst = np.argsort(-size, kind="stable")[: int(WORST_SHARE * most)]
+    worst = np.argsort(-size, kind="stable")[: math.ceil(WORST_SHARE * most)]
     others = np.setdiff1d(np.arange(count), worst)[: most - len(worst)]
     shown = np.zeros(count, bool)
     shown[worst] = shown[others] = True

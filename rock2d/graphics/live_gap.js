@@ -93,6 +93,7 @@
   const stage = find("stage"), [ground, marks, top] = stage.children, view = new live.View(stage, data.limits);
   const nearStage = find("near"), [nearGround, nearTop] = nearStage.children, near = new live.View(nearStage, data.limits);
   const colourOf = (sigma) => data.classes.findLast(([least]) => sigma >= least)[1];
+  const gap = (i, m, c) => left[m][c][i];
   const sigma = (i, m) => `${left[m][0][i].toFixed(1)} σ`;
   const placed = (i) => `release ${data.released[ofRelease[i]]}, ${blocks[ofBlock[i]].name}, ${data.phases[ofPhase[i]]}, ${data.zones[ofZone[i]]}, t = ${ofTime[i].toFixed(3)} s`;
   const named = (i) => `${sigma(i, 0)}${shown() ? ` → ${sigma(i, shown())}` : ""}: ${placed(i)}`;
@@ -170,7 +171,7 @@
   }
   const off = (i, m) => {
     const [dx, dy, turn] = [0, 1, 2].map((c) => pose[3 + 3 * m + c][i]);
-    return `${(1e3 * Math.hypot(dx, dy)).toFixed(1)} mm and ${((turn * 180) / Math.PI).toFixed(1)}°`;
+    return `${(1e3 * Math.hypot(dx, dy)).toFixed(1)} mm and ${Math.abs((turn * 180) / Math.PI).toFixed(1)}°`;
   };
   const way = () => Array.from({ length: end() - begin() }, (_, k) => [pose[0][begin() + k], pose[1][begin() + k]]);
   function drawTop() { // the chosen release and the chosen impact or flight, on the section
@@ -219,6 +220,22 @@
     find("release").value = data.released[frames.release[state.release]];
     player.range(t[begin()], t[end() - 1]);
   }
+  function fillOwn() { // impacts and flights of the release, in the order of time
+    const table = find("own"), release = frames.release[state.release], m = shown();
+    const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
+    const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
+    table.tHead.replaceChildren();
+    table.tBodies[0].replaceChildren();
+    table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
+    row(table.tHead, ["t (s)", "phase", "zone", ...[...new Set([0, m])].map((k) => data.labels[k])], "th");
+    for (const i of own) {
+      const made = row(table.tBodies[0], ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...[...new Set([0, m])].map((k) => missed(i, k))]);
+      const button = made.cells[0].appendChild(document.createElement("button"));
+      [button.type, button.textContent] = ["button", ofTime[i].toFixed(3)];
+      button.setAttribute("aria-pressed", i === state.item);
+      button.addEventListener("click", () => { choose(i); find("own").querySelector("[aria-pressed=true]").focus(); });
+    }
+  }
 
   // ---- checks -----------------------------------------------------------------------------------------------------
   const most = Math.max(...data.checks.map((check) => Math.max(check.value, check.percentiles[99])));
@@ -263,6 +280,7 @@
       player.set(startOf(item));
     }
     fillItem();
+    fillOwn();
     drawSection();
     writeAddress();
   }
@@ -270,6 +288,7 @@
     fillModel();
     fillChannels();
     fillItem();
+    fillOwn();
     drawSection();
     writeAddress();
   }
@@ -298,6 +317,7 @@
     [state.release, state.item] = [release, ""];
     fillRelease();
     fillItem();
+    fillOwn();
     player.set(0);
     drawSection();
   });
@@ -308,6 +328,7 @@
     fillChannels();
     fillRelease();
     fillItem();
+    fillOwn();
     player.set(state.time);
     drawSection();
     drawChecks();

@@ -303,15 +303,40 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
     for names, own in of_models(diagnosed).items():
         tick(page, *names)
         off = held_out_poses(data, segments, own)[s, len(rows) - 1] - data.film.pose[rows[-1]]
-        mm, degrees = map(float, re.findall(r"([-\d.]+) mm and ([-\d.]+)°", frame_words(page))[-1])
+        mm, degrees = map(float, re.findall(r"([\d.]+) mm and ([\d.]+)°", frame_words(page))[-1])
         assert mm == pytest.approx(1e3 * np.hypot(*off[:2]), abs=0.06)
-        assert degrees == pytest.approx(np.rad2deg(off[THETA]), abs=0.06)
+        assert degrees == pytest.approx(abs(np.rad2deg(off[THETA])), abs=0.06)
     before = picture(page, CLOSE)
     page.get_by_role("button", name="frame on").click()
     assert frame_words(page).startswith("t = ") and "segment 2" not in frame_words(page).split(":")[0]
     assert picture(page, CLOSE) != before
     page.get_by_role("button", name="frame back").click()
     assert "segment 2 of" in frame_words(page) and picture(page, CLOSE) == before
+
+
+def test_a_release_lists_its_impacts_and_flights_and_each_can_be_chosen(page, diagnosed):
+    data = diagnosed.data
+    page.locator("#live-release").fill(str(data.film.release_names[5]))
+    page.keyboard.press("Enter")
+    tick(page, "inertia_error")
+    rows = cells(page, "#live-own tbody tr")
+    flights, impacts = np.flatnonzero(data.flight_release == 5), np.flatnonzero(data.impact_release == 5)
+    assert [row[1] for row in rows].count("flight") == len(flights)
+    assert [float(row[0]) for row in rows] == sorted(float(row[0]) for row in rows)
+    own = [row for row in rows if row[1] == "impact"]
+    models = (diagnosed.found.base_held_out, diagnosed.found.sets[frozenset({"inertia_error"})].held_out)
+    for i, row in zip(impacts, own, strict=True):
+        for out, said in zip(models, row[3:], strict=True):
+            size, mm, degrees = map(float, re.findall(r"[\d.]+", said))
+            x, y, angle = out.residuals.impacts[i, :3]
+            assert size == pytest.approx(misses_of(diagnosed, out).sigma[i], abs=0.051)
+            assert mm == pytest.approx(1e3 * np.hypot(x, y), abs=0.0051)
+            assert degrees == pytest.approx(abs(np.rad2deg(angle)), abs=0.0051)
+    page.locator("#live-own button").nth(1).focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#live-own [aria-pressed=true]").inner_text() == rows[1][0]
+    assert f"t = {rows[1][0]} s" in page.inner_text("#live-one caption")
+    assert page.evaluate("document.activeElement.textContent") == rows[1][0]
 
 
 def test_it_plays_pauses_and_shows_the_whole_section(page):

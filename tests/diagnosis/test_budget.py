@@ -61,6 +61,9 @@ def test_causes_that_overlap_share_what_they_close_and_the_range_tells_the_order
         assert own.causes[name].closes == pytest.approx(1.5 / whole)
         assert own.causes[name].range == pytest.approx((1.0 / whole, 2.0 / whole))
     assert own.closed.closes == pytest.approx(3.0 / whole)
+    for names, gap in (("", 4.0), ("a", 2.0), ("b", 2.0), ("ab", 1.0)):
+        left, together = own.sets[frozenset(names)]
+        assert left == pytest.approx(gap) and together.closes == pytest.approx((4.0 - gap) / whole)
 
 
 def test_a_small_gap_over_the_floor_says_little_about_shares():

@@ -212,9 +212,27 @@ def test_median_misses_of_a_channel_are_those_of_the_residuals(page, diagnosed):
     ):
         expected = f"({rate[c]:.2g} {unit}, {factor * pose[c]:.2g} {small})".replace(" °", "°")
         assert rows[f"impact, {name}"].endswith(expected)
-    assert len(rows) == 2 * len(CHANNELS["impact"])
+    assert len(rows) == 2 * (1 + len(CHANNELS["impact"]))
     page.locator("#live-phase").select_option("flights")
-    assert [row[0].split(",")[0] for row in cells(page, "#live-channels tbody tr")] == ["flight"] * 3
+    assert [row[0].split(",")[0] for row in cells(page, "#live-channels tbody tr")] == ["flight"] * 4
+
+
+def test_zones_have_their_typical_residuals_and_can_be_chosen(page, diagnosed):
+    tick(page, "camera_tilt")
+    data, zones = diagnosed.data, diagnosed.experiment.cross_section.zone_names
+    models = (diagnosed.found.base_held_out, diagnosed.found.sets[frozenset({"camera_tilt"})].held_out)
+    rows = {row[0]: row[1:] for row in cells(page, "#live-zones tbody tr")}
+    for z in np.unique(data.impact_zone):
+        own = data.impact_zone == z
+        sizes = [np.exp(np.log(misses_of(diagnosed, out).sigma[own]).mean()) for out in models]
+        assert rows[spoken(zones[z])][:3] == [str(own.sum()), *(f"{size:.1f} σ" for size in sizes)]
+    assert sum(int(row[0]) for row in rows.values()) == len(data.impacts)
+    page.locator("#live-zones button", has_text="ditch").click()
+    assert page.locator("#live-zone").input_value() == str(zones.index("ditch"))
+    assert cells(page, "#live-channels tbody tr")[0][1:] == rows["ditch"][:3]
+    assert page.evaluate("document.activeElement.textContent") == "ditch"
+    page.keyboard.press("Enter")
+    assert page.locator("#live-zone").input_value() == ""
 
 
 def listed(page) -> list[str]:
@@ -317,6 +335,13 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
     assert picture(page, CLOSE) != before
     page.get_by_role("button", name="frame back").click()
     assert "segment 2 of" in frame_words(page) and picture(page, CLOSE) == before
+    page.get_by_role("button", name="segment back").click()  # to its beginning
+    assert "segment 2 of" in frame_words(page)
+    page.get_by_role("button", name="segment back").click()
+    assert "segment 1 of" in frame_words(page)
+    for _ in range(2):
+        page.get_by_role("button", name="segment on").click()
+    assert "segment 3 of" in frame_words(page)
 
 
 def test_a_release_lists_its_impacts_and_flights_and_each_can_be_chosen(page, diagnosed):

@@ -126,7 +126,7 @@ def live_gap(
     known = {
         **_scene(result, data), "causes": names, "models": [m.causes for m in models],
         "labels": [m.label for m in models], "channels": channel_words(items, len(blocks), len(zones)),
-        "channel_names": [[phase, name] for phase in PHASES for name in CHANNELS[phase]],
+        "channel_names": [["all channels", *CHANNELS[phase]] for phase in PHASES],
         "phases": PHASES, "zones": list(map(spoken, zones)), "sizes": LEAST_SIZES, "classes": MISS_CLASSES,
         "checks": list(map(_check, checks)),
     }  # fmt: skip

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from rock2d.runs.campaigns.outputs import OUTPUTS
+from rock2d.runs.campaigns import OUTPUTS
 from rock2d.runs.engines import ENGINES
 
 ENGINE = click.Choice(list(ENGINES))

@@ -15,11 +15,10 @@ import numpy as np
 
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
-from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE

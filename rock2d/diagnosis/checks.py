@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations

@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, flight_response
 from rock2d.diagnosis.model import BASE_WIDTH, Model

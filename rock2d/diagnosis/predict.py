@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
 from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, STATE
 from rock2d.diagnosis.model import with_changed_law

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import fold_fits, folds
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses

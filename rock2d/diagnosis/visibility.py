@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model

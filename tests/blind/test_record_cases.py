@@ -10,8 +10,8 @@ import pytest
 
 from rock2d.blind.case_files import make_trial, read_labels
 from rock2d.blind.record_cases import SHARE_OF_RECORDS, Record, bases_of, write_record_case
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.detection import Curve
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.flights import load_film

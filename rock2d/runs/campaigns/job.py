@@ -27,7 +27,7 @@ class Job:
 
     Attributes
     ----------
-    folder : holds a folder for each of `keep`, names of `outputs.OUTPUTS`
+    folder : holds a folder for each of `keep`, names of `campaigns.OUTPUTS`
     fingerprint : of everything that determines the result; each file carries it
     conditions : of each release
     fps : samples per second, if they are kept

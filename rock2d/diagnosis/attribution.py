@@ -42,8 +42,10 @@ BASE_STARTS = 2  # places from which the base law is fitted
 REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of them must have
-OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
-EXPLAINING = 0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
+LEAST_CHANGED_FLIGHTS = 0.02  # share of the flights that must come or go with them
+LEAST_EXPLAINED_SHARE = (
+    0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
+)
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
 MOST_RESTARTS = 2  # with a better base law
 
@@ -147,14 +149,14 @@ def fit_base(
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
-        best = _fitted_anew(Model(registered or setup, base), data, bar)
+        best = _fitted_from_grid(Model(registered or setup, base), data, bar)
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
+def _fitted_from_grid(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
     """The fit of a model whose law starts from a grid, with either reading of the rolling resistance; `beside`:
     parameters of its effects to start from."""
     found, beside = list[Fit](), np.empty(0) if beside is None else beside
@@ -204,7 +206,7 @@ def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | Non
         for name, values in zip(REGISTERED, model.values(p), strict=False):
             world = known[name].apply(world, values)
         again = FilmData.of(replace(data.film), world)
-        if abs(len(again.flight_release) - len(data.flight_release)) < OTHER_FLIGHTS * len(
+        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(
             data.flight_release
         ):
             break
@@ -240,10 +242,10 @@ def attribute(
             search = replace(search, base=better)
             search.try_alone()
         largest = max(search.alone.values(), key=lambda own: search.gain(own, search.base).total)
-        search = _with_law_anew(search, largest)
+        search = _restarted_from_grid(search, largest)
         search.run()
         if search.best.names != largest.names:
-            again = _with_law_anew(search, search.best)
+            again = _restarted_from_grid(search, search.best)
             if again is not search:
                 again.run()
             search = again
@@ -261,13 +263,13 @@ def _better_base(search: Search) -> CauseSet | None:
     return found if search.gain(found, base).significant else None
 
 
-def _with_law_anew(search: Search, own: CauseSet) -> Search:
+def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
     """The search begun again from a set, if its fit is much better where the law starts from a grid instead of from a
     base that had adapted to a film without the effects of the set."""
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
     if not (own.names and base.free and len(data.impact_release)):
         return search
-    anew = _fitted_anew(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
+    anew = _fitted_from_grid(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
     if anew.total() < own.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
@@ -279,7 +281,7 @@ def _with_law_anew(search: Search, own: CauseSet) -> Search:
 
 def _attribution(search: Search) -> Attribution:
     data, whole = search.data, search.best
-    evidence, learnt, beside_all = _weighed(search)
+    evidence, learnt, beside_all = _evidence_of_sets(search)
     best = search.best
     p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
     learnt = best_predicting(data, learnt, beside_all)
@@ -305,11 +307,11 @@ def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float
     return min(
         outside(held_out_gain(data, learnt, own), left_by_form(search, own))
         for (learnt, own), total in zip(models, explained, strict=True)
-        if total >= EXPLAINING * max(explained)
+        if total >= LEAST_EXPLAINED_SHARE * max(explained)
     )
 
 
-def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
+def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
     A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first the

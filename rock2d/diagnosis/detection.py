@@ -124,7 +124,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in found.named
         curves[name] = Curve(
-            seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, largest_size(own)
+            seen50, float(steepness), own.unit, *tried.upper_limit(), found_anyway, largest_size(own)
         )
     return curves
 
@@ -272,7 +272,7 @@ class _AddedEffect:
             jacobian=self._jacobian.only(keep), residuals=residuals,
         )  # fmt: skip
 
-    def as_it_is(self) -> tuple[float, float]:
+    def upper_limit(self) -> tuple[float, float]:
         """The largest size that the record as it is allows, one-sided 95 %, and the value that is most probable: one
         Newton step from the fit, with the covariance of `clustered_covariance`; of a scatter, from its likelihood."""
         fit, data, jacobian = self._fit, self._data, self._jacobian

@@ -310,12 +310,20 @@ class UniKeys(Checked):
     """Partial factors of UNI 11211-4."""
 
     gamma_tr: Factor = Field(
-        default=1.10, description="Simulation: 1.02 calibrated on site, 1.10 parameters from literature"
+        default=1.10,
+        description="Reliability of the simulation: 1.02 calibrated on site, 1.10 parameters from literature",
     )
-    gamma_dp: Factor = Field(default=1.10, description="Topographic survey: 1.02 good, 1.10 poor")
-    gamma_vol: Factor = Field(default=1.10, description="Survey of block volumes: 1.02 good, 1.10 poor")
+    gamma_dp: Factor = Field(
+        default=1.10, description="Quality of the topographic survey: 1.02 good, 1.10 poor"
+    )
+    gamma_vol: Factor = Field(
+        default=1.10, description="Precision of the survey of block volumes: 1.02 good, 1.10 poor"
+    )
     gamma_gamma: Factor = Field(default=1.00, description="Unit weight of the rock: 1.00")
-    gamma_r: Factor = Field(default=1.00, description="Risk: 1.00 to 1.20")
+    gamma_r: Factor = Field(
+        default=1.00,
+        description="Risk: 1.00 for small consequences that can be repaired, up to 1.20 for great danger to people",
+    )
 
 
 class OnrKeys(Checked):

@@ -27,7 +27,7 @@ STAGES = {  # one after another, each with all that it calls
     "fit of the base law": attribution.fit_base,
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,
-    "which causes stay, beside what is learnt": attribution._weighed,
+    "which causes stay, beside what is learnt": attribution._evidence_of_sets,
     "regression of what is left": attribution._regressed,
     "where the gap lies": diagnosis.locate,
 }

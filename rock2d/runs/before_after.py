@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
 from rock2d.files.scenario import Scenario
@@ -13,8 +16,7 @@ from rock2d.runs.engines import compiled_engine
 from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
-from rock2d.runs.indicators.percentiles import QUANTITIES, percentile_table
-from rock2d.statistics import DESIGN_PERCENTILE
+from rock2d.statistics import DESIGN_PERCENTILE, percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,8 +84,6 @@ def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFra
 
 
 def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
-    import pandas as pd
-
     chosen = compiled_engine(model.engine)
     assert chosen.ensemble is not None
     job = job_of(model.scenario, chosen.name, seed, ("crossings",), Path(), "")
@@ -99,11 +99,9 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
             values = crossing_values(
                 found.crossings[which, k], ends, job.cross_section, group.masses()[which]
             )
-            crossings = pd.DataFrame(values, columns=list(CROSSING_VALUES))[list(QUANTITIES)]
-            percentiles = percentile_table(crossings.assign(block=block.name, line=own[1]))
-            at_95 = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE].set_index("quantity")
+            ranked = [np.sort(values[:, CROSSING_VALUES.index(name)]) for name in COLUMNS_OF_QUANTITY]
+            estimates = [percentile_estimate(each, len(values), DESIGN_PERCENTILE) for each in ranked]
             named = dict(zip(PASSING_COLUMNS, own, strict=True))
             shares = [value for name, value in named.items() if name in MODEL_COLUMNS[4:]]
-            estimates = at_95.reindex(list(COLUMNS_OF_QUANTITY))[["value", "low95", "high95"]]
-            rows.append((*own[:2], model.name, model.p, *shares, *estimates.to_numpy(float).ravel()))
+            rows.append((*own[:2], model.name, model.p, *shares, *itertools.chain(*estimates)))
     return rows

@@ -65,7 +65,7 @@ def reach_table(run: Simulated) -> pd.DataFrame:
         stopped = np.array([track.stop == "rest" for track in own])
         for angle, origin in ((REACH, start[:, :2]), (ENERGY_LINE, head)):
             found = np.sort(angle_of_reach_deg(origin, end[:, :2])[left])
-            estimate = percentile_estimate(dict(enumerate(found.tolist())), len(found), PERCENTILE)
+            estimate = percentile_estimate(found, len(found), PERCENTILE)
             least = float(found[0]) if len(found) else np.nan
             rows.append((name, angle, int(left.sum()), int((left & ~stopped).sum()), least, *estimate))
     return pd.DataFrame(rows, columns=list(REACH_COLUMNS))

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
 from rock2d.files.scenario import Scenario
-from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import compiled_engine
+from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
@@ -84,14 +82,12 @@ def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFra
 
 
 def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
-    chosen = compiled_engine(model.engine)
-    assert chosen.ensemble is not None
-    job = job_of(model.scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job = crossings_job(model.scenario, model.engine, seed)
     job.conditions.check_starts(count)
     lines, rows = job.cross_section.measure_lines, list[tuple[object, ...]]()
     for b, block in enumerate(job.blocks):
         group = job.conditions.group(b, 0, count)
-        found = chosen.ensemble(job, group)
+        found = job.outcome(group)
         passed = found.passed(len(lines))
         counts = found.passing(job.cross_section)
         for k, own in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):

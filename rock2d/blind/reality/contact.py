@@ -110,6 +110,7 @@ def sum_forces(
     found, memory, sums = contacts.found, contacts.memory, contacts.sums
     x, y = block.state[X], block.state[Y]
     velocity, path_velocity, span = block.velocity, block.path_velocity, block.span_s
+    drift, heave = ground_motion[DRIFT], ground_motion[HEAVE]
     for k in range(N_SUMS):
         sums[k] = 0.0
     sums[NEXT_DISTANCE] = 1e9
@@ -121,10 +122,12 @@ def sum_forces(
         nx, ny = found[j, NX], found[j, NY]
         rx, ry = found[j, PX] - x, found[j, PY] - y
         facet = int(found[j, FACET])
-        gx = ground_motion[DRIFT] if ground.yielding[facet] > 0.0 else 0.0
-        gy = ground_motion[HEAVE]
-        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - gy
-        wx, wy = path_velocity[0] - path_velocity[2] * ry - gx, path_velocity[1] + path_velocity[2] * rx - gy
+        gx = drift if ground.yielding[facet] > 0.0 else 0.0
+        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - heave
+        wx, wy = (
+            path_velocity[0] - path_velocity[2] * ry - gx,
+            path_velocity[1] + path_velocity[2] * rx - heave,
+        )
         rate, slip_velocity = -(ux * nx + uy * ny), ux * ny - uy * nx
         slip = span * (wx * ny - wy * nx)
         zone = int(memory[j, ZONE])

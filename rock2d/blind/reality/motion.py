@@ -137,7 +137,8 @@ def simulate_release(
     state: Array, times: Array, base: Ground, first_body: Body, law: SoilLaw, draws: ImpactDraws, poses: Array
 ) -> None:
     """Fill `poses` (frames, 3) of a release that starts at times[0] with `state` (of the centre of mass)."""
-    values, gravity, body = law.values, law.gravity, first_body
+    values, gravity = law.values, law.gravity
+    body = first_body
     reach, size = body.reach, body.size
     time_scale = np.sqrt(size / max(gravity, 1e-9))
     q, old, rested = state.copy(), state.copy(), state.copy()
@@ -163,7 +164,11 @@ def simulate_release(
     for _ in range(MOST_STEPS):
         if done == times.size:
             return
-        speed = _fastest_speed(q, reach, values)
+        speed = (
+            np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
+            + abs(q[OMEGA]) * reach
+            + values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE]
+        )
         moving = _embankment_moves(ground_motion, values)
         if in_contact:
             h = _contact_step(sums, steps, speed, time_scale)
@@ -178,13 +183,19 @@ def simulate_release(
                 h = min(h, AIR_STEP * time_scale, AIR_STEP_SIZE * size / (speed + 1e-12))
         if moving or shaking:
             h = min(h, max(steps.unloading, AIR_STEP * time_scale))
-        _to_middle(h, q, old, accel, velocity, path_velocity)
+        # to the middle of the step
+        for k in range(6):
+            old[k] = q[k]
+        for k in range(3):
+            q[k] += 0.5 * h * q[3 + k]
+            velocity[k] = q[3 + k] + 0.5 * h * accel[k]
+            path_velocity[k] = q[3 + k]
         if shaking:
             _shake(t + 0.5 * h, values, ground_motion)
         if shaking or moving:
             ground_motion[SHIFT] += 0.5 * h * ground_motion[DRIFT]
             move_ground(base, ground_motion, ground.points)
-        accel[0] = accel[1] = accel[2] = 0.0
+        ax = ay = alpha = 0.0
         # contacts begin and end, and press, in the middle of the step
         if in_contact or gap < 2.0 * h * speed + gravity * h * h + 0.01 * body.rounding:
             rows, gap = find_contacts(q, body, ground, contacts.found)
@@ -203,8 +214,8 @@ def simulate_release(
             if active > 0:
                 motion = BlockMotion(q, velocity, path_velocity, 0.5 * (h + last))
                 sum_forces(rows, motion, ground, ground_motion, impact_law, contacts)
-                accel[0], accel[1] = sums[FORCE_X] / body.mass, sums[FORCE_Y] / body.mass
-                accel[2] = sums[MOMENT] / body.inertia
+                ax, ay = sums[FORCE_X] / body.mass, sums[FORCE_Y] / body.mass
+                alpha = sums[MOMENT] / body.inertia
                 last = h
             elif in_contact:
                 in_contact, last = False, 0.0
@@ -214,12 +225,15 @@ def simulate_release(
                 _change_velocity_at_lift_off(q, reach, draws.speed_losses[impact], sums, values)
                 _release_ground(base, values, ground_motion, ground.points, sums)
         if windy:
-            ax, ay, alpha = air_acceleration(q, velocity, gap, values)
-            accel[0], accel[1], accel[2] = accel[0] + ax, accel[1] + ay, accel[2] + alpha
-        accel[1] -= gravity
+            bx, by, beta = air_acceleration(q, velocity, gap, values)
+            ax, ay, alpha = ax + bx, ay + by, alpha + beta
+        accel[0], accel[1], accel[2] = ax, ay - gravity, alpha
         if values[parameters.RECOIL_MASS] > 0.0:
             _recoil(sums[EMBANKMENT_FORCE] if in_contact else 0.0, h, values, ground_motion)
-        _to_end(h, q, accel)
+        # to the end of the step
+        for k in range(3):
+            q[3 + k] += h * accel[k]
+            q[k] += 0.5 * h * q[3 + k]
         path = PathPiece(t, t + h, old, q, 0.0 if in_contact or windy else gravity)
         done = fill_poses(done, path, body, times, poses)
         t += h
@@ -233,40 +247,9 @@ def simulate_release(
 
 
 @numba.njit
-def _fastest_speed(state: Array, reach: float, values: Array) -> float:
-    """Highest speed in m/s of a point of the block over the ground, about."""
-    return (
-        np.sqrt(state[VX] * state[VX] + state[VY] * state[VY])
-        + abs(state[OMEGA]) * reach
-        + values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE]
-    )
-
-
-@numba.njit
 def _embankment_moves(motion: Array, values: Array) -> bool:
     """Whether the embankment moves, or will be pushed back by its spring."""
     return abs(motion[DRIFT]) > 1e-9 or (motion[SHIFT] != 0.0 and values[parameters.RECOIL_SPRING] > 0.0)
-
-
-@numba.njit
-def _to_middle(
-    h: float, state: Array, old: Array, accel: Array, velocity: Array, path_velocity: Array
-) -> None:
-    """Move a block to the middle of a step of h; keep its state before, and its velocities there and on the way."""
-    for k in range(6):
-        old[k] = state[k]
-    for k in range(3):
-        state[k] += 0.5 * h * state[3 + k]
-        velocity[k] = state[3 + k] + 0.5 * h * accel[k]
-        path_velocity[k] = state[3 + k]
-
-
-@numba.njit
-def _to_end(h: float, state: Array, accel: Array) -> None:
-    """Move a block from the middle to the end of a step of h."""
-    for k in range(3):
-        state[3 + k] += h * accel[k]
-        state[k] += 0.5 * h * state[3 + k]
 
 
 @numba.njit

@@ -5,7 +5,6 @@ The script shows what is computed here, and computes nothing but where things li
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,10 +16,10 @@ import numpy as np
 from rock2d.design.collector import Station, collected
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
-from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, block_colours
-from rock2d.graphics.scenery import zone_tones
+from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
+from rock2d.graphics.palette import block_colours
 from rock2d.graphics.slope_figures import energy_unit
-from rock2d.graphics.thinned_paths import STEPS, largest_energies_J, packed, thinned_paths
+from rock2d.graphics.thinned_paths import largest_energies_J, thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
 from rock2d.records.columns import INSTANT_Y
 from rock2d.records.track import Track
@@ -111,23 +110,21 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
     found = []
     for view, stations in zip(views, collectors, strict=True):
         impacts, of_impacts = _impacts(view.run, worst_releases(view.run), MOST_IMPACTS // len(views))
-        own = {
-            "name": view.name,
-            "note": view.note,
-            **_scene(view.run, names),
-            **_collector(stations, names, units),
-        }
-        found.append({**own, "impacts": impacts, "notes": of_impacts})
-    data = {
+        found.append({
+            "name": view.name, "note": view.note, "radius": [view.run.blocks[name].radius_m for name in names],
+            "first_release": [min(t.release for t in view.run.tracks if t.block == name) for name in names],
+            **live_scene(view.run.cross_section), **_collector(stations, names, units),
+            "impacts": impacts, "notes": of_impacts,
+        })  # fmt: skip
+    data: dict[str, Any] = {
         "shown": shown, "limits": limits, "runs": found, "bins": BINS,
         "stops": [STOP_MARKERS[stop][1] for stop in stops],
         "blocks": [{"name": spoken(name), "colour": colour} for name, colour in block_colours(names).items()],
         "quantities": [LABELS[name] for name in QUANTITIES],
         "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
         "curve_labels": ["passing frequency (%)", *(label for _, label in units.values())],
-        "colours": {"deep": DEEP_GROUND, "sky": SKY, "ink": INK, "line": LINE_INK},
     }  # fmt: skip
-    room = MOST_BYTES - len(_compact(data))
+    room = MOST_BYTES - len(compact(data))
     for i, (view, own) in enumerate(zip(views, found, strict=True)):
         share = SHOWN_SHARE if i == shown else (1.0 - SHOWN_SHARE) / (len(views) - 1)
         own["paths"], of_paths = _paths(
@@ -137,7 +134,7 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         own["notes"] = of_paths + own["notes"]
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
-    others = "Releases with the same number start alike in all of these runs; the others have fewer of them."
+    others = "The same release of a block starts alike in all of these runs; the others have fewer releases."
     notes = [
         *([first] if len(run.tracks) < released else []), *([others] if len(views) > 1 else []),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "
@@ -146,7 +143,7 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         "those of the centroid above the ground.",
     ]  # fmt: skip
     return LiveSlope(
-        _compact(data).replace("<", "\\u003c"), list(map(spoken, names)), data["stops"],
+        in_page(data), list(map(spoken, names)), data["stops"],
         ["passing frequency", *data["quantities"]], [view.name for view in views], sizes, notes,
     )  # fmt: skip
 
@@ -166,10 +163,6 @@ def _limits(runs: Sequence[Simulation]) -> Limits:
     return float(x.min()), float(x.max()), low, top
 
 
-def _compact(data: Any) -> str:
-    return json.dumps(data, separators=(",", ":"), allow_nan=False)
-
-
 def worst_releases(run: Simulation) -> list[int]:
     """Indices of the tracks with the largest energies: WORST_SHARE of each block, at least one."""
     bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
@@ -180,16 +173,6 @@ def worst_releases(run: Simulation) -> list[int]:
         own = np.flatnonzero(block == name)
         found += own[np.argsort(-energy[own], kind="stable")][: math.ceil(WORST_SHARE * len(own))].tolist()
     return found
-
-
-def _scene(run: Simulation, names: Sequence[str]) -> dict[str, Any]:
-    """What stands still: ground and lines."""
-    ground, tones = run.cross_section, zone_tones(run.cross_section)
-    return {
-        "radius": [run.blocks[name].radius_m for name in names],
-        "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],
-        "lines": [ends.tolist() for ends in ground.measure_lines.values()],
-    }  # fmt: skip
 
 
 def _units(collectors: Sequence[Sequence[Station]]) -> dict[str, tuple[float, str]]:
@@ -270,7 +253,7 @@ def _paths(
         points, scales = thinned.packed()
     chosen = set(worst)
     shown = [tracks[i] for i in kept]
-    data = {
+    data: dict[str, Any] = {
         "points": points, "scales": scales, "steps": STEPS, "gravity": tracks[0].gravity_m_s2,
         "counts": thinned.counts.tolist(), "release": [track.release for track in shown],
         "block": [names.index(track.block) for track in shown], "stop": [stops.index(track.stop) for track in shown],
@@ -307,7 +290,7 @@ def _impacts(run: Simulation, worst: Sequence[int], most: int) -> tuple[dict[str
     columns = [[_value(impact) for impact in rows] for _, _value in IMPACT_COLUMNS]
     of_zone = np.array([zones.index(impact["zone"]) for impact in rows], "<u2")
     raw = np.array(columns, "<f4").tobytes() + of_zone.tobytes()
-    data = {
+    data: dict[str, Any] = {
         "rows": packed(raw), "columns": [name for name, _ in IMPACT_COLUMNS], "zones": list(map(spoken, zones)),
         "release": [tracks[i].release for i in chosen], "counts": [len(tracks[i].impacts) for i in chosen],
     }  # fmt: skip

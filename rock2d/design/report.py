@@ -33,9 +33,10 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
+from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
 from rock2d.graphics.printing import write_pdf
-from rock2d.graphics.rendering import Made, asset, rendered
+from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
@@ -153,7 +154,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
         "live": _live(content) if figures else None,
-        "script": asset("live_slope.js"), "live_style": asset("live_slope.css"),
+        **live_assets("live_slope"),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context, {})
 

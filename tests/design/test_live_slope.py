@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
         found = live_slope.live_slope([View("run", result), View("higher", higher)], released)
         return found, json.loads(found.data)["runs"]
 
-    found, (whole, other) = live()
+    _, (whole, other) = live()
     paths, impacts = (json.dumps(whole[name]) for name in ("paths", "impacts"))
     assert len(whole["paths"]["release"]) == len(whole["impacts"]["release"]) == 2 * RELEASES
     assert len(other["paths"]["release"]) == 2 * OTHERS

@@ -292,15 +292,14 @@ def test_another_run_is_shown_and_stands_beside(page, result, higher):
         first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)
     ]
     one = picture(page, "#live-stage canvas")
-    page.get_by_label("Release").fill("3")
+    page.get_by_label("Release").fill(f"{OTHERS + 3}")
     page.keyboard.press("Enter")
-    assert (
-        page.inner_text("#live-said").startswith("release 3, ball")
-        and picture(page, "#live-stage canvas") != one
-    )
+    assert page.inner_text("#live-said").startswith(f"release {OTHERS + 3}, {NASTY}")
+    assert picture(page, "#live-stage canvas") != one
     until(page, lambda: "view=1&beside=0" in page.url)
     page.locator("#live-view").select_option("0")
-    assert page.input_value("#live-release") == "3" and page.input_value("#live-beside") == "-1"
+    assert (result.tracks[RELEASES + 3].knots[0] == higher.tracks[OTHERS + 3].knots[0]).all()
+    assert page.input_value("#live-release") == f"{RELEASES + 3}" and page.input_value("#live-beside") == "-1"
 
 
 def test_it_stays_readable_where_the_screen_is_dark(page):

@@ -204,14 +204,14 @@
     return [own.counts.subarray(start, start + data.bins), own.ends[station][state.quantity - 1]];
   }
   function drawHistogram() {
-    histogram.hidden = state.quantity === 0;
-    if (histogram.hidden) return;
-    const chosen = sorted(state.block).map((b) => [b, ...bars(run, state.station, b)]);
-    const end = chosen[0]?.[2] || 1, pen = cleared(histogram), low = histogram.clientHeight - SCALE_PX;
-    const most = largest(chosen.map(([, counts]) => [...counts])) || 1, left = view.left, wide = (px(limits[1]) - left) / data.bins;
+    const chosen = state.quantity ? sorted(state.block).map((b) => [b, ...bars(run, state.station, b)]) : [];
+    const most = largest(chosen.map(([, counts]) => [...counts])), left = view.left, wide = (px(limits[1]) - left) / data.bins;
+    histogram.hidden = !most;
+    if (!most) return;
+    const end = chosen[0][2], pen = cleared(histogram), low = histogram.clientHeight - SCALE_PX;
     const qy = axes(pen, low + 8, most, `blocks that come past at x = ${run.stations[state.station][0].toFixed(view.decimals)} m`);
     pen.textAlign = "center";
-    for (const v of ticks(0, end, 8)) if (v < 0.93 * end) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
+    for (const v of ticks(0, end, 8)) if (left + (v / end) * data.bins * wide < px(limits[1]) - 70) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
     pen.textAlign = "right";
     pen.fillText(data.curve_labels[state.quantity], px(limits[1]), low + 15);
     chosen.forEach(([b, counts], k) => {

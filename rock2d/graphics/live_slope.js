@@ -211,7 +211,7 @@
     const end = chosen[0][2], pen = cleared(histogram), low = histogram.clientHeight - SCALE_PX;
     const qy = axes(pen, low + 8, most, `blocks that come past at x = ${run.stations[state.station][0].toFixed(view.decimals)} m`);
     pen.textAlign = "center";
-    for (const v of ticks(0, end, 8)) if (left + (v / end) * data.bins * wide < px(limits[1]) - 70) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
+    for (const v of ticks(0, end, 8)) if (left + (v / end) * data.bins * wide < px(limits[1]) - 95) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
     pen.textAlign = "right";
     pen.fillText(data.curve_labels[state.quantity], px(limits[1]), low + 15);
     chosen.forEach(([b, counts], k) => {

@@ -16,10 +16,10 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
 from rock2d.graphics.printing import check_printer
-from rock2d.runs.before_after import before_after
+from rock2d.runs.before_after import Model, before_after, diagnosed_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.engines import ENGINES
+from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.resolution import few_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
+    from rock2d.design.live_slope import View
     from rock2d.runs.results import RunResult
 
 FEWEST_FOR_PROCESS = 100  # releases from which on drawing takes longer than the start of a process that draws
@@ -337,9 +338,32 @@ def _write_page(
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     results = ReportContent(
-        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models
-    )
+        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models,
+        views=_views(sample, request),
+    )  # fmt: skip
     write_report(results, folder, request.page_of or "", request.pdf, figures)
+
+
+def _views(sample: RunResult, request: RunRequest) -> list[View]:
+    """The run, and some releases of each other model that it is compared with."""
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
+    from rock2d.design.model_range import BASE, alternatives
+
+    scenario, engine, models = sample.scenario, sample.engine, list[Model]()
+    if scenario.diagnosed is not None:
+        of_diagnosis = diagnosed_models(scenario, engine)
+        models += (
+            of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
+        )  # the last is the run itself
+    if request.compare:
+        models += alternatives(scenario, engine)
+    first = min(SHOWN_OF_OTHERS, len(sample.tracks) // len(sample.blocks))
+    others = (
+        run(own.scenario, engine=compiled_engine(own.engine).name, seed=sample.seed, releases=first)
+        for own in models
+    )
+    names = [BASE, *(own.name for own in models)]
+    return [View(name, own) for name, own in zip(names, [sample, *others], strict=True)]
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:

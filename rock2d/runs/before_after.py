@@ -40,13 +40,17 @@ class Model(NamedTuple):
 
 
 def before_after(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """MODEL_COLUMNS with each of `compared_models`, of the first releases of each block, at most MOST_RELEASES."""
+    """MODEL_COLUMNS with each of `diagnosed_models`, of the first releases of each block, at most MOST_RELEASES."""
+    return model_table(diagnosed_models(scenario, engine), seed, releases)
+
+
+def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
+    """The scenario with each of `compared_models`."""
     diagnosed = _diagnosed(scenario)
-    models = [
+    return [
         Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
         for found in compared_models(scenario)
     ]
-    return model_table(models, seed, releases)
 
 
 def compared_models(scenario: Scenario) -> list[FittedModel]:

@@ -19,7 +19,7 @@ from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
+from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
@@ -177,7 +177,7 @@ def _fitted_from_grid(model: Model, data: Data, bar: Bar | None = None, beside: 
         scale[scale == 0.0] = 1.0  # channels that were not measured
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
         for i in np.argsort(misfit)[:BASE_STARTS]:
-            found.append(fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS))
+            found.append(fit(model, some, corners[i], convergence=FEW_ROUNDS))
             if bar is not None:
                 bar.step("some releases")
     best = max(found, key=Fit.total)
@@ -287,14 +287,18 @@ def _attribution(search: Search) -> Attribution:
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base.fit)
-    candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
+    candidates = {
+        name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
+        for name, own in search.alone.items()
+    }
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
     of_base, of_best, left = _regressed(search, chain[-1], learnt)
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, left, best.names,
+        [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
+        learnt, left, best.names,
         {names: own.held_out for names, own in search.within(best.names).items()},
     )  # fmt: skip
 
@@ -377,12 +381,3 @@ def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) 
         Candidate(known[name], best.fit, best.held_out, search.gain(best, smaller[name]).gain)
         for name in order
     ]
-
-
-def _candidate(search: Search, own: CauseSet, name: str) -> Candidate:
-    return Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
-
-
-def _is_significant(dependence: Discrepancy) -> bool:
-    """Whether a dependence is significant."""
-    return dependence.significance > SIGNIFICANT_DEPENDENCE_Z

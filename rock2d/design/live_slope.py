@@ -134,7 +134,9 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         own["notes"] = of_paths + own["notes"]
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
-    others = "The same release of a block starts alike in all of these runs; some of them may have fewer releases."
+    others = (
+        "The same release of a block starts alike in all of these runs; some of them may have fewer releases."
+    )
     notes = [
         *([first] if len(run.tracks) < released else []), *([others] if len(views) > 1 else []),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "

@@ -253,6 +253,7 @@
   const strips = data.checks.map((check) => {
     const button = document.createElement("button"), name = document.createElement("span"), strip = document.createElement("canvas");
     [button.type, name.textContent, name.className] = ["button", check.name, check.fails ? "fails" : ""];
+    strip.className = "plate";
     button.append(name, strip);
     const say = () => {
       for (const other of find("checks").children) other.setAttribute("aria-pressed", other === button);

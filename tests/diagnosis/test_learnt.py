@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnosis_content import base_values
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on

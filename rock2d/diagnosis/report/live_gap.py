@@ -17,8 +17,8 @@ from markupsafe import Markup
 from rock2d.diagnosis.budget import Share
 from rock2d.diagnosis.checks import REPLICATES, Check
 from rock2d.diagnosis.cross_validation import Validated
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import Validated
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis, zone_below
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.gap import typical
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.report.tables import corrected_setup, signs_of, touch_places

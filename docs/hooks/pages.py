@@ -203,6 +203,8 @@ def gallery_page() -> str:
         for picture in sorted((DOCS / "pictures").glob(f"{path.stem}_*.png")):
             engine = picture.stem.removeprefix(path.stem + "_").replace("_", "-")
             lines += [f"![{content['name']} with the {engine} engine](pictures/{picture.name})", ""]
+        if (DOCS / "live" / f"{path.stem}.html").is_file():
+            lines += [f"[Live page of this scenario](live/{path.stem}.html)", ""]
         text = path.read_text(encoding="utf-8")
         data = " --data DIR" if "from_experiment" in text or "field_test" in text else ""
         lines += ["```bash", f"rock2d run scenarios/{path.name}{data}", "```", ""]
@@ -230,6 +232,8 @@ def tutorial_page(path: Path) -> str:
         lines += ["Output:", "", "```text", output.read_text(encoding="utf-8").strip(), "```", ""]
     for picture in sorted((DOCS / "pictures").glob(f"tutorial_{path.stem}*.png")):
         lines += [f"![Picture of this tutorial](../pictures/{picture.name})", ""]
+    if (DOCS / "live" / f"{path.stem}.html").is_file():
+        lines += [f"[Live page of this tutorial](../live/{path.stem}.html)", ""]
     lines += [f"The script: [{path.name}]({path.name})."]
     return "\n".join(lines) + "\n"
 

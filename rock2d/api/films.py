@@ -330,8 +330,12 @@ def diagnose(
     from rock2d.diagnosis.diagnosis_content import diagnosis_json
     from rock2d.diagnosis.workload import DiagnosisBars
     from rock2d.effects import catalogue
+    from rock2d.processes import check_not_imported
 
-    read, processes = _loaded(experiment), workers or os.cpu_count() or 1
+    processes = workers or os.cpu_count() or 1
+    if processes > 1:
+        check_not_imported()
+    read = _loaded(experiment)
     bars = DiagnosisBars(progress, len(catalogue()), processes)
     found = run_diagnosis(read, seed=seed, workers=processes, bars=bars)
     return DiagnosisResult(found, diagnosis_json(found))

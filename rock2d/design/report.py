@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.design.design_values import demands, design_table, norm_remarks
-from rock2d.design.live_slope import live_slope
+from rock2d.design.live_slope import LiveSlope, View, live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.report_tables import (
     block_rows,
@@ -83,6 +83,7 @@ class ReportContent:
     combinations : of a search for the least volume, the best first
     compared : before and after the scenario's diagnosis
     models : with other models, see `design.model_range`
+    views : `sample` and runs with other models, or of a search with each size that it tried, in ascending order
     """
 
     scenario: Scenario
@@ -94,6 +95,7 @@ class ReportContent:
     combinations: Sequence[Combination] = ()
     compared: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
+    views: Sequence[View] = ()
 
     @property
     def fails(self) -> bool:
@@ -151,10 +153,16 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
         "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
-        "live": live_slope(content.sample, content.releases) if figures else None,
+        "live": _live(content) if figures else None,
         **live_assets("live_slope"),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context, {})
+
+
+def _live(content: ReportContent) -> LiveSlope | None:
+    views = content.views or [View("", content.sample)]
+    shown = next(i for i, view in enumerate(views) if view.run is content.sample)
+    return live_slope(views, content.releases, shown, content.answer.place if content.answer else "")
 
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:

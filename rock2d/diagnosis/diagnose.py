@@ -12,10 +12,9 @@ from threadpoolctl import threadpool_limits
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, registered_by_fit
 from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks, predictive_checks
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import some_releases
 from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, impact_part, where
-from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap

@@ -94,7 +94,7 @@ CHANNELS = {
 }
 
 
-def _taken(found: Attribution, kind: str) -> Array:
+def _explained_squares(found: Attribution, kind: str) -> Array:
     """Squares by which the best explanation reduces those of "impacts" or "flights": the best model, with the flexible
     regression on top where it finds more, or the regression alone where no effect helps."""
     base, better, remaining = (
@@ -111,9 +111,9 @@ def impact_part(
 ) -> Part:
     """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
     effect, if they and not those of the base are to be explained."""
-    taken = _taken(found, "impacts")
+    taken = _explained_squares(found, "impacts")
     if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
-        taken = _spread_stated(found)  # no mean shifts, so `bare` does not matter
+        taken = _explained_spread(found)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
         scale = standard_deviations(found.final.fit.covariance())
         taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
@@ -123,7 +123,7 @@ def impact_part(
     return Part("impact", taken, base, left, zone, block, release)
 
 
-def _spread_stated(found: Attribution) -> Array:
+def _explained_spread(found: Attribution) -> Array:
     """(n, channels) gain in deviance of each channel, for an effect that shifts no mean but widens the spread."""
     deviance = []
     for fitted, out in (
@@ -137,7 +137,7 @@ def _spread_stated(found: Attribution) -> Array:
 
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
     """Flights, by coordinate."""
-    taken = _taken(found, "flights")
+    taken = _explained_squares(found, "flights")
     squares = np.stack([taken, found.base_regressed.flights**2, found.left_regressed.flights**2])
     taken, base, left = squares.reshape(3, len(taken), 3, FLIGHT_DEGREES)
     return Part("flight", taken, base, left, zone, block, release)

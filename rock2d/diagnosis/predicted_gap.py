@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import Validated, folds
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.replay import with_drawn_soils
@@ -27,7 +27,7 @@ REPLICATES = 4  # replicates of each segment, for the floor
 DRAWS = 400  # bootstrap draws of the releases
 # times the tail without a change: more than the tail of other draws of the releases differs
 HARMFUL_TAIL = 1.02
-TINY = 1e-18  # variance that keeps a covariance of states positive definite
+SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
 
 
 @dataclass
@@ -167,7 +167,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     dt = data.start_s[segments.flight]
     starts = data.states_at(world, segments.flight, dt)
     covariance = data.true_covariance(world, segments.flight, dt, starts)
-    root = np.linalg.cholesky(covariance + TINY * np.eye(starts.shape[1]))
+    root = np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(starts.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     found = []
     for _ in range(REPLICATES):

@@ -10,7 +10,7 @@
   // ---- data -------------------------------------------------------------------------------------------------------
   const itemRaw = await unpacked(items.rows), count = items.count;
   const column = (i) => new Float32Array(itemRaw, 4 * i * count, count);
-  const [ofRelease, ofBlock, ofZone, ofPhase, ofTime, ofX, ofY] = Array(items.measured).fill().map((_, i) => column(i));
+  const [ofRelease, ofBlock, ofZone, ofPhase, ofTime, ofUntil, ofX, ofY] = Array(items.measured).fill().map((_, i) => column(i));
   const velocities = [0, 1].map((k) => [0, 1, 2].map((c) => column(items.measured + 3 * k + c))); // before, after
   const left = models.map((_, m) => Array(CHANGED).fill().map((_, c) => column(items.measured + 6 + CHANGED * m + c)));
   const first = starts(frames.counts), total = first.at(-1);
@@ -36,25 +36,16 @@
     state.release = frames.release.indexOf(release);
     if (state.release < 0) state.release = frames.release.indexOf(state.item === "" ? ofRelease[every[0]] : ofRelease[state.item]);
     const at = Number(said.get("t"));
-    state.time = said.has("t") && Number.isFinite(at) ? at : state.item === "" ? showing() : startOf(state.item);
+    state.time = said.has("t") && Number.isFinite(at) ? at : ofUntil[state.item === "" ? worstOf(state.release) : state.item] ?? 0;
   }
-  function showing() { // where the gap of the chosen release is largest: the end of that segment
-    const worst = every.find((i) => ofRelease[i] === frames.release[state.release] && ofPhase[i] === IMPACT);
-    return worst === undefined ? 0 : t[segmentOf(worst)[1] - 1];
-  }
-  function segmentOf(i) { // [first frame, beyond the last] of the segment of an impact
-    const own = frames.release.indexOf(ofRelease[i]);
-    const after = ([a, b]) => a >= first[own] && b <= first[own + 1] && t[b - 1] > ofTime[i] + 1e-6;
-    return frames.segments.find(after) ?? [first[own], first[own] + 1];
-  }
-  const startOf = (i) => (ofPhase[i] === IMPACT ? t[segmentOf(i)[0]] : ofTime[i]);
+  const worstOf = (release) => every.find((i) => ofRelease[i] === frames.release[release] && ofPhase[i] === IMPACT);
   const writeAddress = () => live.writeAddress(() => ({
     release: data.released[frames.release[state.release]],
     ...(causes.length && { causes: live.sorted(state.causes).map((i) => causes[i]).join() }),
     ...Object.fromEntries(["block", "zone", "phase", "item"].filter((k) => state[k] !== "").map((k) => [k, state[k]])),
     ...(state.size && { size: state.size }),
     ...(!state.close && { close: 0 }),
-    t: +player.time.toFixed(4),
+    t: +player.time.toFixed(5),
   }));
   const model = () => models.findIndex((own) => own.length === state.causes.size && own.every((i) => state.causes.has(i)));
   const shown = () => Math.max(model(), 0); // the base law where the causes were not computed together
@@ -76,16 +67,36 @@
   }
   function fillChannels() {
     const parts = data.channels[state.block === "" ? 0 : 1 + state.block][state.zone === "" ? 0 : 1 + state.zone];
-    const table = find("channels"), m = shown();
-    table.tHead.replaceChildren();
-    table.tBodies[0].replaceChildren();
-    row(table.tHead, ["", "n", data.labels[0], ...(m ? [data.labels[m]] : [])], "th");
+    const m = shown(), body = emptied(find("channels"), ["", "n", data.labels[0], ...(m ? [data.labels[m]] : [])]);
     parts.forEach(([n, channels], phase) => {
       if (state.phase !== "" && state.phase !== phase) return;
       channels.forEach((own, c) => {
-        const name = data.channel_names[3 * phase + c].join(", ");
-        row(table.tBodies[0], [name, n, own[0], ...(m ? [own[m]] : [])]);
+        row(body, [`${data.phases[phase]}, ${data.channel_names[phase][c]}`, n, own[0], ...(m ? [own[m]] : [])]);
       });
+    });
+    fillZones();
+  }
+  function emptied(table, head) {
+    table.tHead.replaceChildren();
+    table.tBodies[0].replaceChildren();
+    row(table.tHead, head, "th");
+    return table.tBodies[0];
+  }
+  function pressed(cell, text, on, press) { // a button in a cell of a table
+    const button = cell.appendChild(document.createElement("button")), table = cell.closest("table");
+    [button.type, button.textContent] = ["button", text];
+    button.setAttribute("aria-pressed", on);
+    button.addEventListener("click", () => { press(); [...table.querySelectorAll("button")].find((own) => own.textContent === text)?.focus(); });
+  }
+  function fillZones() { // typical residuals zone by zone
+    const m = shown(), own = data.channels[state.block === "" ? 0 : 1 + state.block];
+    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map((k) => data.labels[k])]);
+    const body = emptied(find("zones"), ["", ...head]);
+    data.zones.forEach((zone, z) => {
+      const parts = own[1 + z];
+      if (!parts.some(([n]) => n)) return;
+      const made = row(body, ["", ...parts.flatMap(([n, [together]]) => [n, ...models.map((k) => together[k])])]);
+      pressed(made.cells[0], zone, state.zone === z, () => { state.zone = state.zone === z ? "" : z; find("zone").value = state.zone; modelChanged(); });
     });
   }
 
@@ -93,6 +104,7 @@
   const stage = find("stage"), [ground, marks, top] = stage.children, view = new live.View(stage, data.limits);
   const nearStage = find("near"), [nearGround, nearTop] = nearStage.children, near = new live.View(nearStage, data.limits);
   const colourOf = (sigma) => data.classes.findLast(([least]) => sigma >= least)[1];
+  const gap = (i, m, c) => left[m][c][i];
   const sigma = (i, m) => `${left[m][0][i].toFixed(1)} σ`;
   const placed = (i) => `release ${data.released[ofRelease[i]]}, ${blocks[ofBlock[i]].name}, ${data.phases[ofPhase[i]]}, ${data.zones[ofZone[i]]}, t = ${ofTime[i].toFixed(3)} s`;
   const named = (i) => `${sigma(i, 0)}${shown() ? ` → ${sigma(i, shown())}` : ""}: ${placed(i)}`;
@@ -127,12 +139,10 @@
     const table = find("one"), i = state.item;
     table.hidden = i === "";
     if (i === "") return;
-    table.tHead.replaceChildren();
-    table.tBodies[0].replaceChildren();
     table.caption.textContent = placed(i);
     const own = [...new Set([0, shown()])], digits = (v, n) => (Number.isFinite(v) ? v.toFixed(n) : "-");
     if (ofPhase[i] === IMPACT) {
-      row(table.tHead, ["", "along the ground (m/s)", "across (m/s)", "spin (rad/s)", "off along (mm)", "off across (mm)", "off in angle (°)", "residual"], "th");
+      emptied(table, ["", "along the ground (m/s)", "across (m/s)", "spin (rad/s)", "off along (mm)", "off across (mm)", "off in angle (°)", "residual"]);
       const speeds = (three) => three.map((v, c) => digits(v, c < 2 ? 3 : 2));
       ["before, measured", "after, measured"].forEach((name, k) =>
         row(table.tBodies[0], [name, ...speeds(velocities[k].map((v) => v[i])), "", "", "", ""]));
@@ -141,7 +151,7 @@
         row(table.tBodies[0], [`after, ${data.labels[m]}`, ...speeds(rest.slice(3)), ...rest.slice(0, 3).map((v) => digits(v, 2)), sigma(i, m)]);
       }
     } else {
-      row(table.tHead, ["bend of the flight that is left", "x (mm)", "y (mm)", "angle (°)", "residual"], "th");
+      emptied(table, ["bend of the flight that is left", "x (mm)", "y (mm)", "angle (°)", "residual"]);
       for (const m of own) row(table.tBodies[0], [data.labels[m], ...[1, 2, 3].map((c) => digits(left[m][c][i], 3)), sigma(i, m)]);
     }
   }
@@ -156,9 +166,11 @@
 
   // ---- one release ------------------------------------------------------------------------------------------------
   const begin = () => first[state.release], end = () => first[state.release + 1];
+  const ofThis = (s) => frames.segments[s][0] >= begin() && frames.segments[s][0] < end();
   function frameAt(time) {
+    const slack = (0.05 * (t[end() - 1] - t[begin()])) / (end() - begin()); // packed times are rounded
     let i = begin();
-    while (i < end() - 1 && t[i + 1] <= time + 1e-9) i++;
+    while (i < end() - 1 && t[i + 1] <= time + slack) i++;
     return i;
   }
   const poseOf = (i, m) => [0, 1, 2].map((c) => pose[c][i] + (m < 0 ? 0 : pose[3 + 3 * m + c][i]));
@@ -170,7 +182,7 @@
   }
   const off = (i, m) => {
     const [dx, dy, turn] = [0, 1, 2].map((c) => pose[3 + 3 * m + c][i]);
-    return `${(1e3 * Math.hypot(dx, dy)).toFixed(1)} mm and ${((turn * 180) / Math.PI).toFixed(1)}°`;
+    return `${(1e3 * Math.hypot(dx, dy)).toFixed(1)} mm and ${Math.abs((turn * 180) / Math.PI).toFixed(1)}°`;
   };
   const way = () => Array.from({ length: end() - begin() }, (_, k) => [pose[0][begin() + k], pose[1][begin() + k]]);
   function drawTop() { // the chosen release and the chosen impact or flight, on the section
@@ -208,9 +220,14 @@
       pen.stroke();
     }
     pen.restore();
-    const own = frames.segments.map((_, s) => s).filter((s) => frames.segments[s][0] >= begin() && frames.segments[s][0] < end());
+    const own = [...frames.segments.keys()].filter(ofThis);
     const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "before the first segment: measured only";
     find("frame").textContent = `t = ${t[i].toFixed(3)} s, frame ${i - begin() + 1} of ${end() - begin()}, ${where}${inside && m ? `; ${data.labels[m]} ${off(i, m)}` : ""}.`;
+  }
+  function segmentStart(way) { // of the next segment of the release, or of the one before
+    const now = player.time, at = frames.segments.map(([a]) => t[a]).filter((_, s) => ofThis(s));
+    player.pause();
+    player.set((way > 0 ? at.find((time) => time > now + 1e-9) : at.findLast((time) => time < now - 1e-9)) ?? now);
   }
   const parts = { clock: find("time"), play: find("play"), back: find("back"), on: find("on"), speed: find("speed") };
   const next = (time, way) => t[Math.min(Math.max(frameAt(time) + way, begin()), end() - 1)];
@@ -219,12 +236,24 @@
     find("release").value = data.released[frames.release[state.release]];
     player.range(t[begin()], t[end() - 1]);
   }
+  function fillOwn() { // impacts and flights of the release, in the order of time
+    const table = find("own"), release = frames.release[state.release], m = shown();
+    const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
+    const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
+    table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
+    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map((k) => data.labels[k])]);
+    for (const i of own) {
+      const made = row(body, ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...models.map((k) => missed(i, k))]);
+      pressed(made.cells[0], ofTime[i].toFixed(3), i === state.item, () => choose(i));
+    }
+  }
 
   // ---- checks -----------------------------------------------------------------------------------------------------
   const most = Math.max(...data.checks.map((check) => Math.max(check.value, check.percentiles[99])));
   const strips = data.checks.map((check) => {
     const button = document.createElement("button"), name = document.createElement("span"), strip = document.createElement("canvas");
     [button.type, name.textContent, name.className] = ["button", check.name, check.fails ? "fails" : ""];
+    strip.className = "plate";
     button.append(name, strip);
     const say = () => {
       for (const other of find("checks").children) other.setAttribute("aria-pressed", other === button);
@@ -260,9 +289,10 @@
     if (release >= 0) {
       state.release = release;
       fillRelease();
-      player.set(startOf(item));
+      player.set(ofUntil[item]);
     }
     fillItem();
+    fillOwn();
     drawSection();
     writeAddress();
   }
@@ -270,6 +300,7 @@
     fillModel();
     fillChannels();
     fillItem();
+    fillOwn();
     drawSection();
     writeAddress();
   }
@@ -279,12 +310,16 @@
     if (!box.checked) state.causes.delete(LEARNT);
     modelChanged();
   }));
+  const folded = [...section.querySelectorAll(".live-model details")]; // those of all models open and close together
+  for (const own of folded) own.addEventListener("toggle", () => folded.forEach((other) => { other.open = own.open; }));
   for (const name of ["block", "zone", "phase", "size"])
     find(name).addEventListener("change", (event) => {
       state[name] = event.target.value === "" ? "" : Number(event.target.value);
       modelChanged();
     });
   find("item").addEventListener("change", (event) => choose(event.target.value === "" ? "" : Number(event.target.value)));
+  find("earlier").addEventListener("click", () => segmentStart(-1));
+  find("later").addEventListener("click", () => segmentStart(1));
   stage.addEventListener("click", (event) => choose(itemNear(view.at(event))));
   find("close").addEventListener("change", (event) => { state.close = event.target.checked; drawNear(); writeAddress(); });
   find("release").addEventListener("change", (event) => {
@@ -296,6 +331,7 @@
     [state.release, state.item] = [release, ""];
     fillRelease();
     fillItem();
+    fillOwn();
     player.set(0);
     drawSection();
   });
@@ -306,6 +342,7 @@
     fillChannels();
     fillRelease();
     fillItem();
+    fillOwn();
     player.set(state.time);
     drawSection();
     drawChecks();

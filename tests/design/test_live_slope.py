@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 
 import numpy as np
 import pytest
@@ -10,9 +12,11 @@ from PIL import Image
 
 import rock2d
 from rock2d.design import live_slope
+from rock2d.design.live_slope import View
 from rock2d.design.report import REPORTED_TABLES, ReportContent, report_page
 from rock2d.design.report_tables import quantity_text
 from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_variants import variant
 from rock2d.graphics.rendering import Made
 from rock2d.runs.indicators.envelopes import QUANTITIES
 from rock2d.runs.indicators.percentiles import percentile_table
@@ -33,6 +37,7 @@ BLOCKS = f"""blocks:
   ball: {{shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}
   "{NASTY}": {{shape: square, side_m: 0.5, mass_kg: 337, inertia: uniform}}"""
 RELEASES = 80  # of each block: enough for the 95th percentile, not for the 99th
+OTHERS = 25  # releases of each block at the higher embankment
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +47,19 @@ def result(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def report(result, tmp_path_factory):
+def higher(result):
+    """Some of the releases at a higher embankment, which the page can show beside the run."""
+    return rock2d.run(variant(result.scenario, {"embankment.height_m": 3.0}), releases=OTHERS)
+
+
+@pytest.fixture(scope="module")
+def report(result, higher, tmp_path_factory):
     """The page with one small picture instead of its figures, which take long to draw."""
     folder = tmp_path_factory.mktemp("live_page")
     Image.new("RGB", (40, 20)).save(folder / "trajectories.png")
+    views = [View("as in the file", result), View(NASTY, higher, "3 m high")]
     content = ReportContent(
-        result.scenario, result, {name: result.to_pandas(name) for name in REPORTED_TABLES}
+        result.scenario, result, {name: result.to_pandas(name) for name in REPORTED_TABLES}, views=views
     )
     made = Made("2025-03-31", "0", "rock2d run live.yaml --report", "3")
     (folder / "report.html").write_text(
@@ -64,21 +76,29 @@ def test_without_a_script_the_view_is_hidden_and_only_its_own_script_may_run(rep
     assert len(text) < 400_000
 
 
-def test_what_does_not_fit_is_left_out_and_said(result, monkeypatch):
-    whole = json.loads(live_slope.live_slope(result, len(result.tracks)).data)
+def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
+    def live(released=2 * RELEASES):
+        found = live_slope.live_slope([View("run", result), View("higher", higher)], released)
+        return found, json.loads(found.data)["runs"]
+
+    _, (whole, other) = live()
     paths, impacts = (json.dumps(whole[name]) for name in ("paths", "impacts"))
     assert len(whole["paths"]["release"]) == len(whole["impacts"]["release"]) == 2 * RELEASES
-    monkeypatch.setattr(live_slope, "MOST_IMPACTS", 100)
-    less = live_slope.live_slope(result, len(result.tracks))
-    assert 0.2 * len(impacts) > len(json.dumps(json.loads(less.data)["impacts"]))
+    assert len(other["paths"]["release"]) == 2 * OTHERS
+    monkeypatch.setattr(live_slope, "MOST_IMPACTS", 200)
+    less, runs = live()
+    assert 0.2 * len(impacts) > len(json.dumps(runs[0]["impacts"]))
+    assert runs[0]["notes"][1].startswith("Impacts are listed for ")
     monkeypatch.setattr(live_slope, "MOST_BYTES", len(less.data) - len(paths) // 2)
-    least = live_slope.live_slope(result, 3 * len(result.tracks))
-    shown = json.loads(least.data)["paths"]
-    assert 0.3 * len(paths) < len(json.dumps(shown)) < 0.7 * len(paths)
-    assert sum(shown["worst"]) == 2 and set(shown["release"]) > set(range(10))
-    assert f"{len(shown['release'])} of {2 * RELEASES} paths, the first ones and the worst" in least.notes[1]
+    least, (run, other) = live(6 * RELEASES)
+    assert 0.3 * len(paths) < len(json.dumps(run["paths"])) < 0.7 * len(paths)
+    assert sum(run["paths"]["worst"]) == 2 and set(run["paths"]["release"]) > set(range(10))
+    assert (
+        f"{len(run['paths']['release'])} of {2 * RELEASES} paths, the first ones and the worst"
+        in run["notes"][0]
+    )
     assert f"the first {2 * RELEASES} of {6 * RELEASES} releases" in least.notes[0]
-    assert least.notes[2].startswith("Impacts are listed for ")
+    assert len(least.data) < live_slope.MOST_BYTES + 2000
 
 
 def test_the_worst_have_the_largest_energies_of_their_block(result):
@@ -199,6 +219,83 @@ def test_the_curve_shows_the_chosen_quantity(page):
     assert len(seen) == 4 and "95 %" in page.inner_text("#live-key")
 
 
+def test_the_histogram_counts_the_blocks_that_come_past(page, result):
+    page.locator("#live-quantity").select_option("0")
+    assert page.locator("#live-histogram").is_hidden()
+    page.locator("#live-quantity").select_option("3")
+    before = picture(page, "#live-histogram")
+    go(page, 15.0)
+    page.locator("#live-quantity").select_option("3")
+    assert page.locator("#live-histogram").is_visible() and picture(page, "#live-histogram") != before
+    own = json.loads(page.locator("#live-data").text_content())
+    counts = np.frombuffer(zlib.decompress(base64.b64decode(own["runs"][0]["counts"])), "<u2")
+    counts = counts.reshape(len(own["runs"][0]["stations"]), 3, 2, own["bins"])
+    crossings = result.to_pandas("crossings")
+    for s, (_, _, line) in enumerate(own["runs"][0]["stations"]):
+        for b, block in enumerate(("ball", NASTY)):
+            passed = own["runs"][0]["texts"][b][s][0]
+            assert (counts[s, :, b].sum(axis=-1) == passed).all()
+            if line:
+                at = crossings[(crossings["line"] == line.replace(" ", "_")) & (crossings["block"] == block)]
+                ends = np.linspace(0.0, own["runs"][0]["ends"][s][1], own["bins"] + 1)
+                inside = np.histogram(at["speed_m_s"], ends)[0]
+                assert abs(counts[s, 1, b] - inside).sum() <= 2  # the upper end has four digits
+
+
+def test_another_run_is_shown_and_stands_beside(page, result, higher):
+    at = float(result.to_pandas("crossings").query("line == 'arrival'")["x_m"].median())
+    first = shown(page, at)["ball"]
+    page.locator("#live-view").select_option("1")
+    assert page.inner_text("#live-viewed") == f"{NASTY}: 3 m high"
+    passing = higher.to_pandas("passing").query("line == 'arrival' and block == 'ball'").iloc[0]
+    caption = page.locator("#live-tables caption").first.text_content()
+    words = with_interval(passing["frequency"], passing["low95"], passing["high95"], 100.0)
+    assert caption == f"ball: {passing['passed']} past, {words} % of the released"
+    assert f"{2 * OTHERS} of {2 * OTHERS} paths shown" in page.inner_text("#live-said")
+    page.locator("#live-beside").select_option("0")
+    assert f"as in the file: {2 * RELEASES} of {2 * RELEASES}" in page.inner_text("#live-said")
+    beside = page.locator("#live-tables table").first.locator("small").all_text_contents()
+    assert beside[0].startswith("as in the file: ") and beside[1:] == [
+        first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)
+    ]
+    one = picture(page, "#live-stage canvas")
+    page.get_by_label("Release").fill(f"{OTHERS + 3}")
+    page.keyboard.press("Enter")
+    assert page.inner_text("#live-said").startswith(f"release {OTHERS + 3}, {NASTY}")
+    assert picture(page, "#live-stage canvas") != one
+    until(page, lambda: "view=1&beside=0" in page.url)
+    page.locator("#live-view").select_option("0")
+    assert (result.tracks[RELEASES + 3].knots[0] == higher.tracks[OTHERS + 3].knots[0]).all()
+    assert page.input_value("#live-release") == f"{RELEASES + 3}" and page.input_value("#live-beside") == "-1"
+
+
+def test_it_stays_readable_where_the_screen_is_dark(page):
+    page.emulate_media(color_scheme="dark")
+    colours = page.evaluate(
+        """() => { const of = (name) => getComputedStyle(document.querySelector(name));
+        return [of('body').backgroundColor, of('body').color, of('.note').color, of('#live-stage').backgroundColor] }"""
+    )
+    paper, ink, pale, plate = (np.array(colour[4:-1].split(","), float) for colour in colours)
+    assert contrast(ink, paper) > 7 and contrast(pale, paper) > 4.5  # WCAG 2.2, levels AAA and AA
+    assert paper.max() < 40 and plate.min() == 255
+    page.emulate_media(color_scheme="light")
+
+
+def contrast(one, other) -> float:
+    """Contrast ratio of two sRGB colours, WCAG 2.2."""
+
+    def luminance(colour) -> float:
+        share = colour / 255
+        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ (
+            0.2126,
+            0.7152,
+            0.0722,
+        )
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_a_release_is_chosen_with_its_impacts_and_plays(page, result):
     impacts = result.to_pandas("impacts")
     own = impacts[impacts["release"] == 3]
@@ -275,5 +372,5 @@ def test_names_stay_text_and_nothing_is_loaded(
     watched, report
 ):  # the last test: all others have used the page
     page, seen = watched
-    assert page.locator("#live b").count() == 0 and page.get_by_label(NASTY).count() == 1
+    assert page.locator("#live b").count() == 0 and page.get_by_role("checkbox", name=NASTY).count() == 1
     assert_nothing_else_was_run_or_loaded(page, seen, report)

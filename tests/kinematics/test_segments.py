@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model

@@ -17,8 +17,8 @@ from markupsafe import Markup
 from rock2d.diagnosis.budget import Share
 from rock2d.diagnosis.checks import REPLICATES, Check
 from rock2d.diagnosis.cross_validation import Validated
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
@@ -126,7 +126,7 @@ def live_gap(
     known = {
         **_scene(result, data), "causes": names, "models": [m.causes for m in models],
         "labels": [m.label for m in models], "channels": channel_words(items, len(blocks), len(zones)),
-        "channel_names": [[phase, name] for phase in PHASES for name in CHANNELS[phase]],
+        "channel_names": [["all channels", *CHANNELS[phase]] for phase in PHASES],
         "phases": PHASES, "zones": list(map(spoken, zones)), "sizes": LEAST_SIZES, "classes": MISS_CLASSES,
         "checks": list(map(_check, checks)),
     }  # fmt: skip
@@ -187,7 +187,7 @@ def _boxes(
         boxed(cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], said)
     if LEARNT in names and (learnt := content["outside"]["learnt"]):
         beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
-        said = "; fitted beside all causes"
+        said = "; fitted beside all causes" if causes else ""
         boxed(
             f"learnt: {listed(learnt['changes'])}{beside}",
             "no name",

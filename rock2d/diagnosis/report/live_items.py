@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import Validated
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis, zone_below
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.gap import typical
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.report.tables import corrected_setup, signs_of, touch_places
@@ -39,7 +40,8 @@ class Items:
     Attributes
     ----------
     phase, release, block, zone : (n,)
-    t_s : (n,) since the beginning of the release: when the flight before an impact ends; the middle of a flight
+    t_s, until_s : (n,) since the beginning of the release: end of the flight before an impact, and beginning of the
+        flight after it; middle of a flight
     place_m : (n, 2) of the centroid
     incident, outgoing : (n, 3) measured velocities of impacts along and across the ground, and spin; else NaN
     squares : (k, n, 3, c) squares of the residuals of the three channels, in standard deviations, clipped
@@ -52,6 +54,7 @@ class Items:
     block: Array
     zone: Array
     t_s: Array
+    until_s: Array
     place_m: Array
     incident: Array
     outgoing: Array
@@ -83,39 +86,42 @@ class Items:
         aloft = data.states(setup).middle
         fitted = found.final.fit.model.world(found.final.fit.p, data.impact_order)
         below = zone_below(result.experiment.cross_section, data.states(fitted).middle[:, X])
+        middles = middle - began[flights.release]
+        after_s = middle[impacts.after] + impacts.begin_s - began[impacts.release]
         none = np.full((len(flights), 3), np.nan)
         squares, misses = zip(*(_left(result, data, own) for own in models), strict=True)
         return cls(
             np.repeat([IMPACT, FLIGHT], [len(impacts), len(flights)]),
             np.concatenate([impacts.release, flights.release]), np.concatenate([impacts.block, flights.block]),
             np.concatenate([impacts.zone, below]),
-            np.concatenate([ends - began[impacts.release], middle - began[flights.release]]),
+            np.concatenate([ends - began[impacts.release], middles]), np.concatenate([after_s, middles]),
             np.concatenate([touch_places(result, data), aloft[:, POSITION]]),
             np.concatenate([velocities[0], none]), np.concatenate([velocities[1], none]),
             np.array(squares), np.array(misses),
         )  # fmt: skip
 
     def channels(self, phase: int, block: int | None, zone: int | None) -> tuple[int, list[list[str]]]:
-        """Number of the impacts or flights of a block in a zone (None: all), and for each channel and model the typical
-        residual and the median misses, in words."""
+        """Number of the impacts or flights of a block in a zone (None: all); for all channels together, then for each
+        channel, and for each model the typical residual, with the median misses of the channel, in words."""
         own = self.phase == phase
         own &= (block is None or self.block == block) & (zone is None or self.zone == zone)
         units = (IMPACT_UNITS, FLIGHT_UNITS)[phase]
         if not own.any():
-            return 0, [["-"] * len(self.squares)] * len(units)
-        found = [
+            return 0, [["-"] * len(self.squares)] * (1 + len(units))
+        together = [f"{typical(squares[own].reshape(own.sum(), -1)):.1f} σ" for squares in self.squares]
+        each = [
             [
                 f"{typical(squares[own, c]):.1f} σ ({_units(misses[own, c], of)})"
                 for squares, misses in zip(self.squares, self.misses, strict=True)
             ]
             for c, of in enumerate(units)
         ]
-        return int(own.sum()), found
+        return int(own.sum()), [together, *each]
 
     def table(self, keep: Array) -> dict[str, Any]:
         """Rows of those that are kept (n,), as 32-bit numbers, column by column: what is measured; then for each model
         the size of the residual in σ, its poses in mm and degrees, and the velocities that it predicts."""
-        measured = [self.release, self.block, self.zone, self.phase, self.t_s, *self.place_m.T]
+        measured = [self.release, self.block, self.zone, self.phase, self.t_s, self.until_s, *self.place_m.T]
         columns = [*measured, *self.incident.T, *self.outgoing.T]
         shown = [IN_UNIT["mm"], IN_UNIT["mm"], IN_UNIT["°"]]
         for sigma, misses in zip(self.sigma, self.misses, strict=True):
@@ -163,7 +169,7 @@ def shown_releases(items: Items, count: int, share: float) -> Array:
     most = max(int(share * count), 1)
     size = np.zeros(count)
     np.maximum.at(size, items.release, items.sigma[0])
-    worst = np.argsort(-size, kind="stable")[: int(WORST_SHARE * most)]
+    worst = np.argsort(-size, kind="stable")[: math.ceil(WORST_SHARE * most)]
     others = np.setdiff1d(np.arange(count), worst)[: most - len(worst)]
     shown = np.zeros(count, bool)
     shown[worst] = shown[others] = True

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.checks import REPLICATES
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
 from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation

@@ -8,7 +8,7 @@
   const first = live.starts(releases.map((own) => own[2])), t = frames.t_s;
   const pictureOf = new Map(pictures.rows.map((row, i) => [row, i]));
   const set = (node, names) => { for (const [name, value] of Object.entries(names)) node.setAttribute(name, value); return node; };
-  const drawn = (name, names) => set(document.createElementNS("http://www.w3.org/2000/svg", name), names);
+  const drawn = (name, names) => set(document.createElementNS(film.namespaceURI, name), names);
   const source = (text) => `data:image/webp;base64,${text}`;
 
   // ---- state, also in the address ---------------------------------------------------------------------------------

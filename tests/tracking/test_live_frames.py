@@ -201,9 +201,9 @@ def test_the_keyboard_steps_jumps_and_plays(page, frames):
 
 def test_a_click_on_the_path_goes_to_its_frame(page, frames):
     own = frames[(frames["release"] == 1) & (frames["reason"] == "")].iloc[20]
-    box = page.locator("#live-film").bounding_box()
-    scale = box["width"] / SIZE_PX[0]
-    page.mouse.click(box["x"] + (own["u_px"] + 0.5) * scale, box["y"] + (own["v_px"] + 0.5) * scale)
+    film = page.locator("#live-film")
+    scale = film.bounding_box()["width"] / SIZE_PX[0]
+    film.click(position={"x": (own["u_px"] + 0.5) * scale, "y": (own["v_px"] + 0.5) * scale})
     assert shown(page) == own["frame"]
     assert page.locator("#live-film circle").count() == frames[frames["release"] == 1]["u_px"].notna().sum()
 

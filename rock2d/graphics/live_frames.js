@@ -25,6 +25,7 @@
   const lost = (row) => data.reasons[frames.reason[row]][0] !== "";
 
   // ---- what is said of a frame ------------------------------------------------------------------------------------
+  const seconds = (row) => `${+t[row].toPrecision(6)}`;
   const number = (value, digits) => (value === null ? "-" : value.toFixed(digits));
   const error = (value) => (value === null ? "-" : `${+value.toPrecision(2)}`);
   const degrees = (value) => (value === null ? null : (value * 180) / Math.PI);
@@ -39,7 +40,7 @@
     const turned = degrees(frames.theta_rad[row]), off = degrees(frames.angle_error_rad[row]);
     return [
       ["why", why(row)],
-      ["frame, time", `frame ${frames.frame[row]} of the film, ${t[row]} s after the first of this release`],
+      ["frame, time", `frame ${frames.frame[row]} of the film, ${seconds(row)} s after the first of this release`],
       ["in the picture", `u = ${number(frames.u_px[row], 2)} ± ${error(frames.u_error_px[row])} px, ` +
         `v = ${number(frames.v_px[row], 2)} ± ${error(frames.v_error_px[row])} px`],
       ["in metres", lost(row) ? "not trusted" : `x = ${number(frames.x_m[row], 4)} m, y = ${number(frames.y_m[row], 4)} m`],
@@ -95,7 +96,7 @@
       made.appendChild(document.createElement("td")).textContent = text;
     }
     find("said").setAttribute("aria-live", player.playing ? "off" : "polite");
-    find("said").textContent = `Frame ${frames.frame[row]}: ${lost(row) ? "lost" : "trusted"}, ${t[row]} s`;
+    find("said").textContent = `Frame ${frames.frame[row]}: ${lost(row) ? "lost" : "trusted"}, ${seconds(row)} s`;
     clock.setAttribute("aria-valuetext", find("said").textContent);
     writeAddress();
   }

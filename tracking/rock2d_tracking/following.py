@@ -25,6 +25,7 @@ from rock2d_tracking.looks import SLOW_ERROR_FACTOR, ChannelMix, Looks, best_cha
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
+from rock2d_tracking.release_order import releases_shown
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 
@@ -139,6 +140,7 @@ class _Follower:
             name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
             for name, block in setup.blocks.items()
         }
+        self._chain_blocks = self._blocks_of_chains()
         self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
         self.releases: list[FollowedRelease] = []
         self.release: FollowedRelease | None = None
@@ -160,7 +162,16 @@ class _Follower:
 
     def _block_of_chain(self, number: int) -> str:
         order = next(k for k, c in enumerate(self.motion.chains) if c.first <= number <= c.last)
-        return self.setup.block_of(order)
+        return self._chain_blocks[order] if self._chain_blocks else self.setup.block_of(order)
+
+    def _blocks_of_chains(self) -> list[str]:
+        """Block of each chain where the set-up file states more releases than there are chains; else empty, and they
+        are counted."""
+        stated, areas = self.setup.keys.releases, [chain.area_px2 for chain in self.motion.chains]
+        if len(areas) >= len(stated):
+            return []
+        expected = [self.looks[name].outline.area_px2 for name in stated]
+        return [stated[k] for k in releases_shown(areas, expected)]
 
     # --- frame by frame ---
 
@@ -193,7 +204,8 @@ class _Follower:
                 self.chain = chain
                 return
         self.end_release()
-        self.release, self._marks, self.chain = self._new_release(self._next_block()), Marks(), chain
+        name = self._block_of_chain(number) if self._chain_blocks else self._next_block()
+        self.release, self._marks, self.chain = self._new_release(name), Marks(), chain
 
     def _new_release(self, name: str) -> FollowedRelease:
         looks = self.looks[name]

@@ -88,9 +88,10 @@
     button.setAttribute("aria-pressed", on);
     button.addEventListener("click", () => { press(); [...table.querySelectorAll("button")].find((own) => own.textContent === text)?.focus(); });
   }
+  const short = (m) => (m ? "ticked causes" : data.labels[0]);
   function fillZones() { // typical residuals zone by zone
     const m = shown(), own = data.channels[state.block === "" ? 0 : 1 + state.block];
-    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map((k) => data.labels[k])]);
+    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map(short)]);
     const body = emptied(find("zones"), ["", ...head]);
     data.zones.forEach((zone, z) => {
       const parts = own[1 + z];
@@ -241,7 +242,7 @@
     const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
     const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
     table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
-    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map((k) => data.labels[k])]);
+    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map(short)]);
     for (const i of own) {
       const made = row(body, ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...models.map((k) => missed(i, k))]);
       pressed(made.cells[0], ofTime[i].toFixed(3), i === state.item, () => choose(i));

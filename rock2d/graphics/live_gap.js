@@ -222,7 +222,7 @@
     }
     pen.restore();
     const own = [...frames.segments.keys()].filter(ofThis);
-    const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "before the first segment: measured only";
+    const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "outside the segments: measured only";
     find("frame").textContent = `t = ${t[i].toFixed(3)} s, frame ${i - begin() + 1} of ${end() - begin()}, ${where}${inside && m ? `; ${data.labels[m]} ${off(i, m)}` : ""}.`;
   }
   function segmentStart(way) { // of the next segment of the release, or of the one before

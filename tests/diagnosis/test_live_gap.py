@@ -373,7 +373,7 @@ def test_it_plays_pauses_and_shows_the_whole_section(page):
     clock = page.locator("#live-time")
     clock.focus()
     page.keyboard.press("Home")
-    assert "before the first segment" in frame_words(page)
+    assert "outside the segments" in frame_words(page)
     page.locator("#live-speed").select_option("0.1")
     page.get_by_role("button", name="play").click()
     until(page, lambda: float(clock.input_value()) > 0.01)

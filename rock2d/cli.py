@@ -254,8 +254,8 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
     """
     from rock2d_tracking.command import FirstScale, TrackSettings, track
 
-    first = (metres_per_pixel, fps)
-    if (config is None) == (None in first) and (config is None or first != (None, None)):
+    given = sum(value is not None for value in (metres_per_pixel, fps))
+    if given != (2 if config is None else 0):
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
     known = config if config is not None else FirstScale(metres_per_pixel, fps)
     track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))

@@ -1,4 +1,7 @@
-"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation."""
+"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation.
+
+Some of them also lie in the repository, to be read there: `python docs/hooks/pages.py` writes these anew.
+"""
 
 from __future__ import annotations
 
@@ -124,8 +127,19 @@ API_GROUPS = {
     "Set-up": ("make_block", "Block", "CrossSection", "ContactParameters", "ReboundParameters"),
     "Simulate": ("simulate", "load_scenario", "Scenario", "run", "Simulation", "RunResult"),
     "Design": ("assess", "Assessment", "least_size", "Target", "Answer", "variant", "write_report"),
-    "Compare with experiments": ("load_experiment", "Experiment", "diagnose", "DiagnosisResult", "predict"),
+    "Films and experiments": (
+        "track",
+        "TrackResult",
+        "load_experiment",
+        "Experiment",
+        "diagnose",
+        "DiagnosisResult",
+        "predict",
+    ),
 }
+
+# members of a class without a leading underscore, of a base that is not public
+INHERITED = {"RunResult": "    options:\n      inherited_members: [experiment, write, write_video]\n"}
 
 
 def api_page() -> str:
@@ -138,7 +152,7 @@ def api_page() -> str:
     lines = [_head("reference/api.md")]
     for heading, names in groups.items():
         lines += ["", f"## {heading}", ""]
-        lines += [f"::: rock2d.{name}\n" for name in names if name in public]
+        lines += [f"::: rock2d.{name}\n{INHERITED.get(name, '')}" for name in names if name in public]
     lines += ["", "## JSON Schemas", "", "::: rock2d.schemas.file_schema"]
     return "\n".join(lines) + "\n"
 
@@ -253,3 +267,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "changelog.md": _from_root("CHANGELOG.md"),
     "contributing.md": _from_root("CONTRIBUTING.md"),
 } | {f"tutorials/{path.stem}.md": (lambda path=path: tutorial_page(path)) for path in tutorial_files()}
+
+KEPT = ("formats/setup.md",)  # pages that lie in the repository, too
+
+if __name__ == "__main__":
+    for name in KEPT:
+        (DOCS / name).write_text(PAGES[name](), encoding="utf-8")

@@ -474,14 +474,26 @@ def _diagnosis_section(content: ReportContent) -> Section | None:
 def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
     if content.assessment is None:
         return Section("How sure is that", texts=[_without_assessment(content)])
-    assessment = content.assessment
+    drawn = _picture(figures, "tornado", tornado_words(content.assessment))
+    return certainty_section(content.assessment, drawn)
+
+
+def tornado_words(assessment: Assessment) -> str:
+    """The tornado figure of an assessment, for those who do not see it."""
     table: Any = assessment.told_apart
     alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
     if len(table):
         first = table.loc[table["total"].idxmax()]
         alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
+    return alt
+
+
+def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
+    """What an assessment says; `pictures`: its tornado figure, if it has one."""
     remark = assessment.sampling_remark()
     return Section(
-        "How sure is that", [remark] if remark else [], pictures=_picture(figures, "tornado", alt),
+        "How sure is that",
+        [remark] if remark else [],
+        pictures=pictures,
         tables=[uncertain_rows(assessment.uncertain)],
-    )  # fmt: skip
+    )

@@ -27,7 +27,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
-from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments, flightless_remarks
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -151,7 +151,7 @@ def registered_remark(world: World) -> str:
     """What the world in which a film is divided differs in."""
     turn, scale = np.rad2deg(world.view.tilt_rad), world.view.scale
     return (
-        f"flights and impacts fit an image that is turned by {turn:.1f}° and {scale:.3f} times as large as stated; the "
+        f"flights and impacts fit an image that is turned by {turn:.2g}° and {scale:.4f} times as large as stated; the "
         "film is divided into flights in it"
     )
 
@@ -168,7 +168,11 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         if seen is None:
             return sanity, None
         data, world = seen, sanity.registered or setup
-        sanity.remarks += shape_remarks(data, world) + rest_remarks(data.film, world)
+        sanity.remarks += [
+            *shape_remarks(data, world),
+            *rest_remarks(data.film, world),
+            *flightless_remarks(data),
+        ]
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)

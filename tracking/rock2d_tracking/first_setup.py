@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.files.folders import write_whole
 from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion, motion_of
@@ -56,15 +54,10 @@ def first_motion(film: FilmFile, frames: Frames, first: FirstScale) -> Motion:
     return motion_of(frames, film.expected_frames, [], fall, fps)
 
 
-def write_first_setup(
-    path: Path,
-    film: FilmFile,
-    motion: Motion,
-    first: FirstScale,
-    size: float = 1.0,
-    ground_px: float | None = None,
-) -> None:
-    """Write a set-up file with the size of what falls, and level ground.
+def first_setup(
+    film: FilmFile, motion: Motion, first: FirstScale, size: float = 1.0, ground_px: float | None = None
+) -> str:
+    """The text of a set-up file with the size of what falls, and level ground.
 
     size : factor on the size of its candidates
     ground_px : height of the ground in the picture; None if no bounce was seen
@@ -75,7 +68,7 @@ def write_first_setup(
     radius = float(np.sqrt(np.median(areas) / np.pi)) * size if areas else UNSEEN_RADIUS_SHARE * width
     seen = ground_px is not None
     ground = ground_px if ground_px is not None else height - 1 + RESTS_RADII * radius
-    text = TEXT.format(
+    return TEXT.format(
         name=_name(film.path.stem), fps=fps, scale=metres_per_pixel, bottom=height - 1,
         ground_from="guess: level, under the lowest bounce" if seen
         else "guess: level, below the picture, because no bounce was seen",
@@ -83,7 +76,6 @@ def write_first_setup(
         ground=(height - 1 - ground) * metres_per_pixel, radius_px=radius, diameter=2 * radius * metres_per_pixel,
         mass=GUESSED_DENSITY_KG_M3 * 4 / 3 * np.pi * (radius * metres_per_pixel) ** 3,
     )  # fmt: skip
-    write_whole(path, text)
 
 
 def ground_of(releases: Sequence[FollowedRelease], first: FirstScale) -> float | None:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
+from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
@@ -111,12 +112,14 @@ def setup_json_schema() -> dict[str, Any]:
 
 
 class Setup:
-    """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known."""
+    """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known; `path` and `text`
+    are those of its file."""
 
-    def __init__(self, path: str | Path) -> None:
-        """Read `setup.yaml`; raises `InputError` with the place of the first mistake."""
+    def __init__(self, path: str | Path, text: str | None = None) -> None:
+        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
         self.path = Path(path)
-        document = Document(self.path)
+        self.text = read_text(self.path) if text is None else text
+        document = Document(self.path, self.text)
         self.keys = document.check(SetupKeys)
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}

@@ -46,6 +46,15 @@ class TrackedFilm:
     remarks: list[str]
     offset_px: dict[str, float]
 
+    def placed_frames(self) -> pd.DataFrame:
+        """`frames` with x_m, y_m and theta_rad, NaN where a frame is lost."""
+        frames, seen = self.frames.copy(), self.experiment.trajectories
+        assert seen is not None
+        trusted = frames["reason"] == ""
+        for name in ("x_m", "y_m", "theta_rad"):
+            frames.loc[trusted, name] = seen[name].to_numpy()
+        return frames
+
 
 def tracked_film(
     kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]

@@ -1,28 +1,192 @@
-"""Design, diagnosis and prediction for Python programs: thin functions over `rock2d.design` and `rock2d.diagnosis`."""
+"""Films and experiments for Python programs: thin functions over `rock2d_tracking` and `rock2d.diagnosis`."""
 
 from __future__ import annotations
 
 import copy
+import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rock2d_tracking.film_track import FilmTrack
 
-    from rock2d.design.assessment import Assessment
-    from rock2d.design.least_size import Answer, Target
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.files.experiment import Experiment
-    from rock2d.files.scenario import Scenario
-    from rock2d.runs.results import RunResult
 
+IMPACTS_SHOWN = 8  # impacts that a notebook shows
 LIKELIEST_SHOWN = 5  # effects that a notebook shows
+
+
+@dataclass(frozen=True, repr=False)
+class TrackResult:
+    """What a film shows; made by `track`.
+
+    Attributes
+    ----------
+    found : everything that the tracker found
+    """
+
+    found: FilmTrack
+
+    @property
+    def experiment(self) -> Experiment:
+        """The frames that can be trusted, which `diagnose` takes."""
+        return self.found.film.experiment
+
+    @property
+    def flights(self) -> pd.DataFrame:
+        """Each flight: release, block, begin_s, end_s, frames, its state at t_s with standard errors, misfit (what the
+        parabola leaves, over the noise), gravity_m_s2 and its error."""
+        return self.found.flights.copy()
+
+    @property
+    def impacts(self) -> pd.DataFrame:
+        """Each impact: release, block, t_s, zone, velocities before and after with standard errors, restitution across
+        the ground, penetration_m, rebound_m, flag."""
+        return self.found.impacts.copy()
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the film says of itself, and what to know of the track."""
+        return [*self.found.said.sentences(), *self.found.film.remarks]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Every frame in which a release was followed.
+
+        Returns
+        -------
+        pandas.DataFrame
+            release, block, frame (of the film), t_s (of the release); u_px, v_px, angle_px_rad in the picture with
+            standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad, which are NaN where
+            it is not, and theta_rad also where no angle can be seen.
+        """
+        return self.found.film.placed_frames()
+
+    def write(self, folder: str | Path) -> None:
+        """Write the folder of `rock2d track`: experiment, tables, set-up file, overlay video and tracking.html.
+
+        Raises
+        ------
+        InputError
+            Code ``not_a_result`` if the folder holds anything else than a result of rock2d, ``not_writable`` if it
+            cannot be written.
+        """
+        self.found.write(Path(folder))
+
+    def view(self) -> Path:
+        """Open tracking.html in the browser; returns its path, in a temporary folder."""
+        from rock2d_tracking.film_track import PAGE
+
+        from rock2d.graphics.viewing import view
+
+        return view(self.found.write_page, PAGE)
+
+    def __repr__(self) -> str:
+        return f"<TrackResult of {self.experiment.name}: {self.found.counts()}>"
+
+    def _repr_html_(self) -> str:
+        from rock2d.graphics.notebook import table_html
+
+        columns = ["release", "t_s", "zone", "restitution", "restitution_se", "flag"]
+        said = (f"{self.experiment.name}: {self.found.counts()}", *self.remarks)
+        impacts = self.found.impacts[columns].head(IMPACTS_SHOWN)
+        return "".join(f"<p>{escape(text)}</p>" for text in said) + (
+            table_html(impacts) if len(impacts) else ""
+        )
+
+
+def track(
+    film: str | Path,
+    setup: Mapping[str, Any] | str | Path | None = None,
+    *,
+    metres_per_pixel: float | None = None,
+    fps: float | None = None,
+    frames: int | None = None,
+    explained: str | Path | None = None,
+    progress: bool = False,
+) -> TrackResult:
+    """Track the blocks in a film.
+
+    Parameters
+    ----------
+    film : path
+        Any format that FFmpeg reads.
+    setup : dict or path, optional
+        The keys of a set-up file, or the file.
+    metres_per_pixel, fps : float, optional
+        Instead of `setup`: the scale, and the frames per second of the recording. They are enough for a first track.
+    frames : int, optional
+        Frames after which to stop; default: all.
+    explained : path, optional
+        Folder for what was seen of the film where it cannot be tracked.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    TrackResult
+        Frames, flights and impacts; its `TrackResult.experiment` can be diagnosed.
+
+    Raises
+    ------
+    InputError
+        If the film cannot be read or tracked, or the set-up or a number makes no sense.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> found = rock2d.track("film.mp4", metres_per_pixel=0.0025, fps=30)  # doctest: +SKIP
+    >>> found.to_pandas()[["release", "t_s", "x_m", "y_m", "reason"]]  # doctest: +SKIP
+    >>> found.view()  # doctest: +SKIP
+    >>> diagnosis = rock2d.diagnose(found.experiment)  # doctest: +SKIP
+    """
+    from rock2d_tracking.film_track import NotTrackedError, track_film
+
+    scale = [value for value in (metres_per_pixel, fps) if value is not None]
+    if len(scale) != (2 if setup is None else 0):
+        raise InputError("expected either setup, or metres_per_pixel and fps", code="wrong_kind")
+    for name, value in {"metres_per_pixel": metres_per_pixel, "fps": fps, "frames": frames}.items():
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(f"expected {name} > 0, found {value!r}", code="bad_parameter", key=name)
+    try:
+        return TrackResult(track_film(Path(film), _known(setup, scale), frames, progress=progress)[0])
+    except NotTrackedError as error:
+        if explained is not None:
+            error.write(Path(explained))
+        raise
+
+
+def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float]) -> Any:
+    """What the tracker is given: the set-up, or scale and frame rate."""
+    from rock2d_tracking.first_setup import FirstScale
+    from rock2d_tracking.setup_file import Setup
+    from rock2d_tracking.setup_writing import setup_text
+
+    if setup is None:
+        return FirstScale(*map(float, scale))
+    if not isinstance(setup, Mapping):
+        return Setup(setup)
+    try:
+        plain = json.loads(
+            json.dumps(dict(setup), default=lambda value: value.tolist())
+        )  # arrays and their numbers
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"the set-up holds what a set-up file cannot hold: {error}", code="wrong_kind"
+        ) from None
+    try:
+        return Setup("setup", setup_text(plain))
+    except InputError as error:  # lines and columns are those of no file
+        raise InputError(error.message, "setup", code=error.code, **error.fields) from None
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,6 +265,13 @@ class DiagnosisResult:
         make_folder(folder)
         write_report(self.diagnosis, content, folder, bars=Bars(progress))
         write_whole(folder / DIAGNOSIS, text)
+
+    def view(self) -> Path:
+        """Open report.html in the browser; returns its path, in a temporary folder."""
+        from rock2d.diagnosis.report.page import PAGE
+        from rock2d.graphics.viewing import view
+
+        return view(self.write, PAGE)
 
     def __repr__(self) -> str:
         likeliest = sorted(self.probabilities.items(), key=lambda item: -item[1])[:LIKELIEST_SHOWN]
@@ -209,150 +380,3 @@ def predict(
 
 def _loaded(experiment: Experiment | str | Path) -> Experiment:
     return load_experiment(experiment) if isinstance(experiment, (str, Path)) else experiment
-
-
-def assess(
-    scenario: Scenario, *, engine: str | None = None, seed: int | None = None, progress: bool = False
-) -> Assessment:
-    """Simulate the possible sites of a scenario: tell sampling and what is not known apart.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        From `load_scenario`, with the key ``uncertainty`` and a measure line.
-    engine : {"batch", "point_mass", "pymunk"}, optional
-        Instead of the scenario's; "pymunk" is computed with "batch", which has the same law.
-    seed : int, optional
-        Seed of every random draw, instead of the scenario's.
-    progress : bool
-        Show a progress bar.
-
-    Returns
-    -------
-    Assessment
-        Tables over the sites and a tornado figure; `Assessment.write` writes them.
-
-    Raises
-    ------
-    InputError
-        Code ``missing_key`` if the scenario has no ``uncertainty``; also if a drawn value makes no sense.
-
-    Examples
-    --------
-    >>> import rock2d
-    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
-    >>> found = rock2d.assess(site)  # doctest: +SKIP
-    >>> found.uncertain[["block", "line", "quantity", "value", "low95", "high95"]]  # doctest: +SKIP
-    """
-    from rock2d.design.assessment import assess as assess_sites
-
-    return assess_sites(
-        scenario, engine or scenario.engine, scenario.seed if seed is None else seed, progress
-    )
-
-
-def least_size(
-    scenario: Scenario,
-    place: str,
-    bounds: tuple[float, float],
-    target: Target,
-    *,
-    engine: str | None = None,
-    seed: int | None = None,
-    progress: bool = False,
-) -> Answer:
-    """Find the least size that keeps blocks back, over sampling and all that is not known.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        From `load_scenario`.
-    place : str
-        Of the number whose least value is sought, for example ``"embankment.height_m"``.
-    bounds : (float, float)
-        Least and greatest value, in the unit of the number; the greatest must be the safest. The answer is exact to
-        1/50 of their distance.
-    target : Target
-        Measure line, largest share of the releases of each block that may pass it, and confidence.
-    engine, seed, progress : optional
-        As in `assess`.
-
-    Returns
-    -------
-    Answer
-        `Answer.least` is None if no value of the range meets the target. `variant` makes the scenario of a size.
-
-    Raises
-    ------
-    InputError
-        If there is no number at the place, no such measure line, or the bounds or the target make no sense.
-
-    Examples
-    --------
-    >>> import rock2d
-    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
-    >>> target = rock2d.Target("crest", frequency=0.01, confidence=0.95)
-    >>> answer = rock2d.least_size(site, "embankment.height_m", (2.0, 8.0), target)  # doctest: +SKIP
-    >>> least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)  # doctest: +SKIP
-    >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP
-    """
-    from rock2d.design.least_size import Judgement, Search, size_bars, work_of_sizes
-    from rock2d.design.least_size import least_size as bisect
-    from rock2d.progress import Bars
-
-    own_seed = scenario.seed if seed is None else seed
-    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
-
-    search.check()
-    with size_bars(search, Bars(progress, work_of_sizes(search))) as bar_of:
-
-        def judged(size: float) -> Judgement:
-            return search.judge(size, bar_of(size).update)
-
-        return bisect(search, judged)
-
-
-def write_report(
-    result: RunResult, folder: str | Path, *, assessment: Assessment | None = None, pdf: bool = False
-) -> None:
-    """Write report.html, a page to read, print and hand in, with its figures and tables.
-
-    Parameters
-    ----------
-    result : RunResult
-        From `run`.
-    folder : path
-        It is made if it is not there.
-    assessment : Assessment, optional
-        From `assess`: the page then also says what the possible sites do.
-    pdf : bool
-        Also write report.pdf.
-
-    Raises
-    ------
-    InputError
-        Code ``wrong_kind`` if the releases restarted a film, ``not_writable`` if the folder cannot be written.
-
-    Examples
-    --------
-    >>> import rock2d
-    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
-    >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP
-    """
-    from rock2d.design.report import REPORTED_TABLES, ReportContent
-    from rock2d.design.report import write_report as write_page
-    from rock2d.errors import InputError
-    from rock2d.files.folders import make_folder
-    from rock2d.runs.resolution import unresolved_remarks
-
-    scenario, folder = result.scenario, Path(folder)
-    if scenario.experiment is not None:
-        message = "a report is for sites; releases that restart a film are compared with it instead"
-        raise InputError(message, code="wrong_kind")
-    tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-    remarks = unresolved_remarks(tables, scenario.longest_release_s())
-    make_folder(folder)
-    found = ReportContent(scenario, result, tables, remarks, assessment)
-    write_page(found, folder, "rock2d.write_report in Python", pdf)
-    if assessment is not None:
-        assessment.write(folder)

@@ -39,7 +39,7 @@ BINS = 20  # of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
 BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # of the heights, shown below the lowest and above the highest
 WORST_SHARE = 0.01  # of the releases of each block: those with the largest energies
-BYTES_OF_A_RELEASE = 16  # beside its points: number, block, stop
+BYTES_OF_A_RELEASE = 22  # beside its points: number, block, stop, energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
 # head of a column -> its value in an impact of a track
 IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
@@ -108,8 +108,10 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
     collectors = [collected(own) for own in runs]
     units = _units(collectors)
     found = []
-    for view, stations in zip(views, collectors, strict=True):
-        impacts, of_impacts = _impacts(view.run, worst_releases(view.run), MOST_IMPACTS // len(views))
+    energies_J = [largest_energies(own) for own in runs]
+    for view, stations, energy_J in zip(views, collectors, energies_J, strict=True):
+        worst = worst_releases(view.run, energy_J)
+        impacts, of_impacts = _impacts(view.run, worst, MOST_IMPACTS // len(views))
         found.append({
             "name": view.name, "note": view.note, "radius": [view.run.blocks[name].radius_m for name in names],
             "first_release": [min(t.release for t in view.run.tracks if t.block == name) for name in names],
@@ -122,13 +124,14 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         "blocks": [{"name": spoken(name), "colour": colour} for name, colour in block_colours(names).items()],
         "quantities": [LABELS[name] for name in QUANTITIES],
         "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
+        "energy_unit": units["kinetic_J"][1][8:-1],
         "curve_labels": ["passing frequency (%)", *(label for _, label in units.values())],
     }  # fmt: skip
     room = MOST_BYTES - len(compact(data))
-    for i, (view, own) in enumerate(zip(views, found, strict=True)):
+    for i, (view, own, energy_J) in enumerate(zip(views, found, energies_J, strict=True)):
         share = SHOWN_SHARE if i == shown else (1.0 - SHOWN_SHARE) / (len(views) - 1)
         own["paths"], of_paths = _paths(
-            view.run, names, stops, worst_releases(view.run), limits[1] - limits[0],
+            view.run, names, stops, energy_J, units["kinetic_J"][0], limits[1] - limits[0],
             int(room * (share if len(views) > 1 else 1.0)),
         )  # fmt: skip
         own["notes"] = of_paths + own["notes"]
@@ -165,15 +168,19 @@ def _limits(runs: Sequence[Simulation]) -> Limits:
     return float(x.min()), float(x.max()), low, top
 
 
-def worst_releases(run: Simulation) -> list[int]:
-    """Indices of the tracks with the largest energies: WORST_SHARE of each block, at least one."""
+def largest_energies(run: Simulation) -> Array:
+    """(tracks,) the largest kinetic energy of each track in J."""
     bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
-    energy = largest_energies_J(run.tracks, ((body.mass_kg, body.inertia_kg_m2) for body in bodies))
+    return largest_energies_J(run.tracks, ((body.mass_kg, body.inertia_kg_m2) for body in bodies))
+
+
+def worst_releases(run: Simulation, energy_J: Array) -> list[int]:
+    """Indices of the tracks with the largest energies: WORST_SHARE of each block, at least one."""
     block = np.array([track.block for track in run.tracks])
     found: list[int] = []
     for name in dict.fromkeys(block.tolist()):
         own = np.flatnonzero(block == name)
-        found += own[np.argsort(-energy[own], kind="stable")][: math.ceil(WORST_SHARE * len(own))].tolist()
+        found += own[np.argsort(-energy_J[own], kind="stable")][: math.ceil(WORST_SHARE * len(own))].tolist()
     return found
 
 
@@ -239,12 +246,13 @@ def _paths(
     run: Simulation,
     names: Sequence[str],
     stops: Sequence[str],
-    worst: Sequence[int],
+    energy_J: Array,
+    energy_factor: float,
     width_m: float,
     room: int,
 ) -> tuple[dict[str, Any], list[str]]:
     """The paths that fit into `room` bytes."""
-    tracks, kept = run.tracks, list(range(len(run.tracks)))
+    tracks, kept, worst = run.tracks, list(range(len(run.tracks))), worst_releases(run, energy_J)
     tolerance_m = width_m / (FINE if len(tracks) <= FEW else COARSE)
     thinned = thinned_paths(tracks, tolerance_m)
     points, scales = thinned.packed()
@@ -260,6 +268,7 @@ def _paths(
         "counts": thinned.counts.tolist(), "release": [track.release for track in shown],
         "block": [names.index(track.block) for track in shown], "stop": [stops.index(track.stop) for track in shown],
         "worst": [int(i in chosen) for i in kept],
+        "energy": [float(f"{energy_factor * energy_J[i]:.3g}") for i in kept],
     }  # fmt: skip
     said = f"All {len(kept)} paths" if len(kept) == len(tracks) else (
         f"{len(kept)} of {len(tracks)} paths, the first ones and the worst 1 % of each block"

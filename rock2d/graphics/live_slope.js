@@ -236,7 +236,9 @@
     if (state.path < 0) return;
     player.range(t[first[state.path]], t[first[state.path + 1] - 1]);
     const release = paths.release[state.path], i = impacts.release.indexOf(release);
-    said(`release ${release}, ${blocks[paths.block[state.path]].name}, ${data.stops[paths.stop[state.path]]}`);
+    said(`release ${release}, ${blocks[paths.block[state.path]].name}, ${data.stops[paths.stop[state.path]]}; `
+      + `starts at x = ${digits(run.x[first[state.path]])} m, y = ${digits(run.y[first[state.path]])} m; `
+      + `largest energy ${paths.energy[state.path]} ${data.energy_unit}`);
     const own = find("impacts");
     own.tHead.replaceChildren();
     own.tBodies[0].replaceChildren();
@@ -350,6 +352,10 @@
     if (path < 0 && wanted !== "") said(`the page holds no path of release ${wanted}`);
   });
   find("all").addEventListener("click", () => choose(-1));
+  find("largest").addEventListener("click", () => {
+    const { energy } = run.paths, all = energy.map((_, i) => i).filter((i) => shown(i));
+    choose(all.reduce((best, i) => (best < 0 || energy[i] > energy[best] ? i : best), -1));
+  });
   window.addEventListener("hashchange", () => { readAddress(); showState(); });
   section.hidden = false;
   readAddress();

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 
 import numpy as np
@@ -108,7 +109,13 @@ def test_the_worst_have_the_largest_energies_of_their_block(result):
         vx, vy, omega = track.knots[:, 4:7].T
         energy = 0.5 * block.mass_kg * (vx**2 + vy**2) + 0.5 * block.inertia_kg_m2 * omega**2
         energies.setdefault(track.block, []).append((energy.max(), i))
-    assert sorted(live_slope.worst_releases(result)) == sorted(max(own)[1] for own in energies.values())
+    largest_J = live_slope.largest_energies(result)
+    assert sorted(live_slope.worst_releases(result, largest_J)) == sorted(
+        max(own)[1] for own in energies.values()
+    )
+    assert [largest_J[i] for _, i in map(max, energies.values())] == pytest.approx(
+        [max(own)[0] for own in energies.values()]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -330,6 +337,19 @@ def test_a_release_is_chosen_with_its_impacts_and_plays(page, result):
     page.get_by_label("Release").fill("99999")
     page.keyboard.press("Enter")
     assert "no path of release 99999" in page.inner_text("#live-said")
+
+
+def test_the_worst_release_says_its_energy_and_where_it_started(page, result):
+    largest_J = live_slope.largest_energies(result)
+    page.get_by_role("button", name="the one with the largest energy").click()
+    track = result.tracks[int(largest_J.argmax())]
+    said = page.inner_text("#live-said")
+    assert (
+        said.startswith(f"release {track.release}, ")
+        and f"largest energy {1e-3 * largest_J.max():.3g} kJ" in said
+    )
+    start = [float(number) for number in re.findall(r"[xy] = ([-\d.]+) m", said)]
+    assert start == pytest.approx(track.knots[0, 1:3], rel=6e-3)
 
 
 def test_a_click_chooses_the_path_under_it(page):

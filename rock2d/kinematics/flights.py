@@ -163,8 +163,9 @@ def _first_noise(film: Film) -> Array:
     windows, known = windows[whole], film.angle_known[release[whole, 0]]
     if len(windows) < 4:
         return np.maximum(film.stated_noise, 1e-6)
-    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
-    residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
+    own = t[whole] - t[whole].mean(axis=1, keepdims=True)
+    basis = np.linalg.qr((own / np.ptp(own, axis=1, keepdims=True))[..., None] ** np.arange(3))[0]
+    residual = windows - np.einsum("wfk,wgk,wgc->wfc", basis, basis, windows)
     variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
     noise = np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
     if not known.all():

@@ -114,9 +114,11 @@ def _compare_places(found: FilmOutcome, truth: list[RealFrame], frames: pd.DataF
 
 def _compare_impacts(found: FilmOutcome, impacts: pd.DataFrame, frames: pd.DataFrame) -> None:
     """Impacts at true bounces, and impacts in mid-air; those that are flagged as no impact count as neither."""
-    begins = frames.groupby("release")["frame"].min()
+    instants = found.film.instants
+    begins = frames.groupby("release")["frame"].min().clip(upper=len(instants) - 1)
     own = impacts[~impacts["flag"].fillna("").str.contains("mid-air")] if len(impacts) else impacts
-    when = own["release"].map(begins) + own["t_s"] * found.film.camera.fps
+    instant = instants[own["release"].map(begins)] + own["t_s"] * found.film.camera.fps
+    when = np.interp(instant, instants, np.arange(len(instants)))
     rows = []
     for at, (_, row) in zip(when, own.iterrows(), strict=True):
         if not len(found.film.bounces) or np.abs(found.film.bounces - at).min() > SAME_BOUNCE_FRAMES:

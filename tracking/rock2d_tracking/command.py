@@ -147,6 +147,7 @@ def _track(
     from rock2d_tracking.tracked_film import film_of, moving_releases, tracked_film
     from rock2d_tracking.velocities import MID_AIR, flights_and_impacts
 
+    stamps = frames.stamps(setup.keys.camera.fps)
     with atomic_folder(out) as folder:
         still: list[Array] = []
         with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.expected_frames)) as overlay:
@@ -159,11 +160,11 @@ def _track(
             found_in_film = (
                 followed(frames, guessed.prepared, on_progress)
                 if guessed is not None
-                else follow(frames, setup, film.size_px, on_progress, film.expected_frames)
+                else follow(frames, setup, film.size_px, on_progress, film.expected_frames, stamps.clock)
             )
         seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
-        stamps = frames.stamps()
         for sight in (s for release in found_in_film.releases for s in release.sights):
+            sight.when = float(stamps.clock(sight.frame))
             sight.frame = int(stamps.numbers[sight.frame])
         try:
             kept = moving_releases(found_in_film.releases, setup.fall_px(film.size_px))

@@ -53,7 +53,7 @@ def first_motion(film: FilmFile, frames: Frames, first: FirstScale) -> Motion:
     """What moves in the frames of a film whose blocks are not known."""
     metres_per_pixel, fps = first
     fall = GRAVITY_M_S2 / metres_per_pixel / fps**2
-    return motion_of(frames, film.expected_frames, [], fall, fps)
+    return motion_of(frames, film.expected_frames, [], fall, fps, frames.stamps(fps).clock)
 
 
 def write_first_setup(

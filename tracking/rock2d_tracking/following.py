@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.clock import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import (
     FEWEST_BLOCK_FRAMES,
@@ -64,14 +65,16 @@ def follow(
     size_px: tuple[int, int],
     on_progress: OnProgress = lambda number, frame, release: None,
     expected_frames: int = 0,
+    clock: Clock = EVEN,
 ) -> Followed:
     """Every release of a film, in the order filmed.
 
     film : (height, width) or (height, width, 3) uint8; it is read two or three times, from the start
     expected_frames : about how many there are, 0 if nobody knows
     on_progress : called for every frame with its number, its picture and the release that is being followed, if any
+    clock : the instants of frames
     """
-    motion = motion_in(film, setup, size_px, expected_frames)
+    motion = motion_in(film, setup, size_px, expected_frames, clock)
     if not motion.candidates:
         return Followed([], motion, {})
     return followed(film, prepared(film, setup, size_px, motion), on_progress)
@@ -87,12 +90,18 @@ def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) ->
     return Followed(follower.releases, known.motion, follower.looks, follower.rejected)
 
 
-def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], expected_frames: int) -> Motion:
+def motion_in(
+    film: Iterable[Array],
+    setup: Setup,
+    size_px: tuple[int, int],
+    expected_frames: int,
+    clock: Clock = EVEN,
+) -> Motion:
     """What moves in a film of which a set-up file is known."""
     camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
     outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps)
+    return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps, clock)
 
 
 def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
@@ -304,12 +313,17 @@ class _Follower:
         return sight
 
     def _pace(self, number: int, seen: list[Sight]) -> Array:
-        """(2,) way of the block to the next frame, about."""
+        """(2,) way of the block in the usual time between two frames, about."""
         if self.chain is not None and self.chain.first <= number <= self.chain.last:
             return self.chain.pace(number)
         if len(seen) < 2:
             return np.zeros(2)
-        return np.asarray((seen[-1].pose - seen[-2].pose)[:2] / (seen[-1].frame - seen[-2].frame))
+        return np.asarray((seen[-1].pose - seen[-2].pose)[:2] / self._time(seen[-2].frame, seen[-1].frame))
+
+    def _time(self, first: int, last: int) -> float:
+        """Time from one frame to another, in units of the usual one."""
+        clock = self.motion.clock
+        return float(clock(last) - clock(first))
 
     def _place_on_arc(self, number: int, outline: Outline) -> Array | None:
         """Where the block's arc, or what moves there, says that it is."""
@@ -326,21 +340,21 @@ class _Follower:
         last, first = seen[-1], seen[0]
         if len(seen) < 2:
             return last.pose.copy()
-        pace = (last.pose - first.pose) / (last.frame - first.frame)
-        ahead = number - last.frame
+        since, ahead = self._time(first.frame, last.frame), self._time(last.frame, number)
+        pace = (last.pose - first.pose) / since
         expected = last.pose + pace * ahead
         g = self.fall_px
         if abs(g) > FAST_FALL_PX:
             # the pace is that of the middle of the frames it was read from
-            expected[1] += 0.5 * g * ahead * (ahead + last.frame - first.frame)
-        elif ahead > 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
+            expected[1] += 0.5 * g * ahead * (ahead + since)
+        elif number > last.frame + 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
             expected[1] += 0.5 * g * ahead**2
         return np.asarray(expected)
 
     def _fastest(self, outline: Outline) -> float:
         """Largest way in px per frame of the last frames: at an impact a step is shorter than those before."""
         seen = self.release.last_seen(4) if self.release is not None else []
-        steps = [np.hypot(*(b.pose - a.pose)[:2]) / (b.frame - a.frame) for a, b in pairwise(seen)]
+        steps = [np.hypot(*(b.pose - a.pose)[:2]) / self._time(a.frame, b.frame) for a, b in pairwise(seen)]
         return float(max(steps, default=outline.reach_px))
 
     def _jumped(self, pose: Array, expected: Array, outline: Outline) -> bool:

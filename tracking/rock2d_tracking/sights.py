@@ -31,6 +31,7 @@ class Sight:
     confidence : share of the outline that was seen as fitted, less for a poor fit; 0 if lost
     reason : why the frame is lost, "" if it is not
     covered : share of the outline's inside that differs from the background; NaN if nobody looked
+    when : its instant, in units of the usual time between two frames: the number of the frame, until it is set
     """
 
     frame: int
@@ -39,6 +40,10 @@ class Sight:
     confidence: float
     reason: str = ""
     covered: float = np.nan
+    when: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.when = float(self.frame)
 
 
 @dataclass
@@ -81,7 +86,7 @@ def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
 
     `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out.
     """
-    t = np.array([s.frame for s in sights], float)
+    t = np.array([s.when for s in sights])
     count, k = len(t), KINK_FRAMES
     places = np.array([s.pose[:2] for s in sights]).reshape(-1, 2)
     places[:, 1] -= 0.5 * fall_px * (t - t[:1]) ** 2
@@ -129,7 +134,7 @@ def state_errors(release: FollowedRelease, fall_px: float) -> None:
 
 def _scatter_ratios(seen: list[Sight], error: Array, flights: list[Array]) -> Array:
     """(n, 3) distances of frames from the parabolas through their neighbours, over the errors stated."""
-    t, pose = np.array([s.frame for s in seen], float), np.array([s.pose for s in seen])
+    t, pose = np.array([s.when for s in seen]), np.array([s.pose for s in seen])
     # a fit errs alike in two frames that show the block at nearly the same place within its pixels
     pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
     stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))

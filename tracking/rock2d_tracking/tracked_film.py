@@ -84,7 +84,9 @@ def tracked_film(
     offset_px: dict[str, float] = {}
     for release in kept:
         offset_px[release.block] = max(release.bias_px, offset_px.get(release.block, 0.0))
-    return TrackedFilm(_experiment(frames, setup, camera, fps), frames, remarks, offset_px)
+    steps = np.concatenate([np.diff([s.when for s in release.sights]) for release in kept])
+    usual_fps = fps / float(np.median(steps))  # another one than stated only where the frame rate varies
+    return TrackedFilm(_experiment(frames, setup, camera, usual_fps), frames, remarks, offset_px)
 
 
 def _moved(release: FollowedRelease, fall_px: float) -> bool:
@@ -119,7 +121,7 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
     There the steps, turn included, are two or three times as long as those before and after. Where a block hardly
     moves, dropped frames cannot be seen, and do not matter."""
     seen = [s for s in sights if not s.reason]
-    at = np.array([s.frame for s in seen])
+    at = np.array([s.when for s in seen])
     step = np.diff([s.pose * [1.0, 1.0, reach_px] for s in seen], axis=0)
     single = np.diff(at) == 1
     found = np.zeros(len(step), np.int64)
@@ -136,19 +138,20 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
         longer, off = (float(np.abs(step[k] - n * usual).max()) for n in (1, times))
         if times > 1 and longer > LONG_STEP_SIGMAS * sigma and off < 0.5 * LONG_STEP_SIGMAS * sigma:
             found[k] = times - 1
-    later = dict(zip((s.frame for s in seen[1:]), np.cumsum(found), strict=True))
+    later = dict(zip((s.when for s in seen[1:]), np.cumsum(found), strict=True))
     shift = 0
     for sight in sights:
-        shift = int(later.get(sight.frame, shift))
+        shift = int(later.get(sight.when, shift))
         sight.frame += shift
+        sight.when += shift
     return int(found.sum())
 
 
 def _rows(number: int, release: FollowedRelease, fps: float) -> list[dict[str, object]]:
-    first = release.sights[0].frame
+    first = release.sights[0].when
     return [
         {
-            "release": number, "block": release.block, "frame": s.frame, "t_s": round((s.frame - first) / fps, 9),
+            "release": number, "block": release.block, "frame": s.frame, "t_s": round((s.when - first) / fps, 9),
             "u_px": s.pose[0], "v_px": s.pose[1], "angle_px_rad": s.pose[2],
             "u_error_px": s.error[0], "v_error_px": s.error[1], "angle_error_rad": s.error[2],
             "confidence": s.confidence, "reason": s.reason,

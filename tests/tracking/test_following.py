@@ -64,7 +64,7 @@ class Tracked:
 
 def film_in(releases: list[FollowedRelease], setup: Setup) -> TrackedFilm:
     """The experiment that releases show."""
-    return tracked_film(moving_releases(releases, setup.fall_px(SIZE_PX)), len(releases), setup, SIZE_PX)
+    return tracked_film(moving_releases(releases, setup.fall_px), len(releases), setup, SIZE_PX)
 
 
 @pytest.fixture(scope="module")

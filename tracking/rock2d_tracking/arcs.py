@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.kinematics.flight_gravity import Measured
+from rock2d.statistics import weighted_median
 from rock2d_tracking.candidates import Candidate
 from rock2d_tracking.clock import EVEN, Clock
 
@@ -23,7 +26,10 @@ FEWEST_TO_GROW, GROWN_AREA_RATIO = (
     8,
     2.5,
 )  # frames of a run that may be carried on, and areas of what is then added
-OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
+FALLS_PX = tuple(
+    0.5 * 2.0**k for k in range(8)
+)  # accelerations in px per frame squared that are tried, beside none
+SAME_BEND = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
 STEP_TOLERANCE = 0.04  # ... and share of the step to it
@@ -41,6 +47,7 @@ class Arc:
     clock : the instants of frames
     falls : whether its curvature is significant and about that of gravity
     other : whether its curvature is significant and not that of gravity
+    bend : its acceleration along v in px per usual time squared, with its standard error
     gravity_ratio : its acceleration over the gravity that scale and frame rate promise
     contrast : usual change in grey levels, of the colour that changes most
     shadow_share : share of its frames that look like a shadow
@@ -54,6 +61,7 @@ class Arc:
     clock: Clock
     falls: bool
     other: bool
+    bend: Measured
     gravity_ratio: float
     contrast: float
     shadow_share: float
@@ -119,16 +127,57 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = 
     return arcs
 
 
+def common_fall(candidates: list[list[Candidate]], down: int = 1, clock: Clock = EVEN) -> Measured | None:
+    """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
+    nothing is bent. `down`: its sign.
+
+    Arcs are looked for with one acceleration after the other, because a strong one must be known to follow them.
+    """
+    best: list[Arc] = []
+    for fall in (0.0, *FALLS_PX):
+        bent = [a for a in find_arcs(candidates, down * fall, clock) if _bent(a, down)]
+        if not bent:
+            continue
+        bends = np.array([a.bend.value for a in bent])
+        frames = np.array([len(a.frames) for a in bent])
+        near = np.abs(bends / weighted_median(bends, frames) - 1.0) < SAME_BEND
+        own = [a for a, agrees in zip(bent, near, strict=True) if agrees]
+        if sum(len(a.frames) for a in own) > sum(len(a.frames) for a in best):
+            best = own
+    if not best:
+        return None
+    middle = float(np.median([a.bend.value for a in best]))
+    falls = [a for a in find_arcs(candidates, middle, clock) if a.falls]
+    return mean_bend(falls or best)
+
+
+def _bent(arc: Arc, down: int) -> bool:
+    return down * arc.bend.value > GRAVITY_SIGMAS * arc.bend.error
+
+
+def mean_bend(arcs: Sequence[Arc]) -> Measured:
+    """Weighted mean of the accelerations of some arcs; where they disagree, its error is that of their scatter."""
+    bends, weights = (
+        np.array([a.bend.value for a in arcs]),
+        np.array([a.bend.error for a in arcs]) ** -2.0,
+    )
+    mean = float(np.average(bends, weights=weights))
+    squares = float((weights * (bends - mean) ** 2).sum()) / max(len(arcs) - 1, 1)
+    return Measured(mean, float((max(squares, 1.0) / weights.sum()) ** 0.5))
+
+
 def arcs_of_other_gravity(
     candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN
 ) -> list[Arc]:
-    """The arcs that scale, frame rate or the direction `up` would have to be wrong for; the best such guess."""
-    best: list[Arc] = []
-    for factor in OTHER_GRAVITIES:
-        arcs = [a for a in find_arcs(candidates, factor * fall_px, clock) if a.falls]
-        if sum(len(a.frames) for a in arcs) > sum(len(a.frames) for a in best):
-            best = [replace(a, falls=False, other=True, gravity_ratio=factor * a.gravity_ratio) for a in arcs]
-    return best
+    """The arcs that scale, frame rate or the direction `up` would have to be wrong for."""
+    down = 1 if fall_px > 0 else -1
+    fall = common_fall(candidates, down, clock) or common_fall(candidates, -down, clock)
+    if fall is None:
+        return []
+    return [
+        replace(a, falls=False, other=True, gravity_ratio=a.bend.value / fall_px)
+        for a in find_arcs(candidates, fall.value, clock) if a.falls
+    ]  # fmt: skip
 
 
 def _best_run(
@@ -262,6 +311,7 @@ def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float, clock: 
         clock,
         falls,
         other,
+        Measured(float(bend), float(bend_error)),
         float(ratio),
         contrast,
         float(rows[:, 6].mean()),

@@ -15,13 +15,15 @@ import numpy as np
 from rock2d.errors import InputError, counted
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder, write_whole
+from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.explanation import TrackingAttempt
 from rock2d_tracking.film_reading import FilmFile, Frames
-from rock2d_tracking.first_setup import FirstScale
-from rock2d_tracking.following import Followed, Prepared, follow, followed, prepared
+from rock2d_tracking.film_scale import FilmScale, proposal
+from rock2d_tracking.following import Followed, Prepared, followed, motion_in, prepared
 from rock2d_tracking.looks import ChannelMix
+from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_ways
@@ -35,6 +37,7 @@ Array = np.ndarray
 Report = Callable[[str], None]
 
 GREY = ChannelMix()
+GRAVITY_ROUNDS = 2  # in which the scale that gravity gives changes what counts as a flight
 SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
 VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
@@ -48,11 +51,28 @@ PASSES = {
 }
 
 
-class Guessed(NamedTuple):
-    """A film without a set-up file: what is known of it before the block is followed, and the set-up after that."""
+class TrackedSetup(NamedTuple):
+    """What is known of a film before its blocks are followed, and the set-up after that.
 
+    Attributes
+    ----------
+    setup : set-up with which they are followed
+    setup_of : the set-up of what was followed, with scale and frame rate
+    guessed : whether it is guessed from the film
+    """
+
+    setup: Setup
     prepared: Prepared
-    setup_of: Callable[[list[FollowedRelease]], Setup]
+    setup_of: Callable[[list[FollowedRelease], FilmScale], Setup]
+    guessed: bool = False
+
+    @property
+    def asked(self) -> FilmScale:
+        """Scale and frame rate without what gravity gives."""
+        setup = self.setup
+        given = setup.from_gravity.which if setup.from_gravity is not None else ""
+        scale, fps, gravity = setup.scale
+        return FilmScale(None if given == "scale" else scale, None if given == "fps" else fps, gravity)
 
 
 class FilmFormat(NamedTuple):
@@ -93,61 +113,79 @@ class ShownFrames(Frames):
             yield from bar.counted(super().__iter__())
 
 
-def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSettings) -> None:
+def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSettings) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
-    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Where nothing can be
-    tracked, what was seen of the film goes to `OUT_explained`. Raises `InputError` for input that cannot be used.
+    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Of the two, gravity gives
+    the one that is not known. Where nothing can be tracked, what was seen of the film goes to `OUT_explained`. Raises
+    `InputError` for input that cannot be used.
     """
-    from rock2d_tracking.first_setup import first_motion, ground_of, write_first_setup
-
     film = FilmFile(video)
     frames = ShownFrames(film, settings.last, Bars(settings.progress, PASSES), list(PASSES))
     check_folder(out)
     frames.ways_px = camera_ways(frames, film.expected_frames)
     if isinstance(config, Path):
-        _track(film, frames, Setup(config), out, settings)
+        setup = Setup(config)
+        motion = motion_in(frames, setup, film.expected_frames, frames.stamps(setup.scale.fps).clock)
+        if not motion.scale.fall_px:
+            raise _explained(_no_fall(film), out, TrackingAttempt(frames, motion, None, None), [config])
+        setup = setup.with_scale(motion.scale)
+        known = prepared(frames, setup, film.size_px, motion)
+        own = TrackedSetup(setup, known, lambda releases, scale: setup.with_scale(scale))
+        _track(film, frames, own, out, settings)
         return
-    motion = first_motion(film, frames, config)
     with tempfile.TemporaryDirectory() as folder:
-        first = Path(folder) / "setup.yaml"
-        write_first_setup(first, film, motion, config)
-        if not motion.chains:
-            scale, fps = config
-            error = InputError(
-                f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s",
-                film.path,
-            )
-            raise _explained(error, out, TrackingAttempt(frames, motion, None, None), [first])
-        known = prepared(frames, Setup(first), film.size_px, motion)
-        size = known.looks["ball"].size
-        write_first_setup(first, film, motion, config, size)
-
-        def with_ground(releases: list[FollowedRelease]) -> Setup:
-            write_first_setup(first, film, motion, config, size, ground_of(releases, config))
-            return Setup(first)
-
-        _track(film, frames, Setup(first), out, settings, Guessed(known, with_ground))
-        settings.report(f"set-up file to refine: {out / 'setup.yaml'}")
+        _track_first(film, frames, config, Path(folder), out, settings)
 
 
-def _track(
-    film: FilmFile,
-    frames: Frames,
-    setup: Setup,
-    out: Path,
-    settings: TrackSettings,
-    guessed: Guessed | None = None,
+def _track_first(
+    film: FilmFile, frames: Frames, asked: FilmScale, folder: Path, out: Path, settings: TrackSettings
 ) -> None:
-    from rock2d.kinematics.film_findings import film_findings, write_film_findings
-    from rock2d.kinematics.setup_world import setup_world
+    """Track a film without a set-up file; one is written in `folder` on the way."""
+    from rock2d_tracking.first_setup import FirstSetup, first_motion, ground_of
+
+    motion = first_motion(film, frames, asked)
+    if not motion.scale.fall_px:
+        raise _no_fall(film)
+    first = FirstSetup(folder / "setup.yaml", film, motion, asked, motion.scale)
+    setup = first.written()
+    if not motion.chains:
+        error = _no_fall(film, motion)
+        raise _explained(error, out, TrackingAttempt(frames, motion, None, None), [setup.path])
+    known = prepared(frames, setup, film.size_px, motion)
+    first = replace(first, size=known.looks["ball"].size)
+
+    def with_ground(releases: list[FollowedRelease], scale: FilmScale) -> Setup:
+        return replace(first, scale=scale, ground_px=ground_of(releases, scale.fall_px)).written()
+
+    _track(film, frames, TrackedSetup(first.written(), known, with_ground, guessed=True), out, settings)
+    settings.report(f"set-up file to refine: {out / 'setup.yaml'}")
+
+
+def _no_fall(film: FilmFile, motion: Motion | None = None) -> InputError:
+    """That nothing falls, and what would let it fall."""
+    from rock2d_tracking.explanation import proposed
+
+    if motion is None or motion.scale.fall_px == 0.0:
+        return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
+    scale, fps, _ = motion.scale
+    said = f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s"
+    bent = [arc for arc in motion.arcs if arc.other and arc.gravity_ratio > 0]
+    if bent:
+        said += f". Something falls otherwise: {proposed(motion, bent).sentence(options=True)}"
+    return InputError(said, film.path)
+
+
+def _track(film: FilmFile, frames: Frames, known: TrackedSetup, out: Path, settings: TrackSettings) -> None:
+    from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.explanation import why_not_tracked, write_explanation
     from rock2d_tracking.overlay import Overlay
     from rock2d_tracking.page import write_page
-    from rock2d_tracking.tracked_film import film_of, moving_releases, tracked_film
+    from rock2d_tracking.tracked_film import film_of, moving_releases
     from rock2d_tracking.velocities import MID_AIR, flights_and_impacts
 
-    stamps = frames.stamps(setup.keys.camera.fps)
+    setup = known.setup
+    stamps = frames.stamps(setup.scale.fps if setup.from_gravity is None else None)
     with atomic_folder(out) as folder:
         still: list[Array] = []
         with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.expected_frames)) as overlay:
@@ -157,35 +195,35 @@ def _track(
                     still.append(GREY(frame))
                 overlay.draw(number, frame, release)
 
-            found_in_film = (
-                followed(frames, guessed.prepared, on_progress)
-                if guessed is not None
-                else follow(frames, setup, film.size_px, on_progress, film.expected_frames, stamps.clock)
-            )
+            found_in_film = followed(frames, known.prepared, on_progress)
         seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
         for sight in (s for release in found_in_film.releases for s in release.sights):
             sight.when = float(stamps.clock(sight.frame))
             sight.frame = int(stamps.numbers[sight.frame])
         try:
-            kept = moving_releases(found_in_film.releases, setup.fall_px(film.size_px))
-            if guessed is not None:
-                setup = guessed.setup_of(kept)
+            kept = moving_releases(found_in_film.releases, setup.fall_px)
             if not kept:
                 raise InputError(why_not_tracked(found_in_film), film.path)
-            found = tracked_film(kept, len(found_in_film.releases), setup, film.size_px)
+            found, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
             found.remarks.extend([stamps.remark] if stamps.remark else [])
             if frames.ways_px is not None:
                 found.remarks.append(
                     f"the camera moved by {np.sqrt(frames.ways_px.var(axis=0).sum()):.2g} px (root mean square): its "
                     "motion, read from the background, was taken out; places are those in the first frame"
                 )
-            found.remarks.extend(_remarks_on_looks(found_in_film, sized=guessed is None))
-            found.remarks.extend(_check_sanity(found.experiment, setup, guessed=guessed is not None))
+            found.remarks.extend(_remarks_on_looks(found_in_film, sized=not known.guessed))
+            found.remarks.extend(_check_sanity(found.experiment, setup, guessed=known.guessed))
+            if said.off and said.ratio is not None:
+                ratio = Measured(said.ratio.value, said.unexplained_error)
+                found.remarks.append(proposal(setup.scale, ratio).sentence(options=known.guessed))
+            if setup.from_gravity is not None and setup.from_gravity.which == "scale":
+                found.remarks.append(
+                    f"a pixel is {setup.metres_per_pixel:.6g} m, ± {100 * setup.from_gravity.relative_error:.2g} %"
+                )
         except InputError as error:
             raise _explained(error, out, seen, [folder / "overlay.webm", setup.path]) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
-        said = film_findings(data, setup_world(found.experiment), found.experiment.fps)
         write_film_findings(folder, said)
         _write_metadata(folder / "track.json", found, found_in_film, setup)
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
@@ -207,6 +245,45 @@ def _track(
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
+
+
+def _experiment_of(
+    film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
+) -> tuple[TrackedFilm, FilmFindings, Setup]:
+    """The experiment that a film shows, what it says of itself, and the set-up. Scale or frame rate are those with
+    which flights show gravity, if they are not stated.
+
+    Raises `InputError` if flights are to give them and none shows gravity clearly.
+    """
+    from rock2d_tracking.tracked_film import rescaled, tracked_film
+
+    setup = known.setup_of(kept, known.prepared.motion.scale)
+    found = tracked_film(kept, followed, setup, film.size_px)
+    said = _findings(found.experiment, setup)
+    given = setup.from_gravity
+    if given is None:
+        return found, said, setup
+    for _ in range(GRAVITY_ROUNDS):
+        if said.ratio is None:
+            raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
+        fall_px, before = setup.scale.fall_px * said.ratio.value, setup
+        error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
+        scale = known.asked.given(fall_px)
+        setup = known.setup_of(kept, scale).with_scale(scale, error)
+        found = rescaled(found, before, setup, film.size_px)
+        said = _findings(found.experiment, setup)
+    return found, said, setup
+
+
+def _findings(experiment: Experiment, setup: Setup) -> FilmFindings:
+    from rock2d.kinematics.film_findings import film_findings
+    from rock2d.kinematics.film_segments import FilmSegments
+    from rock2d.kinematics.setup_world import setup_world
+    from rock2d_tracking.tracked_film import film_of
+
+    world = setup_world(experiment)
+    data = FilmSegments.of(film_of(experiment, setup), world)
+    return film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def _write_metadata(path: Path, film: TrackedFilm, followed: Followed, setup: Setup) -> None:
@@ -327,29 +404,28 @@ def import_files(
 
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
-    from rock2d.kinematics.film_findings import film_findings, write_film_findings
-    from rock2d.kinematics.film_segments import FilmSegments
-    from rock2d.kinematics.setup_world import setup_world
+    from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.tracked_film import film_of, with_measured_noise
 
     setup = Setup(config)
+    if setup.from_gravity is not None:
+        raise InputError("import needs scale and frame rate: gravity gives them only of a film", config)
     check_folder(out)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
     camera = setup.keys.camera
     (u, v), (x_m, y_m) = camera.origin_px, camera.origin_m
-    scale = CameraScale(setup.metres_per_pixel, camera.fps, (u, v), (x_m, y_m))
+    scale = CameraScale(setup.metres_per_pixel, setup.fps, (u, v), (x_m, y_m))
     table = import_tracks(files, scale, setup.blocks[name], options, report=report)
     stated = Experiment(
-        setup.keys.name, setup.keys.gravity_m_s2, camera.fps, setup.metres_per_pixel, np.deg2rad(1.0),
+        setup.keys.name, setup.keys.gravity_m_s2, setup.fps, setup.metres_per_pixel, np.deg2rad(1.0),
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
     )  # fmt: skip
     found = with_measured_noise(film_of(stated, setup), stated)
     _check_sanity(found, setup)
-    world = setup_world(found)
-    said = film_findings(FilmSegments.of(film_of(found, setup), world), world, found.fps)
+    said = _findings(found, setup)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
         write_film_findings(folder, said)

@@ -171,8 +171,9 @@ class Frames:
                 self._film.path,
             )
 
-    def stamps(self, fps: float) -> Stamps:
-        """What the time stamps of the frames that were read say; `fps`: frame rate of the recording.
+    def stamps(self, fps: float | None) -> Stamps:
+        """What the time stamps of the frames that were read say; `fps`: frame rate of the recording, None
+        if it is not known.
 
         Between two frames lie one or more times the usual interval; more, where frames are missing. Where it is
         otherwise, the frame rate varies: the stamps are the instants of the frames, drawn out if the film was filmed at
@@ -194,7 +195,7 @@ class Frames:
         numbers = np.concatenate([[0], np.cumsum(times)]).astype(int)
         return Stamps(numbers, Clock(numbers.astype(float)) if missing else EVEN, said)
 
-    def _uneven(self, when_s: Array, usual_s: float, fps: float) -> Stamps:
+    def _uneven(self, when_s: Array, usual_s: float, fps: float | None) -> Stamps:
         """The same of a frame rate that varies."""
         steps, numbers = np.diff(when_s), np.arange(len(when_s))
         said = (
@@ -204,9 +205,12 @@ class Frames:
         if steps.min() < SHORTEST_STEP * usual_s:
             pace = "no camera does that; was it cut, or is it played at several paces?"
             return Stamps(numbers, EVEN, f"{said}; {pace} One rate is assumed, so times and speeds are rough")
-        as_filmed = AS_FILMED[0] < fps * usual_s < AS_FILMED[1]
-        drawn_out = "" if as_filmed else f", drawn out from {1 / usual_s:.4g} to {fps:g} frames/s"
-        clock = Clock((when_s - when_s[0]) * (fps if as_filmed else 1.0 / usual_s))
+        if fps is not None and AS_FILMED[0] < fps * usual_s < AS_FILMED[1]:
+            clock, drawn_out = Clock((when_s - when_s[0]) * fps), ""
+        else:
+            rate = "that of the recording" if fps is None else f"{fps:g}"
+            clock = Clock((when_s - when_s[0]) / usual_s)
+            drawn_out = f", drawn out from {1 / usual_s:.4g} to {rate} frames/s"
         return Stamps(numbers, clock, f"{said}. These are the times of the frames{drawn_out}")
 
 

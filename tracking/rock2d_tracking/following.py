@@ -74,7 +74,7 @@ def follow(
     on_progress : called for every frame with its number, its picture and the release that is being followed, if any
     clock : the instants of frames
     """
-    motion = motion_in(film, setup, size_px, expected_frames, clock)
+    motion = motion_in(film, setup, expected_frames, clock)
     if not motion.candidates:
         return Followed([], motion, {})
     return followed(film, prepared(film, setup, size_px, motion), on_progress)
@@ -90,18 +90,12 @@ def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) ->
     return Followed(follower.releases, known.motion, follower.looks, follower.rejected)
 
 
-def motion_in(
-    film: Iterable[Array],
-    setup: Setup,
-    size_px: tuple[int, int],
-    expected_frames: int,
-    clock: Clock = EVEN,
-) -> Motion:
+def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
     """What moves in a film of which a set-up file is known."""
-    camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
-    outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
+    metres = setup.scale.metres_per_pixel
+    outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps, clock)
+    return motion_of(film, expected_frames, radii, setup.scale, clock, setup.down)
 
 
 def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
@@ -141,14 +135,14 @@ class _Follower:
     ) -> None:
         self.setup, self.background, self.motion = setup, background, motion
         self.map: PixelMap = setup.pixel_map(size_px)
-        self.fall_px = setup.fall_px(size_px)
+        self.fall_px = setup.fall_px
         visible = above_ground(setup.cross_section, self.map, size_px)
         self.fitter = Fitter(background, visible, setup.keys.detection.least_seen)
         self.looks = {
             name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
             for name, block in setup.blocks.items()
         }
-        self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
+        self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.fps))
         self.releases: list[FollowedRelease] = []
         self.release: FollowedRelease | None = None
         self.chain: Chain | None = None

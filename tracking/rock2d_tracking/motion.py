@@ -18,10 +18,12 @@ from rock2d_tracking.arcs import (
     FEWEST_ARC_FRAMES,
     Arc,
     arcs_of_other_gravity,
+    common_fall,
     find_arcs,
 )
 from rock2d_tracking.candidates import Candidate, candidates_of, shrunk
 from rock2d_tracking.clock import EVEN, Clock
+from rock2d_tracking.film_scale import UNKNOWN, FilmScale
 
 Array = np.ndarray
 
@@ -108,6 +110,7 @@ class Motion:
     samples : pictures of full size, evenly over the film
     arcs : all arcs, of the blocks and of other things
     clock : the instants of frames
+    scale : scale and frame rate; where one was not known, as the arcs give it
     """
 
     candidates: list[list[Candidate]] = field(default_factory=list)
@@ -115,6 +118,7 @@ class Motion:
     samples: list[Array] = field(default_factory=list)
     arcs: list[Arc] = field(default_factory=list)
     clock: Clock = EVEN
+    scale: FilmScale = UNKNOWN
 
     def chain_at(self, frame: int) -> Chain | None:
         """The chain that spans a frame."""
@@ -146,17 +150,18 @@ def motion_of(
     frames: Iterable[Array],
     expected_frames: int,
     radii_px: list[float],
-    fall_px: float,
-    fps: float,
+    scale: FilmScale,
     clock: Clock = EVEN,
+    down: int = 1,
 ) -> Motion:
     """Read a film once and find what moves in it.
 
     frames : (height, width) or (height, width, 3) uint8
     expected_frames : about how many there are, 0 if nobody knows
     radii_px : radii of the blocks, [] if they are not known
-    fall_px : acceleration of gravity along v in px per frame squared; 0 if it is not known
+    scale : scale and frame rate; what is not known is found from what falls
     clock : the instants of frames
+    down : the sign of gravity along v
     """
     found, chunk = Motion(clock=clock), []
     stride, number = max(1, expected_frames // FULL_SAMPLES), 0
@@ -174,10 +179,15 @@ def motion_of(
             chunk = []
     if chunk:
         found.candidates += candidates_of(chunk, len(found.candidates), coarse)
-    found.arcs = find_arcs(found.candidates, fall_px, found.clock)
-    found.chains = find_chains(found.arcs, fps, radii_px)
+    if not scale.fall_px and (fall := common_fall(found.candidates, down, clock)) is not None:
+        scale = scale.given(abs(fall.value))
+    found.scale, fall_px = scale, down * scale.fall_px
+    if not fall_px:  # nothing falls
+        return found
+    found.arcs = find_arcs(found.candidates, fall_px, clock)
+    found.chains = find_chains(found.arcs, scale.fps or 0.0, radii_px)
     if not found.chains:
-        found.arcs += arcs_of_other_gravity(found.candidates, fall_px, found.clock)
+        found.arcs += arcs_of_other_gravity(found.candidates, fall_px, clock)
     return found
 
 

@@ -76,7 +76,7 @@ def tracked_film(
         remarks.append(
             f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there"
         )
-    fps = setup.keys.camera.fps
+    fps = setup.fps
     rows = [_rows(k, release, fps) for k, release in enumerate(kept)]
     frames = pd.DataFrame([row for own in rows for row in own])
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
@@ -87,6 +87,14 @@ def tracked_film(
     steps = np.concatenate([np.diff([s.when for s in release.sights]) for release in kept])
     usual_fps = fps / float(np.median(steps))  # another one than stated only where the frame rate varies
     return TrackedFilm(_experiment(frames, setup, camera, usual_fps), frames, remarks, offset_px)
+
+
+def rescaled(film: TrackedFilm, before: Setup, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
+    """The same film with the scale and the frame rate of another set-up than the one `before`."""
+    slower = before.fps / setup.fps
+    frames = film.frames.assign(t_s=(film.frames["t_s"] * slower).round(9))
+    experiment = _experiment(frames, setup, setup.pixel_map(size_px), film.experiment.fps / slower)
+    return replace(film, experiment=experiment, frames=frames)
 
 
 def _moved(release: FollowedRelease, fall_px: float) -> bool:
@@ -175,7 +183,7 @@ def _experiment(frames: pd.DataFrame, setup: Setup, camera: PixelMap, fps: float
     angle = float(np.nanmedian(errors[:, 2])) if np.isfinite(errors[:, 2]).any() else 0.0
     stated = Experiment(
         setup.keys.name, setup.keys.gravity_m_s2, fps, position, angle, setup.cross_section, dict(setup.blocks),
-        trajectories=table,
+        trajectories=table, from_gravity=setup.from_gravity,
     )  # fmt: skip
     return with_measured_noise(film_of(stated, setup), stated)
 

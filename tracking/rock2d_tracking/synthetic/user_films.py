@@ -55,6 +55,7 @@ class FilmKind:
     room: float = 0.4
     falls_out: bool = False  # of the picture, before it meets the floor
     uneven: float = 0.0  # share by which the time between frames varies
+    stated_fps: float = 0.0  # frame rate that its user states, if it is a wrong one
 
 
 PHONE_LOOKS = ("shaded", "coloured", "textured", "matte")
@@ -67,6 +68,9 @@ FILM_KINDS = {
     "edit list, wide angle": FilmKind(60.0, 8e-3, 50, PHONE_LOOKS, "edit list", lens=0.04, falls_out=True),
     "hand-held": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, shake_px=1.0),
     "cluttered room": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, room=1.0),
+    "slow motion, wrong rate": FilmKind(
+        200.0, 1.5e-3, 240, ("shaded", "textured", "white"), "webm", 0.3, stated_fps=30.0
+    ),
     "variable rate": FilmKind(30.0, 4e-3, 65, PHONE_LOOKS, uneven=0.5),
 }
 

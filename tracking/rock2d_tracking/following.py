@@ -228,11 +228,23 @@ class _Follower:
 
     def _distrust_shadow(self, release: FollowedRelease) -> None:
         """What darkens its background as a shadow does is a block only if its outline is sharp."""
-        if self.chain is None or self.chain.shadow_share < SHADOW_SHARE or not release.seen:
+        if not release.seen or self._shadow_share(release) < SHADOW_SHARE:
             return
         if np.median([s.confidence for s in release.seen]) < SURE_FIT:
             for sight in release.seen:
                 sight.reason, sight.confidence = "like a shadow", 0.0
+
+    def _shadow_share(self, release: FollowedRelease) -> float:
+        """Share of the candidates of a release that look like a shadow. Without arcs they are those at its places: the
+        shadow of a block that a hand holds may be found as an outline, while the block itself is hidden in the hand."""
+        if self.chain is not None:
+            return self.chain.shadow_share
+        reach_px = 0.5 * self.looks[release.block].outline.reach_px
+        near = [
+            c.shadow for s in release.seen for c in self.motion.candidates[s.frame]
+            if np.hypot(c.u_px - s.pose[0], c.v_px - s.pose[1]) < reach_px
+        ]  # fmt: skip
+        return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
         return self.setup.block_of(len(self.releases) + (self.release is not None))

@@ -57,6 +57,13 @@ class Camera(Checked):
     fps: float = Field(gt=0, le=1.0e7, description="Frames per second")
     position_noise_m: float = Field(ge=0, le=1.0e3, description="Position noise, 1 sigma, each axis, in m")
     angle_noise_rad: float = Field(ge=0, le=1.0e3, description="Angle noise, 1 sigma, in rad")
+    smear_offset_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1.0e3,
+        description="Offset of a block over its speed, 1 sigma of what all frames share, in s: "
+        "where one side is darker, a smeared outline is found beside its middle",
+    )
     from_gravity: FromGravity | None = Field(
         default=None, description="What was not measured but taken from the fall of the blocks; nothing"
     )
@@ -105,6 +112,7 @@ class Experiment:
     trajectories : rows `TRAJECTORY_COLUMNS`, NaN where a frame was lost; or None
     impacts : rows of at least `REQUIRED_IMPACT_COLUMNS`, or None; exactly one of the two is given
     folder : where it was read from, None if made in memory
+    smear_offset_s : offset of a block over its speed that all frames share, 1 sigma, in s
     from_gravity : whether frame rate or scale come from the fall of the blocks; None if they were measured
     """
 
@@ -119,6 +127,7 @@ class Experiment:
     impacts: pd.DataFrame | None = None
     folder: Path | None = field(default=None, compare=False)
     from_gravity: FromGravity | None = None
+    smear_offset_s: float = 0.0
 
     def __post_init__(self) -> None:
         if (self.trajectories is None) == (self.impacts is None):
@@ -196,6 +205,7 @@ def load_experiment(folder: str | Path) -> Experiment:
         impacts=tables.get("impacts"),
         folder=folder,
         from_gravity=keys.camera.from_gravity,
+        smear_offset_s=keys.camera.smear_offset_s,
     )
 
 
@@ -281,6 +291,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
             "fps": float(experiment.fps),
             "position_noise_m": float(experiment.position_noise_m),
             "angle_noise_rad": float(experiment.angle_noise_rad),
+            **({"smear_offset_s": float(experiment.smear_offset_s)} if experiment.smear_offset_s else {}),
             **(
                 {"from_gravity": given.model_dump()} if (given := experiment.from_gravity) is not None else {}
             ),

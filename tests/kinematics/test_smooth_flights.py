@@ -56,6 +56,17 @@ def test_the_first_estimate_of_the_noise_needs_no_even_times():
     np.testing.assert_allclose(film.noise[:2], 1e-3, rtol=0.3)
 
 
+def test_the_noise_of_a_tracked_film_is_that_of_its_flights_however_often_a_ball_bounces():
+    """At 30 frames/s hardly any window of frames is without a bounce; what the tracker states is better."""
+    from types import SimpleNamespace
+
+    from rock2d_tracking.tracked_film import film_of
+
+    film, bounces = ball_film(30.0, 3e-4, floor_m=0.9, duration_s=1.9)
+    assert bounces >= 4 and load_film(film).noise[1] > 10 * 3e-4
+    np.testing.assert_allclose(film_of(film, SimpleNamespace(metres_per_pixel=1e-3)).noise[:2], 3e-4)
+
+
 def segments(experiment: Experiment) -> FilmSegments:
     return FilmSegments.of(load_film(experiment), setup_world(experiment))
 

@@ -203,7 +203,8 @@ class _Follower:
         radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
         # where only the lit part of a block is seen, it looks smaller and lies beside the middle
         beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
-        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, float(np.hypot(looks.bias_px, beside)), radius)
+        bias_px = float(np.hypot(looks.bias_px, beside))
+        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, bias_px, radius, looks.shutter)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""

@@ -57,6 +57,7 @@ class FollowedRelease:
     error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
     bias_px : 1 sigma by which a coordinate of all frames may be off alike; it is no part of the errors of frames
     radius_px : half the size of the block in the picture
+    shutter : share of the time between frames in which the block smears
     """
 
     block: str
@@ -64,6 +65,7 @@ class FollowedRelease:
     error_factor: float = 1.0
     bias_px: float = 0.0
     radius_px: float = 0.0
+    shutter: float = 0.0
 
     @property
     def seen(self) -> list[Sight]:

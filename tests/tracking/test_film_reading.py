@@ -88,6 +88,13 @@ def test_a_frame_rate_that_varies_is_said(tmp_path):
     assert slow.clock(-2) == pytest.approx(-2) and slow.clock(10) == pytest.approx(ticks[-1] / 33 + 1)
 
 
+def test_a_phone_that_is_mostly_slower_than_its_stated_rate_keeps_its_seconds(tmp_path):
+    ticks = np.cumsum([0, *[33] * 4, *[48, 51, 50] * 4])
+    frames = FilmFile(written(tmp_path / "a.mp4", grey(17), ticks.tolist())).frames()
+    list(frames)
+    np.testing.assert_allclose(frames.stamps(30.0).clock(np.arange(17)), 30.0 * ticks / 1000)
+
+
 def test_stamps_that_no_camera_makes_are_left_aside(tmp_path):
     ticks = np.cumsum([0, *[33] * 6, *[8] * 3]).tolist()  # slow motion, and a part at full pace
     frames = FilmFile(written(tmp_path / "a.mp4", grey(10), ticks)).frames()

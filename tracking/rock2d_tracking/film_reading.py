@@ -28,8 +28,9 @@ STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).ast
 # by which a time between frames may be off: share of the usual one, and ticks of the clock
 STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
 # of a frame rate that varies: shortest time between frames over the usual one (a shorter one is another pace of
-# playing), and stated frame rate over that of playing for which the film is played as it was filmed
-SHORTEST_STEP, AS_FILMED = 0.4, (0.8, 1.25)
+# playing), and stated frame rate over that of playing at its slowest and at its fastest (quantiles of the steps) for
+# which the film is played as it was filmed
+SHORTEST_STEP, AS_FILMED, USUAL_STEPS = 0.4, (0.8, 1.25), (0.1, 0.9)
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
 BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
 BEFORE_EDIT = "hidden by an edit list"
@@ -205,7 +206,8 @@ class Frames:
         if steps.min() < SHORTEST_STEP * usual_s:
             pace = "no camera does that; was it cut, or is it played at several paces?"
             return Stamps(numbers, EVEN, f"{said}; {pace} One rate is assumed, so times and speeds are rough")
-        if fps is not None and AS_FILMED[0] < fps * usual_s < AS_FILMED[1]:
+        fast_s, slow_s = np.quantile(steps, USUAL_STEPS)
+        if fps is not None and AS_FILMED[0] < fps * slow_s and fps * fast_s < AS_FILMED[1]:
             clock, drawn_out = Clock((when_s - when_s[0]) * fps), ""
         else:
             rate = "that of the recording" if fps is None else f"{fps:g}"

@@ -30,6 +30,7 @@ from rock2d_tracking.steadying import camera_ways
 
 if TYPE_CHECKING:
     from rock2d.kinematics.film_findings import FilmFindings
+    from rock2d.kinematics.film_segments import FilmSegments
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
     from rock2d_tracking.tracked_film import TrackedFilm
 
@@ -223,6 +224,7 @@ def _track(film: FilmFile, frames: Frames, known: TrackedSetup, out: Path, setti
         except InputError as error:
             raise _explained(error, out, seen, [folder / "overlay.webm", setup.path]) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
+        found.remarks.extend(_remarks_on_lens(data, setup, film.size_px))
         write_experiment_files(folder, found.experiment)
         write_film_findings(folder, said)
         _write_metadata(folder / "track.json", found, found_in_film, setup)
@@ -321,6 +323,22 @@ def _remarks_on_looks(followed: Followed, *, sized: bool) -> list[str]:
                 "may be off alike by so much, velocities and g are not"
             )
     return remarks
+
+
+def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int]) -> list[str]:
+    """That flights are bent as by a lens, if none is stated."""
+    from rock2d_tracking.lens import lens_bend
+
+    if setup.keys.camera.distortion is not None:
+        return []
+    bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
+    if bend is None:
+        return []
+    return [
+        f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`, and measure the "
+        "scale near the middle of the picture. A rolling shutter, air or a camera at a slant may do the same"
+    ]
 
 
 def _explained(error: InputError, out: Path, seen: TrackingAttempt, files: Sequence[Path]) -> InputError:

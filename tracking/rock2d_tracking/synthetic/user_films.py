@@ -52,6 +52,7 @@ class FilmKind:
     shutter: float = 0.5
     shake_px: float = 0.0
     lens: float = 0.0
+    rolling: float = 0.0  # share of the time between frames in which the rows are read, one after the other
     room: float = 0.4
     falls_out: bool = False  # of the picture, before it meets the floor
     uneven: float = 0.0  # share by which the time between frames varies
@@ -68,6 +69,8 @@ FILM_KINDS = {
     "edit list, wide angle": FilmKind(60.0, 8e-3, 50, PHONE_LOOKS, "edit list", lens=0.04, falls_out=True),
     "hand-held": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, shake_px=1.0),
     "cluttered room": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, room=1.0),
+    "rolling shutter": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, rolling=0.6),
+    "wide angle": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, lens=0.06),
     "slow motion, wrong rate": FilmKind(
         200.0, 1.5e-3, 240, ("shaded", "textured", "white"), "webm", 0.3, stated_fps=30.0
     ),
@@ -129,7 +132,7 @@ def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] =
         ambient=0.7 if flat else rng.uniform(0.3, 0.5), diffuse=0.3 if flat else rng.uniform(0.5, 0.9),
         specular=rng.uniform(0.5, 1.2) if shiny else 0.2 * rng.random(), shine=rng.uniform(20, 60),
         texture=0.6 if like == "textured" else 0.05, opacity=1.0, untidy=0.3, shadow=rng.uniform(0.0, 0.2),
-        hand=bool(rng.random() < 0.7), moving=0.0, shutter=rng.uniform(0.3, 1.0) * own.shutter, rolling=0.0,
+        hand=bool(rng.random() < 0.7), moving=0.0, shutter=rng.uniform(0.3, 1.0) * own.shutter, rolling=own.rolling,
         exposure=rng.uniform(1.0, 1.3), noise=rng.uniform(1.0, 3.0), blur_px=rng.uniform(0.6, 1.1), quality=95, crf=0.0,
         restitution=rng.uniform(0.6, 0.85), room=own.room, shake_px=own.shake_px * rng.uniform(0.6, 1.6),
         shake_frames=rng.uniform(6, 14), lens=own.lens * rng.uniform(0.5, 1.5), uneven=own.uneven,

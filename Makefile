@@ -20,6 +20,7 @@ bench: .venv/bench  ## what a person waits for: a table, and every number in out
 		$(if $(BEFORE),--benchmark-compare=$(BEFORE)) $(if $(ONLY),-k "$(ONLY)")
 
 docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fails
+	$(BIN)/python docs/make_gallery.py --live
 	$(BIN)/python -m mkdocs build
 
 .venv/docs: .venv/ready

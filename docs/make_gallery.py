@@ -2,6 +2,7 @@
 
     python docs/make_gallery.py            # all of it, into docs/pictures and docs/tutorials
     python docs/make_gallery.py flat_floor # one scenario or tutorial
+    python docs/make_gallery.py --live     # the live pages, into docs/live; those that are older than what they show
 
 Scenarios with measured data need the data folder in the variable ROCK2D_DATA.
 """
@@ -12,6 +13,8 @@ import contextlib
 import io
 import os
 import runpy
+import shutil
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -20,13 +23,25 @@ from rock2d import load_scenario, run
 from rock2d.graphics.figure_style import save_figure
 
 DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
 PICTURES = DOCS / "pictures"
+LIVE = DOCS / "live"  # pages too large to be kept in the repository
+COMPARED = "run scenarios/{}.yaml --report --compare --engine batch"
+LIVE_COMMANDS = {  # page -> the command of rock2d that makes it
+    **{
+        name: COMPARED.format(name)
+        for name in ("flat_floor", "paper_setup", "rough_slope", "slope_embankment")
+    },
+    "design_site": "design scenarios/design_site.yaml --range 3 9 --target 1 --confidence 95",
+}
 RELEASES = 40
 COLOURS, WIDTH_PX = 96, 1100
 
 
 def main(wanted: list[str]) -> None:
-    """Make all pictures, or those of the scenarios and tutorials named."""
+    """Make all pictures, or those of the scenarios and tutorials named, or the live pages."""
+    if wanted == ["--live"]:
+        return live_pages()
     PICTURES.mkdir(exist_ok=True)
     for path in sorted((DOCS.parent / "scenarios").glob("*.yaml")):
         if not wanted or path.stem in wanted:
@@ -81,6 +96,29 @@ def run_tutorial(path: Path) -> None:
         for picture in sorted(Path(folder).glob("*.png")):
             keep(picture, PICTURES / f"tutorial_{path.stem}_{picture.stem}.png")
     path.with_suffix(".txt").write_text(said.getvalue(), encoding="utf-8")
+
+
+def live_pages() -> None:
+    """Make the live pages that are missing or older than the file that they come from."""
+    LIVE.mkdir(exist_ok=True)
+    for name, command in LIVE_COMMANDS.items():
+        target = LIVE / f"{name}.html"
+        if not _is_new(target, ROOT / "scenarios" / f"{name}.yaml"):
+            with tempfile.TemporaryDirectory() as folder:
+                full = [sys.executable, "-m", "rock2d.cli", *command.split(), "--out", f"{folder}/out"]
+                subprocess.run(full, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+                (page,) = Path(folder).rglob("report.html")
+                shutil.copyfile(page, target)
+    tutorial, target = DOCS / "tutorials" / "diagnosis.py", LIVE / "diagnosis.html"
+    if not _is_new(target, tutorial):
+        silent = contextlib.redirect_stdout(io.StringIO())
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(ROOT), silent:
+            runpy.run_path(str(tutorial))["found"].write(folder)
+            shutil.copyfile(Path(folder) / "report.html", target)
+
+
+def _is_new(page: Path, source: Path) -> bool:
+    return page.is_file() and page.stat().st_mtime > source.stat().st_mtime
 
 
 def keep(source: Path, target: Path) -> None:

@@ -20,7 +20,8 @@ From here:
 
 - a scenario file: `load_scenario`, then `run` and `write_report`;
 - a scenario that says what is not known: `assess` and `least_size`;
-- a filmed experiment: `load_experiment`, then `diagnose` and `predict`;
+- a film: `track`; an experiment: `load_experiment`; then `diagnose` and `predict`;
+- results open their page in the browser: `.view()`;
 - mistakes in what you give raise `InputError`, which has a code and fields.
 
 Every name is imported when it is first used, so that ``import rock2d`` takes no time.
@@ -35,7 +36,8 @@ from rock2d import schemas as schemas
 from rock2d.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from rock2d.api import DiagnosisResult, assess, diagnose, least_size, predict, write_report
+    from rock2d.api.films import DiagnosisResult, TrackResult, diagnose, predict, track
+    from rock2d.api.sites import RunResult, assess, least_size, run, write_report
     from rock2d.design.assessment import Assessment
     from rock2d.design.least_size import Answer, Target
     from rock2d.effects import catalogue
@@ -45,8 +47,6 @@ if TYPE_CHECKING:
     from rock2d.files.scenario_variants import variant
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
-    from rock2d.runs.results import RunResult
-    from rock2d.runs.run import run
     from rock2d.runs.simulation import Simulation, simulate
     from rock2d.scene.blocks import Block, make_block
     from rock2d.scene.cross_section import CrossSection
@@ -65,6 +65,7 @@ __all__ = [
     "Scenario",
     "Simulation",
     "Target",
+    "TrackResult",
     "assess",
     "catalogue",
     "diagnose",
@@ -75,6 +76,7 @@ __all__ = [
     "predict",
     "run",
     "simulate",
+    "track",
     "variant",
     "write_report",
 ]
@@ -85,26 +87,28 @@ _MODULES = {
     "Block": "scene.blocks",
     "ContactParameters": "laws.contact",
     "CrossSection": "scene.cross_section",
-    "DiagnosisResult": "api",
+    "DiagnosisResult": "api.films",
     "Experiment": "files.experiment",
     "InputError": "errors",
     "ReboundParameters": "laws.rebound",
-    "RunResult": "runs.results",
+    "RunResult": "api.sites",
     "Scenario": "files.scenario",
     "Simulation": "runs.simulation",
     "Target": "design.least_size",
-    "assess": "api",
+    "TrackResult": "api.films",
+    "assess": "api.sites",
     "catalogue": "effects",
-    "diagnose": "api",
-    "least_size": "api",
+    "diagnose": "api.films",
+    "least_size": "api.sites",
     "load_experiment": "files.experiment",
     "load_scenario": "files.scenario",
     "make_block": "scene.blocks",
-    "predict": "api",
-    "run": "runs.run",
+    "predict": "api.films",
+    "run": "api.sites",
     "simulate": "runs.simulation",
+    "track": "api.films",
     "variant": "files.scenario_variants",
-    "write_report": "api",
+    "write_report": "api.sites",
 }
 
 

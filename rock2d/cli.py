@@ -270,12 +270,12 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
     from rock2d_tracking.command import TrackSettings, track
     from rock2d_tracking.film_scale import FilmScale
 
-    first = (metres_per_pixel, fps)
-    if (config is None) == (None in first) and (config is None or first != (None, None)):
+    given = sum(value is not None for value in (metres_per_pixel, fps))
+    if given != (2 if config is None else 0):
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
-    if first == (GRAVITY, GRAVITY):
+    if metres_per_pixel == fps == GRAVITY:
         raise click.UsageError("gravity gives the frame rate or the scale, not both: state one of them")
-    scale, rate = (None if own == GRAVITY else own for own in first)
+    scale, rate = (None if own == GRAVITY else own for own in (metres_per_pixel, fps))
     known = config if config is not None else FilmScale(scale, rate)
     track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))
 

@@ -12,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+UNGUARDED = 'a script without `if __name__ == "__main__":`'
 MOST_DEATHS = 3  # deaths of workers, one after the other without a finished job between them
 _KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
@@ -24,6 +25,8 @@ class Processes:
     """
 
     def __init__(self, workers: int, shared: tuple[Any, ...] = ()) -> None:
+        if workers > 1:
+            check_not_imported()
         self._workers, self._shared = workers, shared
         self._pool: ExitStack | None = None
         self._executor: ProcessPoolExecutor | None = None
@@ -60,8 +63,7 @@ class Processes:
                 deaths += 1
                 if deaths > MOST_DEATHS:
                     raise ChildProcessError(
-                        "several worker processes died at the same job; is there too little memory, or a script "
-                        'without `if __name__ == "__main__":`?'
+                        f"several worker processes died at the same job; is there too little memory, or {UNGUARDED}?"
                     ) from None
 
     def _finished(
@@ -74,6 +76,17 @@ class Processes:
             waiting = {self._executor.submit(_work, work, job): k for k, job in jobs.items()}
         for done in as_completed(waiting):
             yield waiting[done], done.result()
+
+
+def check_not_imported() -> None:
+    """Raise ChildProcessError in a worker that imports the script that has started it, and so comes here once more.
+
+    The sign is that of `multiprocessing.spawn`, which refuses only the start of a process, after all work before it.
+    """
+    from multiprocessing import current_process
+
+    if getattr(current_process(), "_inheriting", False):
+        raise ChildProcessError(f"a worker process runs the work once more: this is {UNGUARDED}")
 
 
 def as_finished(

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.browsing import browser  # noqa: F401, a fixture of all tests
+
 # Matrices are small: a second thread only waits for the first, at twenty times the processor time. The workers of
 # pytest and the commands that tests start have it, too. Before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

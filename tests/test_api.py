@@ -6,6 +6,7 @@ import doctest
 import importlib
 import pickle
 import tomllib
+import webbrowser
 from importlib.resources import files
 from pathlib import Path
 
@@ -14,7 +15,6 @@ import pandas as pd
 import pytest
 
 import rock2d
-from rock2d import api
 from rock2d.errors import CODES, InputError
 from rock2d.files.shipped_scenarios import scenario_file
 from tests.programs import ROOT, printed, refusal
@@ -22,10 +22,10 @@ from tests.scenarios_of_tests import small_site
 
 WITH_EXAMPLES = [
     "rock2d",
-    "rock2d.api",
+    "rock2d.api.films",
+    "rock2d.api.sites",
     "rock2d.errors",
     "rock2d.files.scenario_variants",
-    "rock2d.runs.run",
     "rock2d.runs.simulation",
     "rock2d.scene.blocks",
     "rock2d.scene.cross_section",
@@ -113,9 +113,22 @@ def test_a_scenario_runs_and_is_written(tmp_path):
     assert back.name == "flat_floor_point_mass" and len(back.blocks) == 5
 
 
-def test_a_site_is_assessed_designed_and_reported(tmp_path):
+def opened_page(result, monkeypatch, **options) -> str:
+    """The page that `view` opens in the browser."""
+    opened: list[str] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(webbrowser, "open", opened.append)
+        path = result.view(**options)
+    assert opened == [path.as_uri()]
+    return path.read_text(encoding="utf-8")
+
+
+def test_a_site_is_assessed_designed_and_reported(tmp_path, monkeypatch):
     site = small_site(tmp_path, engine="point_mass")
     assessment = rock2d.assess(site)
+    assert "How sure is that" in opened_page(assessment, monkeypatch)
+    page = opened_page(rock2d.run(site), monkeypatch, assessment=assessment)
+    assert "rock2d.write_report in Python" in page and "over sampling and what is not known" in page
     assert isinstance(assessment, rock2d.Assessment)
     assert set(assessment.uncertain["line"]) == {"arrival", "crest", "facing_1_3", "facing_2_3"}
     assert "<table" in assessment._repr_html_()
@@ -176,7 +189,7 @@ CONTENT = {
 
 
 def test_a_diagnosis_shows_its_verdict_and_its_effects():
-    result = api.DiagnosisResult(None, CONTENT)
+    result = rock2d.DiagnosisResult(None, CONTENT)
     assert result.verdict == "air_drag" and result.probabilities["air_drag"] == 0.9
     table = result.to_pandas()
     assert table["effect"].tolist() == ["air_drag", "none", "unknown"]
@@ -189,12 +202,13 @@ def test_a_diagnosis_shows_its_verdict_and_its_effects():
     assert "drops &lt;1&gt;" in html and "<b>air_drag</b>" in html
 
 
-def test_an_impact_table_is_diagnosed_and_written(tmp_path):
+def test_an_impact_table_is_diagnosed_and_written(tmp_path, monkeypatch):
     experiment = rock2d.load_experiment(few_impacts(tmp_path))
     result = rock2d.diagnose(experiment, workers=1)
     assert result.verdict == "unknown" and result.to_dict()["sanity"]["faults"]
     assert sum(result.probabilities.values()) == pytest.approx(1.0)
     assert len(str(result)) < 500 and str(result.diagnosis) == "<Diagnosis of impacts: unknown>"
+    assert opened_page(result, monkeypatch).count("impacts") > 2
     result.write(tmp_path / "diagnosis")
     assert {path.name for path in (tmp_path / "diagnosis").iterdir()} >= {"diagnosis.json", "report.html"}
     with pytest.raises(InputError):

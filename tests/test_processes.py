@@ -100,3 +100,24 @@ def test_workers_do_not_outlive_their_parent(how, tmp_path):
     for worker in left:
         worker.kill()
     assert not left
+
+
+UNGUARDED = """
+from pathlib import Path
+from rock2d.processes import as_finished, check_not_imported
+check_not_imported()
+with Path(__file__).with_name("begun").open("a") as file:
+    file.write("once ")
+list(as_finished(abs, [(-1,), (-2,)], 2))
+"""
+
+
+def test_a_script_without_guard_ends_with_a_message_and_works_once(tmp_path):
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": paths},
+    )  # fmt: skip
+    assert done.returncode == 1 and (tmp_path / "begun").read_text() == "once "
+    assert 'a script without `if __name__ == "__main__":`' in done.stderr.strip().splitlines()[-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from pages import PAGES, ROOT, SCHEMAS, schema_text
+from pages import KEPT, PAGES, ROOT, SCHEMAS, schema_text
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -13,7 +13,8 @@ def on_files(files: Any, config: Any) -> Any:
     from mkdocs.structure.files import File
 
     for path, text in PAGES.items():
-        files.append(File.generated(config, path, content=text()))
+        if path not in KEPT:
+            files.append(File.generated(config, path, content=text()))
     for kind in SCHEMAS:
         content = json.dumps(schema_text(kind), indent=2, ensure_ascii=False) + "\n"
         files.append(File.generated(config, f"formats/{kind}.schema.json", content=content))

@@ -1,4 +1,7 @@
-"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation."""
+"""The pages that are made from the code: text in Markdown, by the path that they get in the documentation.
+
+Some of them also lie in the repository, to be read there: `python docs/hooks/pages.py` writes these anew.
+"""
 
 from __future__ import annotations
 
@@ -124,8 +127,19 @@ API_GROUPS = {
     "Set-up": ("make_block", "Block", "CrossSection", "ContactParameters", "ReboundParameters"),
     "Simulate": ("simulate", "load_scenario", "Scenario", "run", "Simulation", "RunResult"),
     "Design": ("assess", "Assessment", "least_size", "Target", "Answer", "variant", "write_report"),
-    "Compare with experiments": ("load_experiment", "Experiment", "diagnose", "DiagnosisResult", "predict"),
+    "Films and experiments": (
+        "track",
+        "TrackResult",
+        "load_experiment",
+        "Experiment",
+        "diagnose",
+        "DiagnosisResult",
+        "predict",
+    ),
 }
+
+# members of a class without a leading underscore, of a base that is not public
+INHERITED = {"RunResult": "    options:\n      inherited_members: [experiment, write, write_video]\n"}
 
 
 def api_page() -> str:
@@ -138,7 +152,7 @@ def api_page() -> str:
     lines = [_head("reference/api.md")]
     for heading, names in groups.items():
         lines += ["", f"## {heading}", ""]
-        lines += [f"::: rock2d.{name}\n" for name in names if name in public]
+        lines += [f"::: rock2d.{name}\n{INHERITED.get(name, '')}" for name in names if name in public]
     lines += ["", "## JSON Schemas", "", "::: rock2d.schemas.file_schema"]
     return "\n".join(lines) + "\n"
 
@@ -189,6 +203,8 @@ def gallery_page() -> str:
         for picture in sorted((DOCS / "pictures").glob(f"{path.stem}_*.png")):
             engine = picture.stem.removeprefix(path.stem + "_").replace("_", "-")
             lines += [f"![{content['name']} with the {engine} engine](pictures/{picture.name})", ""]
+        if (DOCS / "live" / f"{path.stem}.html").is_file():
+            lines += [f"[Live page of this scenario](live/{path.stem}.html)", ""]
         text = path.read_text(encoding="utf-8")
         data = " --data DIR" if "from_experiment" in text or "field_test" in text else ""
         lines += ["```bash", f"rock2d run scenarios/{path.name}{data}", "```", ""]
@@ -216,6 +232,8 @@ def tutorial_page(path: Path) -> str:
         lines += ["Output:", "", "```text", output.read_text(encoding="utf-8").strip(), "```", ""]
     for picture in sorted((DOCS / "pictures").glob(f"tutorial_{path.stem}*.png")):
         lines += [f"![Picture of this tutorial](../pictures/{picture.name})", ""]
+    if (DOCS / "live" / f"{path.stem}.html").is_file():
+        lines += [f"[Live page of this tutorial](../live/{path.stem}.html)", ""]
     lines += [f"The script: [{path.name}]({path.name})."]
     return "\n".join(lines) + "\n"
 
@@ -249,3 +267,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "changelog.md": _from_root("CHANGELOG.md"),
     "contributing.md": _from_root("CONTRIBUTING.md"),
 } | {f"tutorials/{path.stem}.md": (lambda path=path: tutorial_page(path)) for path in tutorial_files()}
+
+KEPT = ("formats/setup.md",)  # pages that lie in the repository, too
+
+if __name__ == "__main__":
+    for name in KEPT:
+        (DOCS / name).write_text(PAGES[name](), encoding="utf-8")

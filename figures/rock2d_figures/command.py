@@ -6,15 +6,27 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
+
 from rock2d.files.folders import atomic_folder
-from rock2d.reproduction.computation import FinishedStages, compute_results, reproduction_bars
+from rock2d.files.scenario import load_scenario
+from rock2d.graphics.figure_style import save_figure
+from rock2d.progress import Bars
+from rock2d.reproduction.computation import FIGURES, FinishedStages, compute_results, reproduction_bars
+from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.results import Results
-from rock2d.reproduction.saving import write_results
+from rock2d.reproduction.scenario_file import SCENARIO_FILE
+from rock2d.reproduction.side_by_side import ENGINE_OF_MODEL
 from rock2d.reproduction.stages import Effort
-from rock2d_figures.all_figures import write_figures
+from rock2d.reproduction.tables import write_results
+from rock2d.runs.run import run
+from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
 from rock2d_figures.report import report_text
 
 Report = Callable[[str], None]
+
+RELEASES_IN_FIGURE_3 = 25  # per block
+FIGURE_DPI = 220
 
 
 def reproduce(
@@ -42,3 +54,38 @@ def reproduce(
         report(line)
     report(f"written: {out} in {time.perf_counter() - begin:.0f} s; open {out / 'report.md'}")
     return results
+
+
+def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, bars: Bars) -> None:
+    """Draw all figures (PNG) into `folder`, which holds the scenario; `tables` as `result_tables` gives."""
+    with bars.stage(FIGURES, 6, "figures") as bar:
+        runs = {
+            model: run(
+                load_scenario(folder / SCENARIO_FILE), engine=engine, releases=RELEASES_IN_FIGURE_3
+            )
+            for model, engine in ENGINE_OF_MODEL.items()
+        }  # fmt: skip
+        figures = {
+            "figure_1": figure_1.figure(results),
+            "figure_2": figure_2.figure(results),
+            "figure_3": figure_3.figure(runs),
+            "passing": passing.figure(results.passing),
+            "arrivals": arrivals.figure(results.arrivals, results.known),
+            "identified": identified.figure(_identified(tables)),
+        }
+        for name, figure in figures.items():
+            save_figure(figure, folder / f"{name}.png", dpi=FIGURE_DPI)
+            bar.step(name)
+
+
+def _identified(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Rows of the figure of identified quantities: the set-up under both models, then the laws."""
+    setup = tables["assumptions"]
+    setup = setup[setup["quantity"].isin([quantity.name for quantity in SETUP_QUANTITIES])]
+    return pd.concat(
+        [
+            setup,
+            tables["table_4"].dropna(subset="prior_low").assign(model="deterministic"),
+            tables["table_3"].assign(model="probabilistic"),
+        ]
+    )

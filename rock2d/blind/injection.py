@@ -103,7 +103,7 @@ def injected(
                 ahead = effect.apply(ahead, [drawn[own]])
             return model.world(before, order[own]), ahead
 
-        change, kept = _change(data, stretches, worlds)
+        change, kept = _pose_changes(data, stretches, worlds)
         true, table["release"] = true + change, release
     table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
@@ -148,7 +148,7 @@ class _Stretches(NamedTuple):
         return cls(edges, flight, begin, piece, np.arange(len(piece)) - np.searchsorted(piece, piece))
 
 
-def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[Array, Array]:
+def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[Array, Array]:
     """(frames, 3) what changes in the true poses of a film, and (frames,) whether that is known; `worlds`: numbers of
     stretches -> without the cause and with it. Each goes on from the measured state, with the difference so far."""
     film, flights = data.film, data.segmentation.flights
@@ -156,7 +156,7 @@ def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[
     off = np.zeros((len(stretches.edges) - 1, N_STATE))
     goes_on = np.ones(len(off), bool)
     margin = LARGEST_SHIFT_FRAMES * float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0]))
-    aloft, landed = _aloft(flights, film)
+    flying, landed = _flying_or_landed(flights, film)
     last = np.append(stretches.piece[1:] != stretches.piece[:-1], True)[: len(stretches.piece)]
     ends = np.where(last, stretches.edges[stretches.piece + 1], np.append(stretches.begin[1:], 0))
     for k in range(stretches.number.max(initial=-1) + 1):
@@ -175,15 +175,15 @@ def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[
             last[own], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)]
         )
         limit = (until - film.t_s[begin]) * scale
-        plain = _moved(old, block, state, times, limit)
-        ahead = _moved(new, block, state + off[piece], times, limit)
+        plain = _simulated(old, block, state, times, limit)
+        ahead = _simulated(new, block, state + off[piece], times, limit)
         off[piece] = ahead.last - plain.last
         parted = limit.copy()
         for own_s, other_s in ((plain.impacts_s, ahead.impacts_s), (ahead.impacts_s, plain.impacts_s)):
             at = begin[:, None] + (own_s[..., None] > times[:, None, 1:]).sum(axis=-1)
             apart = np.nan_to_num(np.abs(own_s[:, :, None] - other_s[:, None, :]), nan=np.inf)
             alone = (apart > margin * scale).all(axis=-1)
-            at_fault = np.isfinite(own_s) & (aloft[at] | (landed[at] & alone))
+            at_fault = np.isfinite(own_s) & (flying[at] | (landed[at] & alone))
             parted = np.minimum(parted, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
         difference = ahead.poses - plain.poses
         known = here & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
@@ -203,7 +203,7 @@ class _Motion(NamedTuple):
     impacts_s: Array
 
 
-def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: Array) -> _Motion:
+def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit_s: Array) -> _Motion:
     """From states (n, 6) of the tracked point on, at instants (n, k), to the end `limit_s` (n,)."""
     starts = states_at(tracked, _offsets(world, block))
     ensemble, tables = world_ensemble(world)
@@ -249,15 +249,15 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
     return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)
 
 
-def _aloft(flights: Flights, film: Film) -> tuple[Array, Array]:
+def _flying_or_landed(flights: Flights, film: Film) -> tuple[Array, Array]:
     """(frames + 1,) whether a frame is in a flight of the record, well within it; and whether it is after the last
     flight of its release."""
-    aloft, landed = np.zeros((2, len(film.t_s) + 1), bool)
+    flying, landed = np.zeros((2, len(film.t_s) + 1), bool)
     landed[:-1] = True
     for release, first, last in zip(flights.release, flights.first, flights.last, strict=True):
-        aloft[first + LARGEST_SHIFT_FRAMES : last - LARGEST_SHIFT_FRAMES] = True
+        flying[first + LARGEST_SHIFT_FRAMES : last - LARGEST_SHIFT_FRAMES] = True
         landed[np.searchsorted(film.release, release) : last] = False
-    return aloft, landed
+    return flying, landed
 
 
 def _offsets(world: World, block: Array) -> Array:

@@ -32,6 +32,7 @@ Array = np.ndarray
 SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
 CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a name
 CALIBRATION_BINS = 10  # bins with equal numbers of cases
+CHANCE_DRAWS = 400  # of outcomes of calibrated forecasts
 CLAIMED_PROBABILITY = 0.5  # from which on an outside cause is claimed
 SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
 # own signal-to-noise of a hidden effect: below the first it counts as absent, from the second on as present, between
@@ -377,9 +378,9 @@ def calibration_error(p: Array, right: Array) -> float:
     return float(sum(len(i) * abs(p[i].mean() - right[i].mean()) for i in parts) / len(p))
 
 
-def chance_error(p: Array, draws: int = 400) -> float:
+def chance_error(p: Array) -> float:
     """Median calibration error of calibrated forecasts: what chance alone gives with this number of cases."""
     rng = np.random.default_rng(0)
     return float(
-        np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(draws)])
+        np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(CHANCE_DRAWS)])
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from rock2d.runs.campaigns.outputs import OUTPUTS
+from rock2d.runs.campaigns import OUTPUTS
 from rock2d.runs.engines import ENGINES
 
 ENGINE = click.Choice(list(ENGINES))
@@ -74,17 +74,17 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
     Example: rock2d run site.yaml --engine batch --releases 500 --report
     """
     from rock2d.cluster import Workers
-    from rock2d.commands.run import run_scenarios
+    from rock2d.commands.run import RunRequest, run_scenarios
     from rock2d.runs.campaigns.campaign import CampaignOptions
 
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
-    workers = Workers(options["workers"], options["scheduler"])
-    resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
-                             page_of=command_line() if report or pdf else None, pdf=pdf, predict=predict,
-                             compare=compare, precision=precision and precision / 100.0,
-                             draw=not options["no_figures"],
-                             overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
-    if not resolved:
+    request = RunRequest(
+        out, campaign, Workers(options["workers"], options["scheduler"]), engines=engines, video=video,
+        page_of=command_line() if report or pdf else None, pdf=pdf, compare=compare,
+        precision=precision and precision / 100.0, draw=not options["no_figures"], overwrite=overwrite,
+        progress=not quiet, report=click.echo,
+    )  # fmt: skip
+    if not run_scenarios(scenarios, request, data_root=data, predict=predict):
         sys.exit(4)
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.cluster import Workers
+from rock2d.cluster import THIS_PROCESS, Workers
 from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
@@ -16,10 +16,10 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
 from rock2d.graphics.printing import check_printer
-from rock2d.runs.before_after import before_after
+from rock2d.runs.before_after import Model, before_after, diagnosed_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.engines import ENGINES
+from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.resolution import few_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
@@ -29,98 +29,43 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
+    from rock2d.design.live_slope import View
     from rock2d.runs.results import RunResult
 
 FEWEST_FOR_PROCESS = 100  # releases from which on drawing takes longer than the start of a process that draws
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 
-def run_scenarios(
-    scenarios: Sequence[Path],
-    out: Path,
-    options: CampaignOptions,
-    workers: Workers,
-    *,
-    engines: Sequence[str] = (),
-    data_root: Path | None = None,
-    video: bool = False,
-    page_of: str | None = None,
-    pdf: bool = False,
-    predict: Path | None = None,
-    compare: bool = False,
-    precision: float | None = None,
-    draw: bool = True,
-    overwrite: bool = False,
-    progress: bool = True,
-    report: Callable[[str], Any] = print,
-) -> bool:
-    """Run scenario files with every one of `engines` (default: the scenario's own), each into a folder of its own
-    under `out`; False if more than 1 % of the releases of a block are unresolved (see `runs.resolution`).
-
-    A scenario with a field test is a study of it, unless `engines` or a number of releases is given; then its blocks
-    run on the mean section. `predict` is a table of releases to forecast instead, into the file `out`.
-
-    `page_of` is the command that the page report.html names; None for no page; with `pdf` the page is report.pdf, too.
-    `compare` runs the other models of
-    `design.model_range`, too. With a `precision`, a run has as many releases as `runs.precision.releases_for` finds.
-    Without `draw` there are tables, but no figures.
-
-    A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
-    earlier one; a campaign continues an earlier one that is determined alike.
-
-    Raises InputError for a mistake in a file, for options that are not for such a run, or for a folder that cannot be
-    used.
-    """
-    loaded = [load_scenario(path, data_root) for path in scenarios]
-    if predict is not None:
-        if len(loaded) != 1:
-            raise InputError("--predict is for one scenario", code="wrong_kind", option="predict")
-        from rock2d.field_tests.command import predict_releases
-
-        predict_releases(
-            loaded[0], predict, out, seed=options.seed, overwrite=overwrite, progress=progress, report=report
-        )
-        return True
-    request = RunRequest(
-        out,
-        options,
-        workers,
-        engines,
-        video,
-        page_of,
-        pdf,
-        compare,
-        precision,
-        draw,
-        overwrite,
-        progress,
-        report,
-    )
-    if pdf:
-        check_printer()
-    for scenario in loaded:  # before any work
-        request.check(scenario)
-    resolved = [_run_scenario(scenario, request) for scenario in loaded]
-    return all(resolved)
-
-
 @dataclass(frozen=True)
 class RunRequest:
-    """What a call of `run_scenarios` asks for."""
+    """What a run of scenarios is asked for.
+
+    Attributes
+    ----------
+    out : folder in which each run gets its own
+    engines : that run each scenario; default: the scenario's own
+    page_of : the command that the page report.html names; None for no page
+    pdf : the page is report.pdf, too
+    compare : run the other models of `design.model_range`, too
+    precision : a run has as many releases as `runs.precision.releases_for` finds
+    draw : False for tables without figures
+    overwrite : replace an earlier run; a campaign continues an earlier one that is determined alike
+    """
 
     out: Path
-    options: CampaignOptions
-    workers: Workers
-    engines: Sequence[str]
-    video: bool
-    page_of: str | None
-    pdf: bool
-    compare: bool
-    precision: float | None
-    draw: bool
-    overwrite: bool
-    progress: bool
-    report: Callable[[str], Any]
+    options: CampaignOptions = field(default_factory=CampaignOptions)
+    workers: Workers = THIS_PROCESS
+    _: KW_ONLY
+    engines: Sequence[str] = ()
+    video: bool = False
+    page_of: str | None = None
+    pdf: bool = False
+    compare: bool = False
+    precision: float | None = None
+    draw: bool = True
+    overwrite: bool = False
+    progress: bool = True
+    report: Callable[[str], Any] = print
 
     def large(self, scenario: Scenario) -> bool:
         """Whether the run is a campaign."""
@@ -169,6 +114,43 @@ class RunRequest:
             from rock2d.design.possible_sites import check_extremes
 
             check_extremes(scenario)
+
+
+def run_scenarios(
+    scenarios: Sequence[Path],
+    request: RunRequest,
+    *,
+    data_root: Path | None = None,
+    predict: Path | None = None,
+) -> bool:
+    """Run scenario files with every engine that is asked for, each into a folder of its own; False if more than 1 % of
+    the releases of a block are unresolved (see `runs.resolution`).
+
+    A scenario with a field test is a study of it, unless engines or a number of releases are given; then its blocks
+    run on the mean section. `predict` is a table of releases to forecast instead, into the file `request.out`.
+
+    A run of more than 10,000 releases, or with a scheduler, is a campaign.
+
+    Raises InputError for a mistake in a file, for options that are not for such a run, or for a folder that cannot be
+    used.
+    """
+    loaded = [load_scenario(path, data_root) for path in scenarios]
+    if predict is not None:
+        if len(loaded) != 1:
+            raise InputError("--predict is for one scenario", code="wrong_kind", option="predict")
+        from rock2d.field_tests.command import predict_releases
+
+        predict_releases(
+            loaded[0], predict, request.out, seed=request.options.seed, overwrite=request.overwrite,
+            progress=request.progress, report=request.report,
+        )  # fmt: skip
+        return True
+    if request.pdf:
+        check_printer()
+    for scenario in loaded:  # before any work
+        request.check(scenario)
+    resolved = [_run_scenario(scenario, request) for scenario in loaded]
+    return all(resolved)
 
 
 def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
@@ -356,9 +338,32 @@ def _write_page(
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     results = ReportContent(
-        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models
-    )
+        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models,
+        views=_views(sample, request),
+    )  # fmt: skip
     write_report(results, folder, request.page_of or "", request.pdf, figures)
+
+
+def _views(sample: RunResult, request: RunRequest) -> list[View]:
+    """The run, and some releases of each other model that it is compared with."""
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
+    from rock2d.design.model_range import BASE, alternatives
+
+    scenario, engine, models = sample.scenario, sample.engine, list[Model]()
+    if scenario.diagnosed is not None:
+        of_diagnosis = diagnosed_models(scenario, engine)
+        models += (
+            of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
+        )  # the last is the run itself
+    if request.compare:
+        models += alternatives(scenario, engine)
+    first = min(SHOWN_OF_OTHERS, len(sample.tracks) // len(sample.blocks))
+    others = (
+        run(own.scenario, engine=compiled_engine(own.engine).name, seed=sample.seed, releases=first)
+        for own in models
+    )
+    names = [BASE, *(own.name for own in models)]
+    return [View(name, own) for name, own in zip(names, [sample, *others], strict=True)]
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:

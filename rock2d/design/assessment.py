@@ -61,6 +61,19 @@ class Assessment:
 
         return tornado_figure(self.told_apart)
 
+    def view(self) -> Path:
+        """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""
+        from rock2d.design.report import PAGE, certainty_section, tornado_words
+        from rock2d.graphics.pages import Section, drawn, page
+        from rock2d.graphics.viewing import view
+
+        def write(folder: Path) -> None:
+            pictures = [drawn(self.plot(), tornado_words(self))] if len(self.told_apart) else []
+            sections = [Section(items=self.remarks()), certainty_section(self, pictures)]
+            write_whole(folder / PAGE, page("Possible sites", sections))
+
+        return view(write, PAGE)
+
     def sampling_remark(self) -> str:
         """What to do where the sensitivity is not known well enough; empty if it is everywhere."""
         missing = self.sensitivity.drop(self.told_apart.index)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,12 +36,20 @@ class Passings:
     ----------
     passed : how many
     frequency : their share of the releases
-    estimates : quantity of the envelopes -> an estimate for each of PERCENTILES, NaN of too few blocks
+    values : quantity of the envelopes -> the value of each of these blocks, in ascending order
     """
 
     passed: int
     frequency: Estimate
-    estimates: Mapping[str, list[Estimate]]
+    values: Mapping[str, Array]
+
+    @cached_property
+    def estimates(self) -> Mapping[str, list[Estimate]]:
+        """Quantity of the envelopes -> an estimate for each of PERCENTILES, NaN of too few blocks."""
+        return {
+            name: [percentile_estimate(own, len(own), percentile) for percentile in PERCENTILES]
+            for name, own in self.values.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -68,7 +77,7 @@ def collected(run: Simulation) -> list[Station]:
         for s, station in enumerate(found):
             passed = int(seen[:, s].sum())
             share = Estimate(*passing_share(passed, int((cut & ~seen[:, s]).sum()), len(own)))
-            of = {name: _estimates(ranked[:passed, s, q]) for q, name in enumerate(QUANTITIES)}
+            of = {name: ranked[:passed, s, q] for q, name in enumerate(QUANTITIES)}
             station.of_block[block] = Passings(passed, share, of)
     return sorted([*found, *_line_stations(run)], key=lambda station: station.x_m)
 
@@ -82,14 +91,10 @@ def _line_stations(run: Simulation) -> list[Station]:
     rows: list[Any] = list(run.to_pandas("passing").itertuples())
     for row in rows:
         own = crossings[(crossings["line"] == row.line) & (crossings["block"] == row.block)]
-        of = {name: _estimates(np.sort(own[AT_LINES.get(name, name)].to_numpy(float))) for name in QUANTITIES}
+        of = {name: np.sort(own[AT_LINES.get(name, name)].to_numpy(float)) for name in QUANTITIES}
         share = Estimate(row.frequency, row.low95, row.high95)
         found[row.line].of_block[row.block] = Passings(int(row.passed), share, of)
     return list(found.values())
-
-
-def _estimates(ranked: Array) -> list[Estimate]:
-    return [percentile_estimate(ranked, len(ranked), percentile) for percentile in PERCENTILES]
 
 
 def zones_at(ground: CrossSection, x_m: Array) -> list[str]:

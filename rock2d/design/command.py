@@ -33,6 +33,7 @@ from rock2d.runs.tables import table_note
 
 if TYPE_CHECKING:
     from rock2d.progress import Bar, Bars
+    from rock2d.runs.results import RunResult
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
 MOST_SHOWN = 1000  # releases of each block on the page
@@ -223,23 +224,40 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
 def _write_page(
     folder: Path, search: Search, answer: Answer, command: str, combinations: Sequence[Combination], pdf: bool
 ) -> list[str]:
-    """The page about the least size, or the largest if none meets the target, with the releases of its scenario.
+    """The page about the least size, or the largest if none meets the target, with the releases of its scenario; its
+    live view has some releases of every size that was judged.
 
     Returns what the embankment must take and which height governs, in words.
     """
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
-    from rock2d.design.verdict import norm_sentence
+    from rock2d.design.verdict import bound_text, norm_sentence
     from rock2d.runs.engines import compiled_engine
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
     size = answer.judgements[-1].size if answer.least is None else answer.least
-    chosen = variant(search.scenario, {answer.place: size}, uncertain=True)
-    releases = min(chosen.releases, MOST_SHOWN)
-    sample = run(chosen, engine=compiled_engine(search.engine).name, seed=search.seed, releases=releases)
+    engine, releases = compiled_engine(search.engine).name, min(search.scenario.releases, MOST_SHOWN)
+
+    def simulated(size: float, releases: int) -> RunResult:
+        chosen = variant(search.scenario, {answer.place: size}, uncertain=True)
+        return run(chosen, engine=engine, seed=search.seed, releases=releases)
+
+    sample = simulated(size, releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
-    remarks = unresolved_remarks(tables, chosen.longest_release_s())
-    results = ReportContent(chosen, sample, tables, remarks, answer=answer, combinations=combinations)
+    remarks = unresolved_remarks(tables, sample.scenario.longest_release_s())
+    views = [
+        View(
+            f"{judged.size:.4g}",
+            sample if judged.size == size else simulated(judged.size, min(releases, SHOWN_OF_OTHERS)),
+            f"judged bound {bound_text(max(judged.high.values()), answer.target.frequency)} %, the target is "
+            f"{'met' if judged.meets else 'not met'}",
+        )
+        for judged in answer.judgements
+    ]
+    results = ReportContent(
+        sample.scenario, sample, tables, remarks, answer=answer, combinations=combinations, views=views
+    )
     write_report(results, folder, command, pdf)
     taken = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
     return [*taken, *filter(None, [norm_sentence(results)])]

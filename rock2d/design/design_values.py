@@ -11,8 +11,6 @@ from rock2d.design.norms import (
     NORM_NUMBERS,
     ONR,
     UNI,
-    OnrFactors,
-    UniFactors,
     not_verified,
     onr_24810,
     uni_11211_4,
@@ -42,8 +40,7 @@ def design_table(
     """
     import pandas as pd
 
-    factors = scenario.design_values
-    uni, onr = UniFactors(**factors.uni_11211_4.model_dump()), OnrFactors(**factors.onr_24810.model_dump())
+    uni, onr = scenario.design_values.uni_11211_4, scenario.design_values.onr_24810
     open_numbers, rows = {norm: not_verified(norm, given) for norm, given in _given(scenario).items()}, []
     for (name, line), at_line in characteristic_values(percentiles, uncertain).items():
         block = scenario.design_block(name)

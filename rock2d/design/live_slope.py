@@ -5,7 +5,6 @@ The script shows what is computed here, and computes nothing but where things li
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -14,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.design.collector import collected
+from rock2d.design.collector import Station, collected
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
-from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, block_colours
-from rock2d.graphics.scenery import zone_tones
+from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
+from rock2d.graphics.palette import block_colours
 from rock2d.graphics.slope_figures import energy_unit
-from rock2d.graphics.thinned_paths import STEPS, largest_energies_J, packed, thinned_paths
+from rock2d.graphics.thinned_paths import largest_energies_J, thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
 from rock2d.records.columns import INSTANT_Y
 from rock2d.records.track import Track
@@ -29,9 +28,14 @@ from rock2d.runs.simulation import Simulation
 from rock2d.statistics import least_count
 from rock2d.wording import listed, spoken, with_interval
 
+Array = np.ndarray
+
 MOST_BYTES = 1_900_000  # that the data add to a page
 # of up to FEW paths, the tolerance is the width of the view over FINE, else COARSE
 FEW, FINE, COARSE = 2000, 1000, 250
+SHOWN_SHARE = 0.5  # of these bytes, for the paths of the run that is shown first, where there are several
+SHOWN_OF_OTHERS = 100  # releases of each block of the other runs
+BINS = 20  # of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
 BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # of the heights, shown below the lowest and above the highest
 WORST_SHARE = 0.01  # of the releases of each block: those with the largest energies
@@ -49,6 +53,22 @@ IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
 
 
 @dataclass(frozen=True)
+class View:
+    """A run that the live view can show: the one of the page, or one with another model or size beside it.
+
+    Attributes
+    ----------
+    name : in a list or beside a slider
+    run : its releases
+    note : what is known of it
+    """
+
+    name: str
+    run: Simulation
+    note: str = ""
+
+
+@dataclass(frozen=True)
 class LiveSlope:
     """What the template live_slope.html.j2 shows.
 
@@ -56,6 +76,8 @@ class LiveSlope:
     ----------
     data : JSON that holds no "<"
     blocks, stops, quantities : words for the boxes to tick, and for what a curve can show
+    views : names of the runs to choose from
+    sizes : the number of the scenario in which the runs differ, which a slider chooses; empty if they differ otherwise
     notes : what was thinned and left out
     """
 
@@ -63,53 +85,84 @@ class LiveSlope:
     blocks: Sequence[str]
     stops: Sequence[str]
     quantities: Sequence[str]
+    views: Sequence[str]
+    sizes: str
     notes: Sequence[str]
 
 
-def live_slope(run: Simulation, released: int) -> LiveSlope | None:
-    """The live view of a run, which may be the first of the `released` ones; None if nothing was released."""
+def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str = "") -> LiveSlope | None:
+    """The live view of runs of the same blocks; None if nothing was released.
+
+    Parameters
+    ----------
+    views : the first of them is shown at first, or where they differ in `sizes` the one with the index `shown`
+    released : how many releases the tables of the page count, of which that run may be the first ones
+    """
+    run = views[shown].run
     if not run.tracks:
         return None
+    runs = [view.run for view in views]
     names = list(dict.fromkeys(track.block for track in run.tracks))
-    stops = [stop for stop in STOP_MARKERS if any(track.stop == stop for track in run.tracks)]
-    limits = _limits(run)
-    worst = worst_releases(run)
-    impacts, of_impacts = _impacts(run, worst)
-    data = {
-        **_scene(run, names, limits), **_collector(run, names), "impacts": impacts,
+    stops = [stop for stop in STOP_MARKERS if any(track.stop == stop for own in runs for track in own.tracks)]
+    limits = _limits(runs)
+    collectors = [collected(own) for own in runs]
+    units = _units(collectors)
+    found = []
+    for view, stations in zip(views, collectors, strict=True):
+        impacts, of_impacts = _impacts(view.run, worst_releases(view.run), MOST_IMPACTS // len(views))
+        found.append({
+            "name": view.name, "note": view.note, "radius": [view.run.blocks[name].radius_m for name in names],
+            "first_release": [min(t.release for t in view.run.tracks if t.block == name) for name in names],
+            **live_scene(view.run.cross_section), **_collector(stations, names, units),
+            "impacts": impacts, "notes": of_impacts,
+        })  # fmt: skip
+    data: dict[str, Any] = {
+        "shown": shown, "limits": limits, "runs": found, "bins": BINS,
+        "stops": [STOP_MARKERS[stop][1] for stop in stops],
+        "blocks": [{"name": spoken(name), "colour": colour} for name, colour in block_colours(names).items()],
+        "quantities": [LABELS[name] for name in QUANTITIES],
+        "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
+        "curve_labels": ["passing frequency (%)", *(label for _, label in units.values())],
     }  # fmt: skip
-    room = MOST_BYTES - len(_compact(data))
-    data["paths"], of_paths = _paths(run, names, stops, worst, limits[1] - limits[0], room)
+    room = MOST_BYTES - len(compact(data))
+    for i, (view, own) in enumerate(zip(views, found, strict=True)):
+        share = SHOWN_SHARE if i == shown else (1.0 - SHOWN_SHARE) / (len(views) - 1)
+        own["paths"], of_paths = _paths(
+            view.run, names, stops, worst_releases(view.run), limits[1] - limits[0],
+            int(room * (share if len(views) > 1 else 1.0)),
+        )  # fmt: skip
+        own["notes"] = of_paths + own["notes"]
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
+    others = (
+        "The same release of a block starts alike in all of these runs; some of them may have fewer releases."
+    )
     notes = [
-        *([first] if len(run.tracks) < released else []), *of_paths, *of_impacts,
+        *([first] if len(run.tracks) < released else []), *([others] if len(views) > 1 else []),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "
         "come past. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
         "that cross it; elsewhere they count the first passing of an upright line, in the direction of x. Heights are "
         "those of the centroid above the ground.",
     ]  # fmt: skip
     return LiveSlope(
-        _compact(data).replace("<", "\\u003c"), list(map(spoken, names)), [STOP_MARKERS[stop][1] for stop in stops],
-        ["passing frequency", *(LABELS[name] for name in QUANTITIES)], notes,
+        in_page(data), list(map(spoken, names)), data["stops"],
+        ["passing frequency", *data["quantities"]], [view.name for view in views], sizes, notes,
     )  # fmt: skip
 
 
-def _limits(run: Simulation) -> Limits:
-    """The whole length of the cross-section, and all heights of ground, lines and paths."""
-    heights = [track.knots[:, INSTANT_Y] for track in run.tracks]
+def _limits(runs: Sequence[Simulation]) -> Limits:
+    """The whole length of the cross-sections, and all heights of ground, lines and paths."""
+    grounds = [run.cross_section for run in runs]
+    heights = [track.knots[:, INSTANT_Y] for run in runs for track in run.tracks]
     y = np.concatenate(
-        [run.cross_section.points_m[:, 1], *(ends[:, 1] for ends in run.cross_section.measure_lines.values()),
+        [*(ground.points_m[:, 1] for ground in grounds),
+         *(ends[:, 1] for ground in grounds for ends in ground.measure_lines.values()),
          [own(each) for each in heights for own in (np.min, np.max)]]
     )  # fmt: skip
-    x = run.cross_section.points_m[:, 0]
+    x = np.concatenate([ground.points_m[:, 0] for ground in grounds])
     high = float(np.ptp(y))
     low, top = float(y.min()) - BELOW_SHARE * high, float(y.max()) + ABOVE_SHARE * high
     return float(x.min()), float(x.max()), low, top
-
-
-def _compact(data: Any) -> str:
-    return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 
 def worst_releases(run: Simulation) -> list[int]:
@@ -124,23 +177,21 @@ def worst_releases(run: Simulation) -> list[int]:
     return found
 
 
-def _scene(run: Simulation, names: Sequence[str], limits: Limits) -> dict[str, Any]:
-    """What stands still: ground, lines, and the colours."""
-    ground, colours, tones = run.cross_section, block_colours(run.blocks), zone_tones(run.cross_section)
+def _units(collectors: Sequence[Sequence[Station]]) -> dict[str, tuple[float, str]]:
+    """Factor and label of each of QUANTITIES, the same for all runs."""
+    estimates = (at.estimates["kinetic_J"] for own in collectors for s in own for at in s.of_block.values())
+    energies = (e.value for own in estimates for e in own if math.isfinite(e.value))
     return {
-        "limits": limits,
-        "blocks": [
-            {"name": spoken(name), "colour": colours[name], "radius": run.blocks[name].radius_m} for name in names
-        ],
-        "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],
-        "lines": [ends.tolist() for ends in ground.measure_lines.values()],
-        "colours": {"deep": DEEP_GROUND, "sky": SKY, "ink": INK, "line": LINE_INK},
+        "height_m": (1.0, "height (m)"), "speed_m_s": (1.0, "speed (m/s)"),
+        "kinetic_J": energy_unit(max(energies, default=0.0)),
     }  # fmt: skip
 
 
-def _collector(run: Simulation, names: Sequence[str]) -> dict[str, Any]:
-    """What the collector shows: texts of each block at each station, and curves of each quantity and block."""
-    stations = collected(run)
+def _collector(
+    stations: Sequence[Station], names: Sequence[str], units: Mapping[str, tuple[float, str]]
+) -> dict[str, Any]:
+    """What the collector shows: texts of each block at each station, histograms there, and curves of each quantity and
+    block."""
     texts = [
         [
             [at.passed, f"{with_interval(*at.frequency, 100.0)} %",
@@ -150,27 +201,30 @@ def _collector(run: Simulation, names: Sequence[str]) -> dict[str, Any]:
         for block in names
     ]  # fmt: skip
     upright = [station for station in stations if not station.line]
-    energies = [e.value for s in upright for at in s.of_block.values() for e in at.estimates["kinetic_J"]]
-    kilo, energy_label = energy_unit(max(filter(math.isfinite, energies), default=0.0))
-    units = {
-        "height_m": (1.0, "height (m)"),
-        "speed_m_s": (1.0, "speed (m/s)"),
-        "kinetic_J": (kilo, energy_label),
-    }
     shares = [[_rounded([s.of_block[b].frequency for s in upright], 100.0) for b in names]]
     curves = [
-        [
-            _rounded([[e.value for e in s.of_block[b].estimates[q]] for s in upright], units[q][0])
-            for b in names
-        ]
+        [_rounded([[e.value for e in s.of_block[b].estimates[q]] for s in upright], units[q][0]) for b in names]
         for q in QUANTITIES
+    ]  # fmt: skip
+    histograms = [
+        [_histogram([station.of_block[b].values[q] for b in names], units[q][0]) for q in QUANTITIES]
+        for station in stations
     ]
     return {
         "stations": [[station.x_m, spoken(station.zone), spoken(station.line)] for station in stations],
-        "texts": texts, "quantities": [LABELS[name] for name in QUANTITIES],
-        "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
-        "curves": shares + curves, "curve_labels": ["passing frequency (%)", *(units[q][1] for q in QUANTITIES)],
+        "texts": texts, "curves": shares + curves,
+        "ends": [[end for end, _ in own] for own in histograms],
+        "counts": packed(np.array([[counts for _, counts in own] for own in histograms], "<u2").tobytes()),
     }  # fmt: skip
+
+
+def _histogram(values: Sequence[Array], factor: float) -> tuple[float, Array]:
+    """The upper end of the last of BINS bins from 0 on, which all blocks have in common, and the counts of each block;
+    what lies below 0 counts in the first bin."""
+    most = max((float(own[-1]) for own in values if len(own)), default=0.0)
+    end = most if most > 0.0 else 1.0
+    counts = np.array([np.histogram(np.maximum(own, 0.0), BINS, (0.0, end))[0] for own in values])
+    return float(f"{factor * end:.4g}"), counts
 
 
 def _rounded(rows: Sequence[Sequence[float]], factor: float) -> list[list[float | None]]:
@@ -201,8 +255,7 @@ def _paths(
         points, scales = thinned.packed()
     chosen = set(worst)
     shown = [tracks[i] for i in kept]
-    data = {
-        "stops": [STOP_MARKERS[stop][1] for stop in stops],
+    data: dict[str, Any] = {
         "points": points, "scales": scales, "steps": STEPS, "gravity": tracks[0].gravity_m_s2,
         "counts": thinned.counts.tolist(), "release": [track.release for track in shown],
         "block": [names.index(track.block) for track in shown], "stop": [stops.index(track.stop) for track in shown],
@@ -225,13 +278,13 @@ def _first_and_worst(tracks: Sequence[Track], worst: Sequence[int], most: int) -
     return sorted({*worst, *first[: max(most - len(worst), 0)]})
 
 
-def _impacts(run: Simulation, worst: Sequence[int]) -> tuple[dict[str, Any], list[str]]:
-    """The impacts of the worst and of the first releases, while there is room."""
+def _impacts(run: Simulation, worst: Sequence[int], most: int) -> tuple[dict[str, Any], list[str]]:
+    """The impacts of the worst and of the first releases, while there is room for them: `most`."""
     tracks, total = run.tracks, 0
     chosen = []
     for i in dict.fromkeys([*worst, *_first_and_worst(tracks, (), len(tracks))]):
         total += len(tracks[i].impacts)
-        if total > MOST_IMPACTS:
+        if total > most:
             break
         chosen.append(i)
     zones = list(dict.fromkeys(run.cross_section.zones))
@@ -239,7 +292,7 @@ def _impacts(run: Simulation, worst: Sequence[int]) -> tuple[dict[str, Any], lis
     columns = [[_value(impact) for impact in rows] for _, _value in IMPACT_COLUMNS]
     of_zone = np.array([zones.index(impact["zone"]) for impact in rows], "<u2")
     raw = np.array(columns, "<f4").tobytes() + of_zone.tobytes()
-    data = {
+    data: dict[str, Any] = {
         "rows": packed(raw), "columns": [name for name, _ in IMPACT_COLUMNS], "zones": list(map(spoken, zones)),
         "release": [tracks[i].release for i in chosen], "counts": [len(tracks[i].impacts) for i in chosen],
     }  # fmt: skip

@@ -9,9 +9,9 @@ verified if two independent sources do.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from rock2d.files.scenario_keys import OnrKeys, UniKeys
 from rock2d.statistics import Estimate
 
 CHARACTERISTIC_PERCENTILE = 95.0
@@ -34,40 +34,6 @@ class DesignValue(NamedTuple):
     factors: str
     design: Estimate
     uses: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class UniFactors:
-    """Partial factors of UNI 11211-4.
-
-    Attributes
-    ----------
-    gamma_tr : reliability of the simulation: 1.02 calibrated on site, 1.10 parameters from literature
-    gamma_dp : quality of the topographic survey: 1.02 good, 1.10 poor
-    gamma_vol : precision of the survey of block volumes: 1.02 good, 1.10 poor
-    gamma_gamma : unit weight of the rock, 1.00
-    gamma_r : risk: 1.00 for small consequences that can be repaired, up to 1.20 for great danger to people
-    """
-
-    gamma_tr: float = 1.10
-    gamma_dp: float = 1.10
-    gamma_vol: float = 1.10
-    gamma_gamma: float = 1.00
-    gamma_r: float = 1.00
-
-
-@dataclass(frozen=True)
-class OnrFactors:
-    """Partial factors of ONR 24810 for consequence class CC2 (CC1: 1.00 and 1.05, CC3: 1.15 and 1.30).
-
-    Attributes
-    ----------
-    gamma_e : factor on the kinetic energy
-    gamma_h : factor on the passing height
-    """
-
-    gamma_e: float = 1.05
-    gamma_h: float = 1.10
 
 
 UNI, ONR = "UNI 11211-4", "ONR 24810"
@@ -124,7 +90,7 @@ def not_verified(norm: str, given: Collection[str] = ()) -> list[str]:
 
 
 def uni_11211_4(
-    at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniFactors
+    at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniKeys
 ) -> list[DesignValue]:
     """Design velocity, mass, energy and height at a line.
 
@@ -163,7 +129,7 @@ def uni_11211_4(
     ]  # fmt: skip
 
 
-def onr_24810(at_line: Mapping[str, Estimate], factors: OnrFactors) -> list[DesignValue]:
+def onr_24810(at_line: Mapping[str, Estimate], factors: OnrKeys) -> list[DesignValue]:
     """Design energy and height at a line: E_d = E_95 γE, H_d = H_95 γH; `at_line` has "kinetic_J" and
     "passing_height_m"."""
     norm, energy, height = ONR, at_line["kinetic_J"], at_line["passing_height_m"]

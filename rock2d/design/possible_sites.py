@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,7 @@ from rock2d.files.posterior_table import FACTOR, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.processes import Processes
-from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import compiled_engine
+from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import arrivals
 from rock2d.runs.indicators.percentiles import QUANTITIES
@@ -149,14 +147,12 @@ def _simulated(
     shape = (1, len(blocks), len(lines), releases)
     passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
-    chosen = compiled_engine(engine)
-    assert chosen.ensemble is not None
-    job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job = crossings_job(scenario, engine, seed)
     job.conditions.check_starts(releases)
     for b in range(len(job.blocks)):
         group = job.conditions.group(b, 0, releases)
         served = bool(shared) and shared[b].serves(group)
-        found = shared[b].outcome(job, group) if served else chosen.ensemble(job, group)
+        found = shared[b].outcome(job, group) if served else job.outcome(group)
         own = found.passed(len(lines))
         passed[0, b], unresolved[0, b] = own.T, found.unresolved(len(lines)).T
         arrived[0, b] = [own[:, here].any(axis=1) for here in arrivals(job.cross_section)]

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.design.design_values import demands, design_table, norm_remarks
-from rock2d.design.live_slope import live_slope
+from rock2d.design.live_slope import LiveSlope, View, live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.report_tables import (
     block_rows,
@@ -33,9 +33,10 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
+from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
 from rock2d.graphics.printing import write_pdf
-from rock2d.graphics.rendering import Made, asset, rendered
+from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
@@ -82,6 +83,7 @@ class ReportContent:
     combinations : of a search for the least volume, the best first
     compared : before and after the scenario's diagnosis
     models : with other models, see `design.model_range`
+    views : `sample` and runs with other models, or of a search with each size that it tried, in ascending order
     """
 
     scenario: Scenario
@@ -93,6 +95,7 @@ class ReportContent:
     combinations: Sequence[Combination] = ()
     compared: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
+    views: Sequence[View] = ()
 
     @property
     def fails(self) -> bool:
@@ -150,10 +153,16 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
         "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
-        "live": live_slope(content.sample, content.releases) if figures else None,
-        "script": asset("live_slope.js"), "live_style": asset("live_slope.css"),
+        "live": _live(content) if figures else None,
+        **live_assets("live_slope"),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context, {})
+
+
+def _live(content: ReportContent) -> LiveSlope | None:
+    views = content.views or [View("", content.sample)]
+    shown = next(i for i, view in enumerate(views) if view.run is content.sample)
+    return live_slope(views, content.releases, shown, content.answer.place if content.answer else "")
 
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
@@ -465,14 +474,26 @@ def _diagnosis_section(content: ReportContent) -> Section | None:
 def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
     if content.assessment is None:
         return Section("How sure is that", texts=[_without_assessment(content)])
-    assessment = content.assessment
+    drawn = _picture(figures, "tornado", tornado_words(content.assessment))
+    return certainty_section(content.assessment, drawn)
+
+
+def tornado_words(assessment: Assessment) -> str:
+    """The tornado figure of an assessment, for those who do not see it."""
     table: Any = assessment.told_apart
     alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
     if len(table):
         first = table.loc[table["total"].idxmax()]
         alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
+    return alt
+
+
+def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
+    """What an assessment says; `pictures`: its tornado figure, if it has one."""
     remark = assessment.sampling_remark()
     return Section(
-        "How sure is that", [remark] if remark else [], pictures=_picture(figures, "tornado", alt),
+        "How sure is that",
+        [remark] if remark else [],
+        pictures=pictures,
         tables=[uncertain_rows(assessment.uncertain)],
-    )  # fmt: skip
+    )

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.records.columns import INSTANT_STATE, N_INSTANT, STOP_REACHED, TIME
 from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
-from rock2d.runs.campaigns.job import Job, job_of
+from rock2d.runs.campaigns.job import Job, crossings_job
 from rock2d.runs.conditions import Group, Suspended
 from rock2d.scene.cross_section import CrossSection
 
@@ -90,7 +89,7 @@ class SharedDescents:
     def of_blocks(self) -> list[Descent]:
         """The descent of each block."""
         if self.found is None:
-            largest = job_of(self.extremes[-1], SHARING_ENGINE, self.seed, ("crossings",), Path(), "")
+            largest = crossings_job(self.extremes[-1], SHARING_ENGINE, self.seed)
             grounds = [own.make_cross_section() for own in self.extremes]
             limits = (
                 min(parting_m(own, largest.cross_section) for own in grounds),

@@ -15,12 +15,11 @@ import numpy as np
 
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
-from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
-from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
+from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
@@ -43,8 +42,10 @@ BASE_STARTS = 2  # places from which the base law is fitted
 REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of them must have
-OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
-EXPLAINING = 0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
+LEAST_CHANGED_FLIGHTS = 0.02  # share of the flights that must come or go with them
+LEAST_EXPLAINED_SHARE = (
+    0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
+)
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
 MOST_RESTARTS = 2  # with a better base law
 
@@ -85,7 +86,8 @@ class Attribution:
     learnt : what was learnt beside the named effects; beside others, too, if that predicts better (`uncertain`)
     left_regressed : flexible regression of what is left beside the learnt changes
     named : the effects that are named, all of them in the chain; there may be none
-    sets : residuals and scores of the sets that tell what each of these closes
+    sets : the sets that tell what each of these closes: names -> set; with none, all, each alone, and all but each;
+        of up to three all subsets
     """
 
     base: Fit
@@ -101,7 +103,7 @@ class Attribution:
     learnt: Learnt
     left_regressed: RegressedResiduals
     named: Names
-    sets: dict[Names, HeldOut]
+    sets: dict[Names, CauseSet]
 
     @property
     def best(self) -> str:
@@ -148,14 +150,14 @@ def fit_base(
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
-        best = _fitted_anew(Model(registered or setup, base), data, bar)
+        best = _fitted_from_grid(Model(registered or setup, base), data, bar)
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
+def _fitted_from_grid(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
     """The fit of a model whose law starts from a grid, with either reading of the rolling resistance; `beside`:
     parameters of its effects to start from."""
     found, beside = list[Fit](), np.empty(0) if beside is None else beside
@@ -176,7 +178,7 @@ def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array
         scale[scale == 0.0] = 1.0  # channels that were not measured
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
         for i in np.argsort(misfit)[:BASE_STARTS]:
-            found.append(fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS))
+            found.append(fit(model, some, corners[i], convergence=FEW_ROUNDS))
             if bar is not None:
                 bar.step("some releases")
     best = max(found, key=Fit.total)
@@ -205,7 +207,7 @@ def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | Non
         for name, values in zip(REGISTERED, model.values(p), strict=False):
             world = known[name].apply(world, values)
         again = FilmData.of(replace(data.film), world)
-        if abs(len(again.flight_release) - len(data.flight_release)) < OTHER_FLIGHTS * len(
+        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(
             data.flight_release
         ):
             break
@@ -241,10 +243,10 @@ def attribute(
             search = replace(search, base=better)
             search.try_alone()
         largest = max(search.alone.values(), key=lambda own: search.gain(own, search.base).total)
-        search = _with_law_anew(search, largest)
+        search = _restarted_from_grid(search, largest)
         search.run()
         if search.best.names != largest.names:
-            again = _with_law_anew(search, search.best)
+            again = _restarted_from_grid(search, search.best)
             if again is not search:
                 again.run()
             search = again
@@ -262,13 +264,13 @@ def _better_base(search: Search) -> CauseSet | None:
     return found if search.gain(found, base).significant else None
 
 
-def _with_law_anew(search: Search, own: CauseSet) -> Search:
+def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
     """The search begun again from a set, if its fit is much better where the law starts from a grid instead of from a
     base that had adapted to a film without the effects of the set."""
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
     if not (own.names and base.free and len(data.impact_release)):
         return search
-    anew = _fitted_anew(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
+    anew = _fitted_from_grid(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
     if anew.total() < own.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
@@ -280,21 +282,25 @@ def _with_law_anew(search: Search, own: CauseSet) -> Search:
 
 def _attribution(search: Search) -> Attribution:
     data, whole = search.data, search.best
-    evidence, learnt, beside_all = _weighed(search)
+    evidence, learnt, beside_all = _evidence_of_sets(search)
     best = search.best
     p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
-        learnt = without_harmful_changes(data, learnt, search.base.fit)
-    candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
+        learnt = without_harmful_changes(data, learnt, search.base)
+    candidates = {
+        name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
+        for name, own in search.alone.items()
+    }
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
     of_base, of_best, left = _regressed(search, chain[-1], learnt)
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, left, best.names,
-        {names: own.held_out for names, own in search.within(best.names).items()},
+        [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
+        learnt, left, best.names,
+        search.within(best.names),
     )  # fmt: skip
 
 
@@ -306,11 +312,11 @@ def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float
     return min(
         outside(held_out_gain(data, learnt, own), left_by_form(search, own))
         for (learnt, own), total in zip(models, explained, strict=True)
-        if total >= EXPLAINING * max(explained)
+        if total >= LEAST_EXPLAINED_SHARE * max(explained)
     )
 
 
-def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
+def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
     A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first the
@@ -376,12 +382,3 @@ def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) 
         Candidate(known[name], best.fit, best.held_out, search.gain(best, smaller[name]).gain)
         for name in order
     ]
-
-
-def _candidate(search: Search, own: CauseSet, name: str) -> Candidate:
-    return Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
-
-
-def _is_significant(dependence: Discrepancy) -> bool:
-    """Whether a dependence is significant."""
-    return dependence.significance > SIGNIFICANT_DEPENDENCE_Z

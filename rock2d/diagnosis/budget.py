@@ -57,6 +57,7 @@ class Budget:
     outside : share that depends on something without a name
     closed_by_learnt : share that the learnt changes close
     closed : share that all of it closes
+    sets : causes -> the gap that the law with them leaves, each fitted anew, and the share that they close together
     """
 
     base: float
@@ -69,6 +70,7 @@ class Budget:
     outside: Share
     closed_by_learnt: Share
     closed: Share
+    sets: dict[Names, tuple[float, Share]]
 
 
 class Sizes:
@@ -172,6 +174,7 @@ def budget(
         float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
         float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0), open_gap),
         share(with_named - with_learnt, open_gap), share(base - with_learnt, open_gap),
+        {names: (float(own[0]), share(base - own, open_gap)) for names, own in gaps.items()},
     )  # fmt: skip
 
 

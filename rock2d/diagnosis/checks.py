@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
@@ -45,8 +44,8 @@ Array = np.ndarray
 
 FALSE_ALARMS = 0.03  # chance that any check of means fails although the model is right; the same for spreads
 REPLICATES = 5000
-LEAST_LEFT = 0.05  # share of its variance that the fitted parameters must leave of a pattern
-SAID = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
+LEAST_UNABSORBED_SHARE = 0.05  # share of its variance that the fitted parameters must leave of a pattern
+PLAIN_NAMES = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
 # name of a check -> the dependences that it looks at
 IMPACT_MEANS = {
     "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
@@ -72,7 +71,7 @@ class Check:
     Attributes
     ----------
     name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
-    value : that of the film, in standard deviations of replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
+    value : that of the film, in standard deviations of replicates; `percentiles`: (101,) those of the replicates
     p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
     """
 
@@ -80,9 +79,14 @@ class Check:
     compared: str
     largest: str
     value: float
-    replicates: list[float]
+    percentiles: Array
     p: float
     p_of_all: float
+
+    @property
+    def replicates(self) -> list[float]:
+        """Quantiles 0.05, 0.5 and 0.95 of the replicates."""
+        return [float(self.percentiles[k]) for k in (5, 50, 95)]
 
     @property
     def words(self) -> str:
@@ -125,8 +129,8 @@ def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
-    left = _Left(data, fit, signs)
-    return Checks(_placed(left.means()), _placed(left.spreads()))
+    left = _LeftByFit(data, fit, signs)
+    return Checks(_ranked(left.means()), _ranked(left.spreads()))
 
 
 class _Patterns(NamedTuple):
@@ -138,7 +142,7 @@ class _Patterns(NamedTuple):
     values: Array
 
 
-def _placed(found: Sequence[_Patterns]) -> list[Check]:
+def _ranked(found: Sequence[_Patterns]) -> list[Check]:
     """Each check with its place among the replicates."""
     if not found:
         return []
@@ -151,14 +155,14 @@ def _placed(found: Sequence[_Patterns]) -> list[Check]:
     return [
         Check(
             own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
-            [float(v) for v in np.quantile(row[1:], [0.05, 0.5, 0.95])], float(rank[0]),
+            np.quantile(row[1:], np.linspace(0.0, 1.0, 101)), float(rank[0]),
             float((least <= rank[0]).mean()),
         )
         for own, sizes, row, rank in zip(found, z, largest, p, strict=True)
     ]  # fmt: skip
 
 
-class _Side(NamedTuple):
+class _Residuals(NamedTuple):
     """What is left of n impacts, or of n flights.
 
     Attributes
@@ -181,7 +185,7 @@ class _Side(NamedTuple):
     lever: Array
 
 
-class _Left:
+class _LeftByFit:
     """What a fit leaves of impacts and flights, what its parameters could still absorb, and the signs of replicates."""
 
     def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
@@ -196,7 +200,7 @@ class _Left:
         # standard deviations of the rates, the last columns
         self._sd = standard_deviations(covariance)[:, -3:]
         self._soil = whiten @ fit.jacobian.scatter
-        self._impacts = _Side(
+        self._impacts = _Residuals(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],
             ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
@@ -208,14 +212,14 @@ class _Left:
             quantities = path_quantities(world, data.states(world).middle)
             quantities[BLOCK] = data.segmentation.flights.block.astype(float)
             lever = data.lever()
-        self._flights = _Side(
+        self._flights = _Residuals(
             data.flight_release, z, flight_weight(z),
             fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
             np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
         )  # fmt: skip
 
     @cached_property
-    def _absorbing(self) -> Array:
+    def _parameter_shifts(self) -> Array:
         """(releases, P) by which the signs of the releases move the parameters."""
         count = self._impacts.jacobian.shape[-1]
         pull, curvature = np.zeros((len(self._data.order), count)), np.zeros((count, count))
@@ -232,8 +236,8 @@ class _Left:
         np.add.at(out, release, values)
         return out
 
-    def _chosen(
-        self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Side
+    def _functions(
+        self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Residuals
     ) -> Iterator[tuple[str, Array, list[str]]]:
         """For each check of a table: name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
         members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
@@ -243,7 +247,7 @@ class _Left:
             functions, parts = [], list[str]()
             for name in filter(known.__contains__, names):
                 curves, f = known[name].curves, known[name].features(side.quantities)
-                said = [f" with {SAID.get(name, name)}"] * f.shape[1] if curves else [""]
+                said = [f" with {PLAIN_NAMES.get(name, name)}"] * f.shape[1] if curves else [""]
                 if curves and curves[0].kind == KINDS:
                     own = members.get(curves[0].quantity)
                     said = [f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]
@@ -252,24 +256,24 @@ class _Left:
             if functions:
                 yield check, np.concatenate(functions, axis=1), parts
 
-    def _drawn(
+    def _unabsorbed(
         self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
         """A check from what each release adds, `sums` (releases, k), and what of it the parameters absorb; none where
         they absorb all."""
         left = sums - absorbed
-        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (sums**2).sum(axis=0)).tolist()
+        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * (sums**2).sum(axis=0)).tolist()
         own = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
         return [own] if kept else []
 
     def _mean(
-        self, name: str, compared: str, parts: Sequence[str], side: _Side, columns: Array
+        self, name: str, compared: str, parts: Sequence[str], side: _Residuals, columns: Array
     ) -> list[_Patterns]:
         """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
         pulled = side.weight[..., None] * columns
         sums = self._summed(side.release, np.einsum("ndk,nd->nk", pulled, side.z))
         moved = np.einsum("ndk,ndp->pk", pulled, side.jacobian, optimize=True)
-        return self._drawn(name, compared, parts, sums, self._absorbing @ moved)
+        return self._unabsorbed(name, compared, parts, sums, self._parameter_shifts @ moved)
 
     def means(self) -> list[_Patterns]:
         """What is left of impacts and flights on the mean."""
@@ -278,7 +282,7 @@ class _Left:
             (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
             ("mean of the bend of flights that is left", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
         ):
-            for name, f, parts in self._chosen(table, dependences, side):
+            for name, f, parts in self._functions(table, dependences, side):
                 columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
                 found += self._mean(name, compared, parts, side, columns)
         return found + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
@@ -304,7 +308,7 @@ class _Left:
             return []
         root = np.sqrt(own.weight)
         # (n, d, releases) residuals as a function of the signs
-        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.jacobian, self._absorbing)
+        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.jacobian, self._parameter_shifts)
         free[np.arange(len(free)), :, own.release] += root * own.z
         first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
         agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
@@ -324,10 +328,10 @@ class _Left:
         # derivatives of the log likelihood by the scatter of the soil
         pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
         soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
-        for name, f, parts in self._chosen(SPREADS, IMPACT_DEPENDENCES, own):
+        for name, f, parts in self._functions(SPREADS, IMPACT_DEPENDENCES, own):
             middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
             each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
             absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
             sums = (self._summed(own.release, values) for values in (each, absorbed))
-            found += self._drawn(name, f"size of {VELOCITIES}", parts, *sums)
+            found += self._unabsorbed(name, f"size of {VELOCITIES}", parts, *sums)
         return found

@@ -47,10 +47,12 @@ class HeldOut:
     ----------
     residuals : residuals of all impacts and flights, each predicted by the fit without its fold
     score : (releases,) log likelihood of each release
+    parameters : (FOLDS, P) of the fits without each fold
     """
 
     residuals: Residuals
     score: Array
+    parameters: Array
 
 
 class Validated(Protocol):
@@ -89,13 +91,15 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
     """Predict every release by the model fitted to the other folds."""
     fold = folds(data)
     residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
-    for k, (_, own) in enumerate(fold_fits(fit, data)):
+    parameters = list[Array]()
+    for k, (p, own) in enumerate(_fold_fits(fit, data)):
         impacts, flights = fold[data.impact_release] == k, fold[data.flight_release] == k
         residuals.impacts[impacts], residuals.flights[flights] = own.impacts[impacts], own.flights[flights]
-    return HeldOut(residuals, by_release(data, residuals, fit.covariance()))
+        parameters.append(p)
+    return HeldOut(residuals, by_release(data, residuals, fit.covariance()), np.array(parameters))
 
 
-def fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
+def _fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
     """For each fold, the parameters of the fit without it, and the residuals at them."""
     fold = folds(data)
     impact_fold, flight_fold = fold[data.impact_release], fold[data.flight_release]
@@ -144,7 +148,7 @@ def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
         path, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
         slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, covariance=fit.jacobian.covariance,
         impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
-        out_flights=out.residuals.flights, score=out.score,
+        out_flights=out.residuals.flights, score=out.score, out_parameters=out.parameters,
     )  # fmt: skip
 
 
@@ -155,4 +159,4 @@ def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
     jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
     residuals = Residuals(a["impacts"], a["flights"])
     fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], jacobian, residuals)
-    return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])
+    return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"], a["out_parameters"])

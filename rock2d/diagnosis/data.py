@@ -1,9 +1,313 @@
-"""The data of a fit: measured segments, of which a model leaves residuals."""
+"""The data of a fit: segments of a film or impacts of a table, and the residuals that a world leaves in them."""
 
-from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.residuals import Residuals
+from __future__ import annotations
 
-__all__ = ["Data", "Residuals"]
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+from rock2d.diagnosis.impact_prediction import outcomes
+from rock2d.diagnosis.quantities import (
+    SERIES,
+    TIME_S,
+    history_quantities,
+    incident_features,
+    incident_quantities,
+    moving_quantities,
+)
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
+from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
+from rock2d.kinematics.flights import heights
+from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
+from rock2d.kinematics.impacts import ground_axes
+from rock2d.kinematics.states import RESIDUAL_DEGREES, move_freely
+from rock2d.records.columns import AFTER, BEFORE, INSTANT_STATE, OMEGA, POSE, RATES, THETA, VX, VY, X, Y
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+ALONG, ACROSS = range(2)  # columns of residuals of impacts; the same three columns later their rates
+COARSE_STEPS = 2.0  # times as long: the residuals change by 0.01 of the noise (median), 0.3 (95 %)
+START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
+SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
+VELOCITY_STEP_S = 1e-6  # for velocities in the image
+LONGEST_IMPACT = 3.0  # in √(radius / g)
+RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of the spread of their column
+
+
+@dataclass
+class Residuals:
+    """Impacts (n, d) in SI; flights (m, 3, degrees) in units of noise. NaN where an impact cannot be simulated.
+
+    d = 6 on film: along the ground and across it (m) and angle (rad), then their rates; in an impact table the rates
+    alone.
+    """
+
+    impacts: Array
+    flights: Array
+
+    def beyond(self, other: Residuals) -> Residuals:
+        """By how much they are larger than others; 0 where an impact cannot be simulated."""
+        return Residuals(np.nan_to_num(self.impacts - other.impacts), self.flights - other.flights)
+
+
+@dataclass
+class FilmData(FilmSegments):
+    """n impacts and m flights of a film. `step_fraction`: that of the simulated impacts, see `run_batch`.
+
+    Attributes
+    ----------
+    impact_release, impact_block, impact_zone : (n,) index of release, block and zone of each impact
+    impact_order : (n,) place of each impact's release in its block's series
+    tangent : (n, 2) direction of the ground at each impact
+    flight_release, flight_block : (m,) index of release and block of each flight
+    """
+
+    step_fraction: float = BATCH_STEP_FRACTION
+
+    def coarse(self) -> Self:
+        """The same, but impacts are simulated in fewer steps: for a first look."""
+        return replace(self, step_fraction=COARSE_STEPS * self.step_fraction)
+
+    def flights_alone(self) -> Self:
+        """The same without impacts."""
+        none = {f.name: getattr(self.impacts, f.name)[:0] for f in fields(self.impacts)}
+        return replace(self, impacts=replace(self.impacts, **none))
+
+    @property
+    def impact_release(self) -> Array:
+        return self.impacts.release
+
+    @property
+    def flight_release(self) -> Array:
+        return self.segmentation.flights.release
+
+    @property
+    def flight_block(self) -> Array:
+        return self.segmentation.flights.block
+
+    @property
+    def impact_order(self) -> Array:
+        return self.impacts.order
+
+    @property
+    def impact_block(self) -> Array:
+        return self.impacts.block
+
+    @property
+    def impact_zone(self) -> Array:
+        return self.impacts.zone
+
+    @property
+    def tangent(self) -> Array:
+        return self.impacts.tangent
+
+    def residuals(self, world: World, shift: Array | None = None) -> Residuals:
+        """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
+        impacts."""
+        states = self.states(world)
+        difference = outcomes(world, self.impacts, states, shift, self.step_fraction)
+        at, along = states.middle[self.impacts.after], self.impacts.tangent
+        across = np.column_stack([-along[:, Y], along[:, X]])
+        for c, direction in ((ALONG, along), (ACROSS, across)):
+            difference[:, [c, VX + c]] /= world.view.true_per_recorded(at, direction)[:, None]
+        difference[:, RATES] *= world.view.time_scale
+        no_angle = self.unknown_spin[self.impacts.after] > 0.0
+        difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
+        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
+        return Residuals(difference, states.residuals * seen)
+
+    def incident(self, world: World) -> Array:
+        """(n, 6) states at the starts of the simulations."""
+        return self.states_at(world, self.impacts.before, self.impacts.start_s)
+
+    def state_noise(self, world: World) -> Array:
+        """(n, 6, 6) covariance of the states before the impacts, in that world."""
+        impacts = self.impacts
+        return self.true_covariance(world, impacts.before, impacts.start_s, self.incident(world))
+
+    def outcome_noise(self) -> Array:
+        """(n, 6, 6) covariance of the states after the impacts, along the ground and across it."""
+        after = self.state_covariance(self.impacts.after, self.impacts.begin_s)
+        turn = np.zeros_like(after)
+        tx, ty = self.impacts.tangent.T
+        for x, y, theta in ((X, Y, THETA), (VX, VY, OMEGA)):
+            turn[:, x, x], turn[:, x, y], turn[:, y, x], turn[:, y, y] = tx, ty, -ty, tx
+            turn[:, theta, theta] = 1.0
+        return turn @ after @ turn.transpose(0, 2, 1)
+
+    def extra_scatter(self) -> Array:
+        """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter: none, it is estimated from the
+        flights."""
+        return np.empty((len(self.impacts), STATE_SIZE, 0))
+
+    def impact_features(self, world: World) -> Array:
+        """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
+        impacts = self.impacts
+        known = incident_features(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        return np.column_stack([known, impacts.order, impacts.wait_s])
+
+    def impact_quantities(self, world: World) -> dict[str, Array]:
+        """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
+        impacts = self.impacts
+        began = self.basis.middle[impacts.before] + impacts.start_s
+        found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        found |= history_quantities(impacts.release, impacts.order, began) | {TIME_S: self._times(world)}
+        return found
+
+    def outcome_quantities(self, world: World) -> dict[str, Array]:
+        """The same of the flights after, as far as it is known then."""
+        impacts = self.impacts
+        after = self.states_at(world, impacts.after, impacts.begin_s)
+        known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
+        return moving_quantities(after[:, RATES]) | known
+
+    def _times(self, world: World) -> Array:
+        """(n,) true time in s from the beginning of the release to the end of each impact."""
+        impacts = self.impacts
+        begin = self.film.t_s[np.searchsorted(self.film.release, impacts.release)]
+        return np.asarray(
+            (self.basis.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale
+        )
+
+    def flight_noise(self, world: World) -> Array:
+        """(m, 3) standard deviation of the true coefficients of a flight that is 1 in the residuals."""
+        noise = np.tile(self.film.long_noise, (len(self.flight_release), 1))
+        middle = self.states(world).middle
+        for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
+            noise[:, c] *= world.view.true_per_recorded(middle, np.array(axis))
+        return noise
+
+    def flight_features(self, world: World) -> Array:
+        """(m, features) of flights: accelerations that forces would cause, times the effect of one acceleration."""
+        flights = self.segmentation.flights
+        lever = self.lever()
+        x, y, theta, vx, vy, w = self.states(world).middle.T
+        speed, size = np.hypot(vx, vy), self._sizes(world)
+        terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
+                 self.order[flights.release], np.sin(theta), np.cos(theta), w * size * np.sin(theta),
+                 w * size * np.cos(theta)]  # fmt: skip
+        kinds = [flights.block == b for b in range(len(world.blocks))]
+        return np.column_stack(
+            [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
+        )
+
+    def lever(self) -> Array:
+        """(m,) bend of each flight under one acceleration, of unit mean square."""
+        duration = 1.0 / (self.basis.slope * self.basis.level)
+        lever = duration**2 / self.basis.level
+        return np.asarray(lever / np.sqrt(np.mean(lever**2)))
+
+    def _sizes(self, world: World) -> Array:
+        return np.array([b.radius_m for b in world.blocks.values()])[self.segmentation.flights.block]
+
+
+@dataclass
+class TableData(ImpactTable):
+    """n impacts of a table, with the methods of `FilmData`: the law is simulated through each from the state before it.
+
+    Only velocities are compared: the position of the block at the instant of the measurement is rarely known to the
+    depth of an indentation. On a hard floor the time in contact is not seen either, so the data determine only the
+    ratio of the stiffnesses.
+    """
+
+    @property
+    def flight_release(self) -> Array:
+        return np.empty(0, np.int64)
+
+    @property
+    def flight_block(self) -> Array:
+        return np.empty(0, np.int64)
+
+    def coarse(self) -> Self:
+        """The same: single impacts take little time."""
+        return self
+
+    def residuals(self, world: World, shift: Array | None = None) -> Residuals:
+        """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
+        (n, 6) is added to the states before.
+
+        A block that the impact does not throw off has the velocities with which it stays on the ground.
+        """
+        true = _true_states(world, self.before)
+        if shift is not None:
+            true = true + shift
+        size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
+        starts, gap = true.copy(), heights(world, self.impact_block, true[:, POSE])
+        starts[:, X] += gap * self.tangent[:, Y]  # along the normal until it just touches
+        starts[:, Y] -= gap * self.tangent[:, X]
+        pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
+        earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
+        # the way back of a slow block, or of one that turns into the ground, may not be clear
+        clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
+        starts = np.where(clear[:, None], earlier, starts)
+        lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
+        limit = lasts + 10 * START_GAP_RADII * size / pace
+        result = run_world(
+            world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1
+        )
+        touch = result.impacts[:, 0]
+        leaves = np.isfinite(touch[:, AFTER])
+        stays = np.isfinite(touch[:, BEFORE]) & ~leaves
+        end = np.where(stays, result.ends[:, INSTANT_STATE], touch[:, AFTER])
+        recorded = _recorded_velocities(world, end)
+        d = recorded - self.after
+        residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])
+        return Residuals(residuals, np.empty((0, POSE_SIZE, RESIDUAL_DEGREES)))
+
+    def incident(self, world: World) -> Array:
+        """(n, 6) states before the impacts."""
+        return _true_states(world, self.before)
+
+    def state_noise(self, world: World) -> Array:
+        """Zero: the noise of a table is not known. It is fitted, see `extra_scatter`."""
+        return np.zeros((len(self.before), STATE_SIZE, STATE_SIZE))
+
+    def outcome_noise(self) -> Array:
+        """(n, 3, 3): a floor for numbers that a table gives with a few digits."""
+        return np.eye(3) * (RELATIVE_PRECISION * self._spread()) ** 2 * np.ones((len(self.before), 1, 1))
+
+    def extra_scatter(self) -> Array:
+        """(n, 3, 3) directions of the measurement's noise: the velocities, in units of their own spread."""
+        return np.eye(3) * self._spread() * np.ones((len(self.before), 1, 1))
+
+    def _spread(self) -> Array:
+        return np.maximum(self.after.std(axis=0), 1e-6)
+
+    def impact_features(self, world: World) -> Array:
+        """(n, features) of impacts."""
+        known = incident_features(world, self.impact_block, self.impact_zone, self.tangent, self.before)
+        return np.column_stack([known, self.impact_order])
+
+    def impact_quantities(self, world: World) -> dict[str, Array]:
+        """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
+        found = incident_quantities(
+            world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
+        )
+        return found | history_quantities(self.impact_release, self.impact_order, np.arange(len(self.before)))
+
+    def outcome_quantities(self, world: World) -> dict[str, Array]:
+        """The same of the velocities after."""
+        return moving_quantities(self.after) | {SERIES: self.impact_order.astype(float)}
+
+    def flight_features(self, world: World) -> Array:
+        """A table has no flights."""
+        return np.empty((0, 1))
+
+
+def _true_states(world: World, recorded: Array) -> Array:
+    """States of the centre of mass from recorded states (n, 6) of the centroid."""
+    here = world.view.true(recorded[:, POSE])
+    ahead = world.view.true(recorded[:, POSE] + VELOCITY_STEP_S * recorded[:, RATES])
+    return np.column_stack([here, (ahead - here) / (VELOCITY_STEP_S * world.view.time_scale)])
+
+
+def _recorded_velocities(world: World, true: Array) -> Array:
+    """(n, 3) velocities in the image of true states (n, 6)."""
+    here = world.view.record(true[:, POSE])
+    ahead = world.view.record(true[:, POSE] + VELOCITY_STEP_S * true[:, RATES])
+    return (ahead - here) / VELOCITY_STEP_S * world.view.time_scale
+
 
 Data = FilmData | TableData

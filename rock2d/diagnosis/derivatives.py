@@ -69,9 +69,9 @@ def jacobian_by_differences(
         by_impacts[..., k] = (ahead.impacts - at.impacts) / step
         by_flights[..., k] = (ahead.flights - at.flights) / step
     by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
-    if first < size:
-        further = model.further_derivatives(p, data, at, by_law)
-        by_impacts[..., named:], by_flights[..., named:] = further.impacts, further.flights
+    if model.responses and first < size:
+        learnt = model.derivatives_by_coefficients(p, data, at, by_law)
+        by_impacts[..., named:], by_flights[..., named:] = learnt.impacts, learnt.flights
     columns = [by_law]
     for i, effect in enumerate(model.effects):
         if effect.scatter:  # differentiated by the same amount at every impact

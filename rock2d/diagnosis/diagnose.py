@@ -12,10 +12,9 @@ from threadpoolctl import threadpool_limits
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, registered_by_fit
 from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks, predictive_checks
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import some_releases
 from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, impact_part, where
-from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
@@ -28,7 +27,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
-from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments, flightless_remarks
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -143,7 +142,7 @@ def diagnose(
         result.checks = predictive_checks(data, found.learnt.fit, seed)
         bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
-            result.predicted = predicted_gap(data, found.base, found.learnt, seed)
+            result.predicted = predicted_gap(data, found.sets[frozenset()], found.learnt, seed)
         bar.step("predictions")
     return result
 
@@ -152,7 +151,7 @@ def registered_remark(world: World) -> str:
     """What the world in which a film is divided differs in."""
     turn, scale = np.rad2deg(world.view.tilt_rad), world.view.scale
     return (
-        f"flights and impacts fit an image that is turned by {turn:.1f}° and {scale:.3f} times as large as stated; the "
+        f"flights and impacts fit an image that is turned by {turn:.2g}° and {scale:.4f} times as large as stated; the "
         "film is divided into flights in it"
     )
 
@@ -169,7 +168,11 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         if seen is None:
             return sanity, None
         data, world = seen, sanity.registered or setup
-        sanity.remarks += shape_remarks(data, world) + rest_remarks(data.film, world)
+        sanity.remarks += [
+            *shape_remarks(data, world),
+            *rest_remarks(data.film, world),
+            *flightless_remarks(data),
+        ]
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
@@ -227,7 +230,7 @@ def locate(
         best = found.final.fit
         # the stated set-up would put a mirrored film on the wrong side
         fitted = best.model.world(best.p, data.impact_order)
-        below = _zone_below(cross_section, data.states(fitted).middle[:, X])
+        below = zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight) and len(data.impacts):
@@ -235,13 +238,13 @@ def locate(
             before, after = (
                 rest_squares(data, rests, fit, variance)[..., None] for fit in (found.base, best)
             )
-            zone, block = _zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
+            zone, block = zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
             release = flights.release[rests.flight]
             parts.append(Part("rest", before - after, before, after, zone, block, release))
     return where(parts, cross_section.zone_names, blocks)
 
 
-def _zone_below(cross_section: CrossSection, x: Array) -> Array:
+def zone_below(cross_section: CrossSection, x: Array) -> Array:
     """(n,) zone of the ground below positions x."""
     facet = np.searchsorted(cross_section.points_m[1:, X], x)
     return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]

@@ -10,9 +10,9 @@ import numpy as np
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
 from rock2d.diagnosis.cause_sets import TWINS
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import inclusion
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor

@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
+from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
 
@@ -101,7 +101,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
     found = [_short(cached, p, base) for p in starts]
     if any(q.must_choose for own in model.parameters for q in own):
         p = scan(cached, model.start(), WIDE_SCAN * base.covariance(), None)
-        found.append(fit(model, data, p, rounds=EXPLORING_ITERATIONS))
+        found.append(fit(model, data, p, convergence=FEW_ROUNDS))
     best = max(found, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
         again = scan(cached, best.p, best.covariance(), best.jacobian)
@@ -115,7 +115,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
 
 
 def _short(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
-    return fit(cached.model, cached.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_jacobian=True)
+    return fit(cached.model, cached.data, start, old=base, convergence=FEW_ROUNDS, keep_jacobian=True)
 
 
 class CachedResiduals:

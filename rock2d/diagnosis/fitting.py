@@ -26,7 +26,6 @@ MOST_ITERATIONS = 30
 START_DAMPING = 1e-3
 MOST_DAMPINGS = 5  # dampings that are tried until a step gains
 START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
-EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
 MOST_UPDATES = 4  # updates of the derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 BEHIND_SHARE = 0.02  # the same, of the log likelihood by which a rival is ahead
@@ -84,15 +83,19 @@ def some_releases(data: Data) -> Array:
 
 
 class Convergence(NamedTuple):
-    """When a fit has converged: at a `gain` in log likelihood of an iteration, or at a larger one where the fit is far
-    behind a `rival` (a log likelihood): what is far behind needs no further digit."""
+    """When a fit ends: after so many `rounds`, or at a `gain` in log likelihood of an iteration, a larger one where the
+    fit is far behind a `rival` (a log likelihood): what is far behind needs no further digit."""
 
     gain: float = CONVERGED_GAIN
     rival: float = -np.inf
+    rounds: int = MOST_ITERATIONS
 
     def at(self, total: float) -> float:
         """Gain at which a fit with this log likelihood has converged."""
         return max(self.gain, BEHIND_SHARE * (self.rival - total))
+
+
+FEW_ROUNDS = Convergence(rounds=5)  # of fits that only explore
 
 
 def fit(
@@ -100,7 +103,6 @@ def fit(
     data: Data,
     start: Array | None = None,
     old: Fit | None = None,
-    rounds: int = MOST_ITERATIONS,
     convergence: Convergence = Convergence(),  # noqa: B008 (cannot be changed)
     keep_jacobian: bool = False,
     renew_noise: bool = False,
@@ -114,8 +116,7 @@ def fit(
     ----------
     start : parameters to start from; default: the base law without effects
     old : a fit whose noise covariance and scatter are the start, and whose derivatives are used near its parameters
-    rounds : most iterations
-    convergence : when the fit has converged
+    convergence : when the fit ends
     keep_jacobian : use the derivatives of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
     """
@@ -128,7 +129,7 @@ def fit(
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curvature = START_DAMPING, np.eye(model.size)
     updates: int | None = None  # updates of the derivatives since they were computed; None: compute them
-    for round in range(rounds):
+    for round in range(convergence.rounds):
         if updates is None:
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE

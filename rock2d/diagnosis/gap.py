@@ -38,7 +38,7 @@ class Gaps:
         floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
         self._base, flexible = gap(base), gap(sizes.remaining(found.base_regressed))
         self._floor = self._draws.floor([*floors, flexible], [self._base])
-        sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
+        sets = {names: sizes.of(own.held_out.residuals) for names, own in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 
     def of(self, candidate: Candidate) -> Share:
@@ -94,7 +94,7 @@ CHANNELS = {
 }
 
 
-def _taken(found: Attribution, kind: str) -> Array:
+def _explained_squares(found: Attribution, kind: str) -> Array:
     """Squares by which the best explanation reduces those of "impacts" or "flights": the best model, with the flexible
     regression on top where it finds more, or the regression alone where no effect helps."""
     base, better, remaining = (
@@ -111,9 +111,9 @@ def impact_part(
 ) -> Part:
     """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
     effect, if they and not those of the base are to be explained."""
-    taken = _taken(found, "impacts")
+    taken = _explained_squares(found, "impacts")
     if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
-        taken = _spread_stated(found)  # no mean shifts, so `bare` does not matter
+        taken = _explained_spread(found)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
         scale = standard_deviations(found.final.fit.covariance())
         taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
@@ -123,7 +123,7 @@ def impact_part(
     return Part("impact", taken, base, left, zone, block, release)
 
 
-def _spread_stated(found: Attribution) -> Array:
+def _explained_spread(found: Attribution) -> Array:
     """(n, channels) gain in deviance of each channel, for an effect that shifts no mean but widens the spread."""
     deviance = []
     for fitted, out in (
@@ -137,7 +137,7 @@ def _spread_stated(found: Attribution) -> Array:
 
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
     """Flights, by coordinate."""
-    taken = _taken(found, "flights")
+    taken = _explained_squares(found, "flights")
     squares = np.stack([taken, found.base_regressed.flights**2, found.left_regressed.flights**2])
     taken, base, left = squares.reshape(3, len(taken), 3, FLIGHT_DEGREES)
     return Part("flight", taken, base, left, zone, block, release)
@@ -158,9 +158,9 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
                     amount = part.taken[own, c].sum(axis=1)
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[own])
-                        typical = [_typical(v[own, c]) for v in (part.base, part.augmented)]
+                        sizes = [typical(v[own, c]) for v in (part.base, part.augmented)]
                         place = part.phase, zones[int(z)], blocks[int(b)], channel
-                        cells.append(Cell(*place, float(amount.sum()), sigma, *typical))
+                        cells.append(Cell(*place, float(amount.sum()), sigma, *sizes))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]
     shown = [cell for cell in significant if cell.phase != "rest"] or significant or cells
     total = sum(cell.share for cell in shown)
@@ -169,7 +169,7 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
     return sorted(shown, key=lambda cell: -cell.share)
 
 
-def _typical(squares: Array) -> float:
+def typical(squares: Array) -> float:
     """Geometric mean of the sizes of residuals, from their squares (n, columns)."""
     return float(np.exp(0.5 * np.log(np.maximum(squares.mean(axis=1), SMALLEST_SD**2)).mean()))
 

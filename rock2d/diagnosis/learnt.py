@@ -6,8 +6,8 @@ They are fitted together with all parameters of the model, and kept only if held
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,10 +17,9 @@ from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import LEVERS, LeverDerivatives, LeverResponse, Levers, by_coefficients
-from rock2d.diagnosis.model import Model, with_changed_law
+from rock2d.diagnosis.levers import LEVERS, Levers
+from rock2d.diagnosis.model import LeverResponse
 from rock2d.diagnosis.significance import Gain, OverReleases
-from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
 
@@ -30,69 +29,6 @@ TRIED_AT_ONCE = 2  # dependences that are fitted before the best is kept
 LEAST_EXPECTED_GAIN = 3.0
 LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
 CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
-LARGEST_COEFFICIENT = 10.0  # in units of its prior's standard deviation
-
-
-@dataclass(frozen=True)
-class LearntModel(Model):
-    """A model with learnt changes. Their coefficients follow its parameters, in units of `widths` (c,)."""
-
-    responses: Sequence[LeverResponse] = ()
-    widths: Array = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def size(self) -> int:
-        return super().size + len(self.widths)
-
-    def start(self) -> Array:
-        """Parameters of `base`, with neutral effects and no change."""
-        return np.concatenate([super().start(), np.zeros(len(self.widths))])
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Lowest and highest parameters."""
-        low, high = super().bounds()
-        most = np.full(len(self.widths), LARGEST_COEFFICIENT)
-        return np.concatenate([low, -most]), np.concatenate([high, most])
-
-    def residuals(
-        self,
-        p: Array,
-        data: Data,
-        shift: Array | None = None,
-        amounts: Sequence[Sequence[float]] | None = None,
-    ) -> Residuals:
-        """See `Model.residuals`."""
-        world = self.world(p, data.impact_order, amounts)
-        moved = np.zeros((len(data.impact_release), STATE_SIZE)) if shift is None else shift
-        coefficients = self.coefficients(p)
-        for response, own in zip(self.responses, coefficients, strict=True):
-            if response.law is not None:
-                world = with_changed_law(world, response.law @ own)
-            if response.slope is not None:
-                world = replace(world, slope_rad=world.slope_rad + response.slope @ own)
-            if response.shift is not None:
-                moved = moved + response.shift @ own
-        found = data.residuals(world, moved)
-        for response, own in zip(self.responses, coefficients, strict=True):
-            if response.impacts is not None:
-                found.impacts = found.impacts + response.impacts @ own
-            if response.flights is not None:
-                found.flights = found.flights + response.flights @ own
-        return found
-
-    def coefficients(self, p: Array) -> list[Array]:
-        """Coefficients of each response."""
-        ends = np.cumsum([response.size for response in self.responses])[:-1]
-        return np.split(p[self.named_size :] * self.widths, ends) if self.responses else []
-
-    def further_derivatives(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """See `Model.further_derivatives`. By the chain rule: a change of many coefficients moves few numbers."""
-        derivatives = LeverDerivatives(self, p, data, at, by_law)
-        found = [by_coefficients(response, derivatives) for response in self.responses]
-        return Residuals(
-            np.concatenate([own.impacts for own in found], axis=-1) * self.widths,
-            np.concatenate([own.flights for own in found], axis=-1) * self.widths,
-        )
 
 
 @dataclass
@@ -121,8 +57,6 @@ class Learnt:
 
     def changes_at(self, p: Array) -> list[Change]:
         """The changes at other parameters p of the fit."""
-        if not isinstance(self.fit.model, LearntModel):
-            return []
         parts = self.fit.model.coefficients(p)
         return [
             replace(change, coefficients=own.reshape(len(change.units), -1) * change.units[:, None])
@@ -169,14 +103,12 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     found, changes = learnt.fit, learnt.changes
     if not changes:
         return found.model.residuals(found.p, data)
-    own = found.model
-    assert isinstance(own, LearntModel)
-    p = found.p[: len(found.p) - len(own.widths)]
-    named = Model(own.setup, own.base, own.effects, own.beside, flown=own.flown)
+    p = found.p[: found.model.named_size]
+    named = replace(found.model, responses=(), widths=np.empty(0))
     levers = Levers(replace(found, model=named, p=p), data)
     responses = [levers.response(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
     coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
-    wider = replace(own, responses=responses, widths=np.ones(len(coefficients)))
+    wider = replace(named, responses=responses, widths=np.ones(len(coefficients)))
     return wider.residuals(np.concatenate([p, coefficients]), data)
 
 
@@ -186,15 +118,8 @@ def _fitted(
     """The fit with one more change."""
     widths = np.full(response.size, width)
     model = old.model
-    known, before = (model.responses, model.widths) if isinstance(model, LearntModel) else ((), np.empty(0))
-    wider = LearntModel(
-        model.setup,
-        model.base,
-        model.effects,
-        model.beside,
-        [*known, response],
-        np.concatenate([before, widths]),
-        flown=model.flown,
+    wider = replace(
+        model, responses=[*model.responses, response], widths=np.concatenate([model.widths, widths])
     )
     jacobian = Jacobian(
         np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),

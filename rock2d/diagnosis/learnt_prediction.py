@@ -93,7 +93,7 @@ def predicted_poses(
     return recorded_poses(world, block, samples, starts[:, POSE])
 
 
-class _Aloft(NamedTuple):
+class _FlightsAfter(NamedTuple):
     """Flights after impacts, without the changes after them.
 
     segment : (m,) their segments
@@ -107,9 +107,9 @@ class _Aloft(NamedTuple):
     clear_s: Array
     state: Array
 
-    def only(self, keep: Array) -> _Aloft:
+    def only(self, keep: Array) -> _FlightsAfter:
         """Some of them, given as a mask."""
-        return _Aloft(*(part[keep] for part in self))
+        return _FlightsAfter(*(part[keep] for part in self))
 
 
 class _Paths(NamedTuple):
@@ -156,7 +156,7 @@ class LearntMotion:
         self._start, self._frame = start.copy(), np.zeros_like(start)
         for change in changes:
             if change.lever == FLIGHT:
-                self._start += self._flown(change, data)
+                self._start += self._change_of_starts(change, data)
                 continue
             own = change.of(self._quantities)
             if change.lever == SLOPE:
@@ -178,7 +178,7 @@ class LearntMotion:
             gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": self._limit_s[own], **more},
         )  # fmt: skip
 
-    def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
+    def _change_of_starts(self, change: KnownChange, data: FilmSegments) -> Array:
         """(n, 6) what an acceleration changes in the states at the starts."""
         flight = self._segments.flight
         response = flight_response(data, self._world, flight_paths(data, self._world), change.basis)
@@ -195,18 +195,18 @@ class LearntMotion:
             return plain
         # a slope of the ground is the same as the stated ground with the motion turned the other way
         begins = turned(self._start + self._frame, self._pivot, -self._slope)
-        aloft = self._aloft(begins)
-        own = aloft.segment
+        flights = self._flights_after(begins)
+        own = flights.segment
         if not len(own):
             return plain
         before = self._run(self._world, begins[own], own, times_s=t_s[own]).samples
         before = turned(before, self._pivot[own, None], self._slope[own, None])
         before[..., THETA] -= self._frame[own, None, THETA]
-        since_s = t_s[own] - aloft.clear_s[:, None]
-        plain[own] = np.where(since_s[..., None] > 0.0, self._onward(aloft, since_s), before)
+        since_s = t_s[own] - flights.clear_s[:, None]
+        plain[own] = np.where(since_s[..., None] > 0.0, self._poses_when_clear(flights, since_s), before)
         return plain
 
-    def _aloft(self, begins: Array) -> _Aloft:
+    def _flights_after(self, begins: Array) -> _FlightsAfter:
         """The first flight of each segment after an impact that a film shows, from the states `begins` (n, 6)."""
         least = self._least_flight_s
         longer = self._limit_s + least  # only then it shows whether a flight follows
@@ -231,14 +231,14 @@ class LearntMotion:
         states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[
             :, INSTANT_STATE
         ]
-        flights = _Aloft(own, left_s, left_s + clear_s, states)
+        flights = _FlightsAfter(own, left_s, left_s + clear_s, states)
         return flights.only(np.asarray(clear.any(axis=1)))
 
-    def _leaving(self, aloft: _Aloft) -> Array:
+    def _states_when_clear(self, flights: _FlightsAfter) -> Array:
         """(m, 6) the states in which the blocks are clear of the ground, with the changes of the impact."""
-        own = aloft.segment
-        left = aloft.state[:, RATES]
-        change = turned(aloft.state, self._pivot[own], self._slope[own]) - aloft.state
+        own = flights.segment
+        left = flights.state[:, RATES]
+        change = turned(flights.state, self._pivot[own], self._slope[own]) - flights.state
         tx, ty = self._tangent[own].T
         for learnt in self._changes:
             if learnt.lever == OUTCOME:
@@ -253,20 +253,20 @@ class LearntMotion:
             elif learnt.lever == FRAME:
                 known = {name: values[own] for name, values in self._history.items()}
                 change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
-        change[:, POSE] += (aloft.clear_s - aloft.left_s)[:, None] * change[:, RATES]
+        change[:, POSE] += (flights.clear_s - flights.left_s)[:, None] * change[:, RATES]
         # the change of a pose could put the block into the ground, where it cannot be
-        change[~self._clear(own, aloft.state + change), POSE] = 0.0
-        return np.asarray(aloft.state + change)
+        change[~self._clear(own, flights.state + change), POSE] = 0.0
+        return np.asarray(flights.state + change)
 
-    def _path(self, aloft: _Aloft) -> _Paths:
+    def _path(self, flights: _FlightsAfter) -> _Paths:
         """The flights with all changes, until the blocks touch the ground or their segments end."""
-        own, states = aloft.segment, self._leaving(aloft)
+        own, states = flights.segment, self._states_when_clear(flights)
         block = self._segments.block[own]
         radius = min(block.radius_m for block in self._world.blocks.values())
         fastest = max(float(np.hypot(*states[:, LINEAR_VELOCITY].T).max()), 1e-9)
         step = min(self._least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
-        path, pushes = [states], [self._acceleration(aloft, states, 0.0)]
-        last, left_s = np.zeros(len(own), np.int64), self._limit_s[own] - aloft.clear_s
+        path, pushes = [states], [self._acceleration(flights, states, 0.0)]
+        last, left_s = np.zeros(len(own), np.int64), self._limit_s[own] - flights.clear_s
         # without learnt accelerations the engine simulates the flight, too
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
@@ -277,22 +277,22 @@ class LearntMotion:
             flies &= self._clear(own, states) & (now < left_s)
             last[flies] = len(path)
             path.append(states)
-            pushes.append(self._acceleration(aloft, states, now))
+            pushes.append(self._acceleration(flights, states, now))
         return _Paths(np.array(path), np.array(pushes), step, last)
 
-    def _onward(self, aloft: _Aloft, since_s: Array) -> Array:
+    def _poses_when_clear(self, flights: _FlightsAfter, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on as the engine says."""
-        own, path = aloft.segment, self._path(aloft)
+        own, path = flights.segment, self._path(flights)
         m, resumed_s = np.arange(len(own)), path.last * path.step_s
         rest = self._run(
             self._world, path.states[path.last, m], own,
-            time_limit_s=np.maximum(self._limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
+            time_limit_s=np.maximum(self._limit_s[own] - flights.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
-        aloft_s = np.clip(since_s, 0.0, resumed_s[:, None])
-        step = np.minimum(aloft_s // path.step_s, path.last[:, None]).astype(int)
-        beyond = (aloft_s - step * path.step_s).ravel()
+        flown_s = np.clip(since_s, 0.0, resumed_s[:, None])
+        step = np.minimum(flown_s // path.step_s, path.last[:, None]).astype(int)
+        beyond = (flown_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
         block = np.repeat(self._segments.block[own], since_s.shape[1])
         flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
@@ -303,9 +303,9 @@ class LearntMotion:
         """(m,) whether blocks in these states (m, 6) are clear of the ground."""
         return heights(self._world, self._segments.block[own], states[:, POSE]) > 0.0
 
-    def _acceleration(self, aloft: _Aloft, states: Array, since_s: float) -> Array:
+    def _acceleration(self, flights: _FlightsAfter, states: Array, since_s: float) -> Array:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), a time after they are clear."""
-        s, own = self._segments, aloft.segment
+        s, own = self._segments, flights.segment
         found = np.zeros((len(own), POSE_SIZE))
         changes = [change for change in self._changes if change.lever == FLIGHT]
         if changes:
@@ -313,7 +313,7 @@ class LearntMotion:
                 q.BLOCK: s.block[own].astype(float),
                 q.SERIES: self._history[q.SERIES][own],
                 q.HISTORY: np.minimum(s.number[own] + 1.0, q.MOST_COUNTED_IMPACTS),
-                q.TIME_S: self._begin_s[own] + aloft.clear_s + since_s,
+                q.TIME_S: self._begin_s[own] + flights.clear_s + since_s,
             }
             for change in changes:
                 found += change.of(quantities)

@@ -8,16 +8,14 @@ simulations by the chain rule.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, flight_response
-from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, LeverResponse, state_units
 from rock2d.diagnosis.quantities import (
     FLIGHT_DEPENDENCES,
     FRAME_DEPENDENCES,
@@ -31,7 +29,6 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
-from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -50,79 +47,6 @@ LEVER_QUANTITIES = {
     for lever, own in DEPENDENCES.items()
 }
 FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
-SLOPE_STEP_RAD = 0.003  # for differences
-STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
-
-
-@dataclass
-class LeverResponse:
-    """What a basis with one lever changes in the data. A coefficient is (number of the lever, function of the basis),
-    the functions of one number side by side.
-
-    Attributes
-    ----------
-    size : c, number of the coefficients
-    law : (n, 5, c) logarithms of the law's parameters, as in `Model`; None if they do not change
-    slope : (n, c) slope of the ground in rad; None likewise
-    shift : (n, 6, c) the states before the impacts; None likewise
-    impacts : (n, d, c) the residuals of impacts apart from that; None likewise
-    flights : (m, 3, degrees, c) the residuals of flights; None likewise
-    """
-
-    size: int
-    law: Array | None = None
-    slope: Array | None = None
-    shift: Array | None = None
-    impacts: Array | None = None
-    flights: Array | None = None
-
-
-class LeverDerivatives:
-    """How the residuals of a model at parameters p respond to a change of the levers of every impact.
-
-    `at`: residuals there; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
-    """
-
-    def __init__(self, model: Model, p: Array, data: Data, at: Residuals, by_law: Array) -> None:
-        self.model, self.p, self.data, self.at, self.by_law = model, p, data, at, by_law
-
-    @cached_property
-    def by_slope(self) -> Array:
-        """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
-        setup = self.model.setup
-        tilted = replace(self.model, setup=replace(setup, slope_rad=setup.slope_rad + SLOPE_STEP_RAD))
-        return tilted.residuals(self.p, self.data).beyond(self.at).impacts / SLOPE_STEP_RAD
-
-    @cached_property
-    def by_state(self) -> Array:
-        """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
-        setup, columns = self.model.setup, []
-        for k, unit in enumerate(STATE_STEP * state_units(setup)):
-            shift = unit * (np.arange(STATE_SIZE) == k)
-            columns.append(self.model.residuals(self.p, self.data, shift).beyond(self.at).impacts / unit)
-        return np.stack(columns, axis=-1)
-
-
-def by_coefficients(response: LeverResponse, derivatives: LeverDerivatives) -> Residuals:
-    """The derivatives of all residuals by the coefficients of a change, by the chain rule."""
-    at = derivatives.at
-    impacts, flights = (np.zeros((*own.shape, response.size)) for own in (at.impacts, at.flights))
-    if response.law is not None:
-        impacts += derivatives.by_law @ response.law
-    if response.slope is not None:
-        impacts += derivatives.by_slope[..., None] * response.slope[:, None]
-    if response.shift is not None:
-        impacts += derivatives.by_state @ response.shift
-    if response.impacts is not None:
-        impacts += response.impacts
-    return Residuals(impacts, flights if response.flights is None else response.flights)
-
-
-def state_units(world: World) -> Array:
-    """(6,) natural units of a state: the size of the blocks and √(gravity × size)."""
-    size = world.mean_size_m / 2.0
-    pace = np.sqrt(world.gravity_m_s2 * size)
-    return np.array([size, size, 1.0, pace, pace, pace / size])
 
 
 class Levers:
@@ -202,7 +126,7 @@ class Levers:
 
     def columns(self, response: LeverResponse) -> Residuals:
         """The derivatives of all residuals by the coefficients."""
-        return by_coefficients(response, self._derivatives)
+        return self._derivatives.by_coefficients(response)
 
     @cached_property
     def _derivatives(self) -> LeverDerivatives:

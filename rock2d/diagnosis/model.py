@@ -1,4 +1,5 @@
-"""A model to be fitted: the base law with some effects, its parameters on dimensionless scales of similar size."""
+"""A model to be fitted: the base law with some effects and learnt changes, its parameters on dimensionless scales of
+similar size."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.effects.effect import FLIGHT, Effect, Parameter
+from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -25,13 +27,41 @@ LARGEST_LOG_K_L = 4.5  # logarithm of k_l / start; stiffer ground takes long to 
 STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
 STIFFNESS_HEADROOM = 2.0  # logarithmic, by which effects may raise them
 SMALLEST_STIFFNESS_RATIO = 1.02  # least ratio of unloading to loading stiffness
+LARGEST_COEFFICIENT = 10.0  # of a learnt change, in units of its prior's standard deviation
+SLOPE_STEP_RAD = 0.003  # for differences
+STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
+
+
+@dataclass
+class LeverResponse:
+    """What a basis with one lever changes in the data. A coefficient is (number of the lever, function of the basis),
+    the functions of one number side by side.
+
+    Attributes
+    ----------
+    size : c, number of the coefficients
+    law : (n, 5, c) logarithms of the law's parameters, as in `Model`; None if they do not change
+    slope : (n, c) slope of the ground in rad; None likewise
+    shift : (n, 6, c) the states before the impacts; None likewise
+    impacts : (n, d, c) the residuals of impacts apart from that; None likewise
+    flights : (m, 3, degrees, c) the residuals of flights; None likewise
+    """
+
+    size: int
+    law: Array | None = None
+    slope: Array | None = None
+    shift: Array | None = None
+    impacts: Array | None = None
+    flights: Array | None = None
 
 
 @dataclass(frozen=True)
 class Model:
-    """Base law and effects; `world(p)` is the world at parameters p: first the five of the base, then the effects'.
+    """Base law, effects and learnt changes; `world(p)` is the world at parameters p, without the learnt changes.
 
-    p is dimensionless: logarithms relative to `base`, and effect parameters in units of their plausible range.
+    p: first the five of the base, then the effects', then the coefficients of the learnt changes. It is dimensionless:
+    logarithms relative to `base`, effect parameters in units of their plausible range, coefficients in units of
+    `widths` (c,).
     `beside`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
     `flown`: blocks of which each has its own parameters of what the air does, on the scale of its size; without any,
     all blocks share them.
@@ -42,6 +72,8 @@ class Model:
     effects: Sequence[Effect] = ()
     beside: Array | None = None
     flown: Sequence[str] = field(default=(), kw_only=True)
+    responses: Sequence[LeverResponse] = field(default=(), kw_only=True)
+    widths: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
 
     @cached_property
     def parameters(self) -> list[list[Parameter]]:
@@ -86,16 +118,16 @@ class Model:
     @property
     def size(self) -> int:
         """Number of all parameters."""
-        return self.named_size
+        return self.named_size + len(self.widths)
 
     @property
     def scatter_effects(self) -> list[Effect]:
         return [e for e in self.effects if e.scatter]
 
     def start(self) -> Array:
-        """Parameters of `base`, with neutral effects."""
+        """Parameters of `base`, with neutral effects and no learnt change."""
         neutral = [to_scale(p, p.neutral) for own in self.parameters for p in own]
-        return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral])
+        return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral, np.zeros(len(self.widths))])
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest parameters."""
@@ -107,7 +139,8 @@ class Model:
             # a useless effect could drift to a rigid ground, whose simulation takes very long
             known = np.maximum(self.beside[STIFFNESS_PARAMETERS], 0.0)
             most[STIFFNESS_PARAMETERS] = np.minimum(most[STIFFNESS_PARAMETERS], known + STIFFNESS_HEADROOM)
-        return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([most, high])
+        learnt = np.full(len(self.widths), LARGEST_COEFFICIENT)
+        return np.concatenate([-3 * BASE_WIDTH, low, -learnt]), np.concatenate([most, high, learnt])
 
     def law(self, p: Array) -> Array:
         """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""
@@ -139,14 +172,87 @@ class Model:
         amounts: Sequence[Sequence[float]] | None = None,
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts` as above."""
-        return data.residuals(self.world(p, data.impact_order, amounts), shift)
+        world, coefficients = self.world(p, data.impact_order, amounts), self.coefficients(p)
+        for response, own in zip(self.responses, coefficients, strict=True):
+            if response.law is not None:
+                world = with_changed_law(world, response.law @ own)
+            if response.slope is not None:
+                world = replace(world, slope_rad=world.slope_rad + response.slope @ own)
+            if response.shift is not None:
+                shift = (0.0 if shift is None else shift) + response.shift @ own
+        found = data.residuals(world, shift)
+        for response, own in zip(self.responses, coefficients, strict=True):
+            if response.impacts is not None:
+                found.impacts = found.impacts + response.impacts @ own
+            if response.flights is not None:
+                found.flights = found.flights + response.flights @ own
+        return found
 
-    def further_derivatives(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """Derivatives of the residuals by the parameters after the named ones, of which this model has none.
+    def coefficients(self, p: Array) -> list[Array]:
+        """Coefficients of each learnt change."""
+        ends = np.cumsum([response.size for response in self.responses])[:-1]
+        return np.split(p[self.named_size :] * self.widths, ends) if self.responses else []
 
-        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
+    def derivatives_by_coefficients(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+        """Derivatives of the residuals by the coefficients of the learnt changes, of which there is one at least.
+
+        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law. By the chain
+        rule: a change of many coefficients moves few numbers.
         """
-        return Residuals(np.empty((*at.impacts.shape, 0)), np.empty((*at.flights.shape, 0)))
+        derivatives = LeverDerivatives(self, p, data, at, by_law)
+        found = [derivatives.by_coefficients(response) for response in self.responses]
+        return Residuals(
+            np.concatenate([own.impacts for own in found], axis=-1) * self.widths,
+            np.concatenate([own.flights for own in found], axis=-1) * self.widths,
+        )
+
+
+class LeverDerivatives:
+    """How the residuals of a model at parameters p respond to a change of the levers of every impact.
+
+    `at`: residuals there; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
+    """
+
+    def __init__(self, model: Model, p: Array, data: Data, at: Residuals, by_law: Array) -> None:
+        self.model, self.p, self.data, self.at, self.by_law = model, p, data, at, by_law
+
+    @cached_property
+    def by_slope(self) -> Array:
+        """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
+        setup = self.model.setup
+        tilted = replace(self.model, setup=replace(setup, slope_rad=setup.slope_rad + SLOPE_STEP_RAD))
+        return tilted.residuals(self.p, self.data).beyond(self.at).impacts / SLOPE_STEP_RAD
+
+    @cached_property
+    def by_state(self) -> Array:
+        """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
+        setup, columns = self.model.setup, []
+        for k, unit in enumerate(STATE_STEP * state_units(setup)):
+            shift = unit * (np.arange(STATE_SIZE) == k)
+            columns.append(self.model.residuals(self.p, self.data, shift).beyond(self.at).impacts / unit)
+        return np.stack(columns, axis=-1)
+
+    def by_coefficients(self, response: LeverResponse) -> Residuals:
+        """Derivatives of all residuals by the coefficients of a change, by the chain rule."""
+        impacts, flights = (
+            np.zeros((*own.shape, response.size)) for own in (self.at.impacts, self.at.flights)
+        )
+        if response.law is not None:
+            impacts += self.by_law @ response.law
+        if response.slope is not None:
+            impacts += self.by_slope[..., None] * response.slope[:, None]
+        if response.shift is not None:
+            impacts += self.by_state @ response.shift
+        if response.impacts is not None:
+            impacts += response.impacts
+        return Residuals(impacts, flights if response.flights is None else response.flights)
+
+
+def state_units(world: World) -> Array:
+    """(6,) natural units of a state: the size of the blocks and √(gravity × size)."""
+    size = world.mean_size_m / 2.0
+    pace = np.sqrt(world.gravity_m_s2 * size)
+    return np.array([size, size, 1.0, pace, pace, pace / size])
 
 
 def with_changed_law(world: World, change: Array) -> World:

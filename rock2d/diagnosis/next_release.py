@@ -59,7 +59,8 @@ def next_release(
                     pace = float(np.median(np.hypot(*data.incident(setup)[own, LINEAR_VELOCITY].T))) * faster
                     best = typical
                     name = list(setup.blocks)[block]
-                    proposal = f"a {name} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
+                    article = "an" if name[0].lower() in "aeiou" else "a"
+                    proposal = f"{article} {name} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
     if not proposal:
         return f"Longer flights: no impact separates {names}."
     lead = "" if found.verdict != "none" else "No effect stands out. "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
 from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, STATE
 from rock2d.diagnosis.model import with_changed_law
@@ -143,7 +143,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     setup, film = setup_world(experiment), load_film(experiment)
     diagnosed = diagnosed_world(content, setup, setup.order, base_only=False)
     as_recorded = replace(setup, view=diagnosed.view, cross_section=diagnosed.cross_section)
-    data = FilmSegments.of(film, _readable(experiment, film, as_recorded))
+    data = FilmSegments.of(film, _world_to_divide_in(experiment, film, as_recorded))
     order = _places(content, film.block_names, film.release_block, data.order)
     if not np.isfinite(data.start_s).any():
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
@@ -219,7 +219,7 @@ def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -
     return data.after + np.column_stack([tx * along - ty * across, ty * along + tx * across, spin]) - unframed
 
 
-def _readable(experiment: Experiment, film: Film, world: World) -> World:
+def _world_to_divide_in(experiment: Experiment, film: Film, world: World) -> World:
     """The world in which a film is divided: that of the diagnosis, or if its camera is perfect, the one that the sanity
     checks find. Raises InputError for a film that cannot be read; warns of other faults."""
     view = world.view

@@ -6,17 +6,16 @@ rest. So this is what `rock2d predict` reaches on another film of the set-up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import fold_fits, folds
-from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.cross_validation import Validated, folds
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.learnt import Learnt
-from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses
+from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.replay import with_drawn_soils
 from rock2d.diagnosis.segments import Segments
 from rock2d.records.columns import THETA
@@ -28,7 +27,7 @@ REPLICATES = 4  # replicates of each segment, for the floor
 DRAWS = 400  # bootstrap draws of the releases
 # times the tail without a change: more than the tail of other draws of the releases differs
 HARMFUL_TAIL = 1.02
-TINY = 1e-18  # variance that keeps a covariance of states positive definite
+SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
 
 
 @dataclass
@@ -84,22 +83,22 @@ class PredictedGap:
         return np.array(found, float)
 
 
-def predicted_gap(data: FilmData, base: Fit, learnt: Learnt, seed: int) -> PredictedGap | None:
+def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) -> PredictedGap | None:
     """The gap of the segments of a film; None if it has none."""
     segments = Segments.of(data)
     if not len(segments):
         return None
     film = measured(data, segments)
-    first = held_out_poses(data, segments, base, lambda p: ())
-    last = held_out_poses(data, segments, learnt.fit, learnt.changes_at)
+    first = held_out_poses(data, segments, base)
+    last = held_out_poses(data, segments, learnt)
     return PredictedGap(
         segments.release, misses(data, first, film), misses(data, last, film),
         _replicate_misses(data, segments, learnt, seed), data.film.noise,
-        (_end(segments, first - film), _end(segments, last - film)),
+        (end_misses(segments, first - film), end_misses(segments, last - film)),
     )  # fmt: skip
 
 
-def _end(segments: Segments, apart: Array) -> tuple[float, float]:
+def end_misses(segments: Segments, apart: Array) -> tuple[float, float]:
     """Median distance in mm and turn in degrees at the last frames, of differences of poses (n, k, 3)."""
     last = apart[np.arange(len(apart)), [len(rows) - 1 for rows in segments.frames]]
     turn = np.abs(last[:, THETA])
@@ -108,16 +107,16 @@ def _end(segments: Segments, apart: Array) -> tuple[float, float]:
     return 1e3 * float(np.median(distance)), float(np.rad2deg(np.median(turn))) if len(turn) else np.nan
 
 
-def without_harmful_changes(data: FilmData, learnt: Learnt, base: Fit) -> Learnt:
+def without_harmful_changes(data: FilmData, learnt: Learnt, base: Validated) -> Learnt:
     """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse,
     or the worst segments worse than both the base law and the model without the change."""
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt
-    own = _held_out_misses(data, segments, learnt.fit, learnt.changes_at)
-    of_base = _tail(_held_out_misses(data, segments, base, lambda p: ()))
+    own = _held_out_misses(data, segments, learnt)
+    of_base = _tail(_held_out_misses(data, segments, base))
     while learnt.before is not None:
-        other = _held_out_misses(data, segments, learnt.before.fit, learnt.before.changes_at)
+        other = _held_out_misses(data, segments, learnt.before)
         if _tail(own) <= HARMFUL_TAIL * max(_tail(other), of_base) and np.median(own) <= np.median(other):
             break
         learnt, own = learnt.before, other
@@ -128,24 +127,20 @@ def _tail(misses: Array) -> float:
     return float(np.percentile(misses, TAIL_PERCENTILE))
 
 
-def _held_out_misses(
-    data: FilmData, segments: Segments, fit: Fit, changes: Callable[[Array], Sequence[KnownChange]]
-) -> Array:
-    return misses(data, held_out_poses(data, segments, fit, changes), measured(data, segments))
+def _held_out_misses(data: FilmData, segments: Segments, own: Validated) -> Array:
+    return misses(data, held_out_poses(data, segments, own), measured(data, segments))
 
 
-def held_out_poses(
-    data: FilmData, segments: Segments, fit: Fit, changes: Callable[[Array], Sequence[KnownChange]]
-) -> Array:
-    """(n, k, 3) poses of the segments, each predicted by the fit without its fold; `changes` at parameters of the
-    fit."""
+def held_out_poses(data: FilmData, segments: Segments, own: Validated) -> Array:
+    """(n, k, 3) poses of the segments, each predicted by the fit without its fold."""
     found = np.full((*segments.instants_s.shape, 3), np.nan)
-    fold, model = folds(data)[segments.release], fit.model
-    for k, (p, _) in enumerate(fold_fits(fit, data)):
+    fold, model = folds(data)[segments.release], own.fit.model
+    for k, p in enumerate(own.held_out.parameters):
         held = segments.only(fold == k)
         if len(held):
             world = model.world(p, data.order[held.release])
-            found[fold == k] = predicted_poses(data, held, world, changes(p))
+            changes = own.changes_at(p) if isinstance(own, Learnt) else ()
+            found[fold == k] = predicted_poses(data, held, world, changes)
     return found
 
 
@@ -172,7 +167,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     dt = data.start_s[segments.flight]
     starts = data.states_at(world, segments.flight, dt)
     covariance = data.true_covariance(world, segments.flight, dt, starts)
-    root = np.linalg.cholesky(covariance + TINY * np.eye(starts.shape[1]))
+    root = np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(starts.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     found = []
     for _ in range(REPLICATES):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses

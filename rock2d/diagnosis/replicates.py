@@ -42,7 +42,7 @@ class Ratio:
     error: float
 
     @property
-    def sure(self) -> float:
+    def upper_bound(self) -> float:
         """At most 1, and less only as far as the pairs surely say."""
         return min(self.value + self.error, 1.0)
 
@@ -65,7 +65,7 @@ def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
     Several ideas of "nearly the same state" are tried. The one that surely says least counts.
     """
     found = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
-    return min([NO_PAIRS, *found], key=lambda ratio: ratio.sure)
+    return min([NO_PAIRS, *found], key=lambda ratio: ratio.upper_bound)
 
 
 def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:

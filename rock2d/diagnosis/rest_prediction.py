@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped

@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -23,7 +22,7 @@ Array = np.ndarray
 
 # effects that differ from another one only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}
-TRACE = 0.05  # change of a residual, in standard deviations, up to which it does not show
+LARGEST_UNSEEN_CHANGE = 0.05  # change of a residual, in standard deviations, up to which it does not show
 
 
 def unseen(
@@ -41,8 +40,8 @@ def unseen(
         if name not in found:
             model = replace(base.model, effects=[effect])
             in_flight = len(data.flight_release) or effect.phase != "flight"
-            if not (in_flight and _shows(model, base.p, own, at, sd)):
-                found[name] = _why(data, effect)
+            if not (in_flight and _changes_residuals(model, base.p, own, at, sd)):
+                found[name] = _why_unseen(data, effect)
     return {name: why for name, why in found.items() if name in effects}
 
 
@@ -56,7 +55,7 @@ def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
     return found
 
 
-def _why(data: Data, effect: Effect) -> str:
+def _why_unseen(data: Data, effect: Effect) -> str:
     """Why an effect changes nothing."""
     if not len(data.impact_release) and effect.phase == "impact":
         return "no impact can be judged"
@@ -67,7 +66,7 @@ def _why(data: Data, effect: Effect) -> str:
     return "nothing that was measured changes with it"
 
 
-def _shows(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:
+def _changes_residuals(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:
     """Whether some residual changes between no effect and one at the ends of its plausible range."""
     parameters = model.parameters[0]
     start = np.concatenate([p, model.start()[len(BASE_WIDTH) :]])
@@ -76,6 +75,6 @@ def _shows(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool
             amounts = [[value if i == k else v for i, v in enumerate(model.values(start)[0])]]
             ahead = model.residuals(start, data, amounts=amounts)
             changes = ((ahead.impacts - at.impacts) / sd, ahead.flights - at.flights)
-            if any(np.abs(c).max(initial=0.0) > TRACE or np.isnan(c).any() for c in changes):
+            if any(np.abs(c).max(initial=0.0) > LARGEST_UNSEEN_CHANGE or np.isnan(c).any() for c in changes):
                 return True
     return False

@@ -28,13 +28,10 @@ UNEXPLAINED_SHARE, UNEXPLAINED_REACH_M = 0.002, 200.0
 # priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
 # model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
 DISCREPANCY_RANGE_M, CAUGHT_RANGE = (2.0, 16.0), (0.005, 0.25)
-PRIOR_SOILS, REFINED_SOILS = 256, 64  # soils from the prior, and in each round where they are likely
-COPIES = 3  # descents of each release with each soil
 LOG_LIKELIHOOD_DEPTH = 2.0  # log likelihood below the best, per release: less is as good as impossible
 # Powers of the likelihood from which each round is drawn. Far from what was simulated the Gaussian process may promise
 # what is not there: each round simulates its promises, and the next knows better.
 ROUND_POWERS = (0.4, 0.4, 0.7, 1.0)
-DRAWS = 256  # draws of a posterior
 PRIOR_STREAM, REFINED_STREAM, POSTERIOR_STREAM = range(3)  # first numbers of spawn keys
 
 
@@ -137,24 +134,22 @@ def simulate_soils(
     return SimulatedSoils(u, np.array(found))
 
 
-def prior_soils(unknowns: Unknowns, seed: int, count: int = PRIOR_SOILS) -> Array:
+def prior_soils(unknowns: Unknowns, seed: int, count: int) -> Array:
     """(count, d) draws of the prior."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(PRIOR_STREAM,)))
     drawn = prior_draws(count, unknowns.dimensions, rng)
     return np.asarray(drawn.clip(1e-6, 1 - 1e-6))
 
 
-def refined_soils(soils: SimulatedSoils, seed: int, part: int, count: int = REFINED_SOILS) -> Array:
+def refined_soils(soils: SimulatedSoils, seed: int, part: int, count: int) -> Array:
     """(count, d) soils of a round: where all releases together are likely, as far as is known so far."""
-    n, rng = (
-        soils.log_density.shape[1],
-        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED_STREAM, part))),
-    )
-    return drawn_posterior(soils, np.arange(n), rng, count, ROUND_POWERS[part])
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED_STREAM, part)))
+    every = np.arange(soils.log_density.shape[1])
+    return drawn_posterior(soils, every, rng, count, ROUND_POWERS[part])
 
 
 def drawn_posterior(
-    soils: SimulatedSoils, indices: Array, rng: np.random.Generator, count: int = DRAWS, power: float = 1.0
+    soils: SimulatedSoils, indices: Array, rng: np.random.Generator, count: int, power: float = 1.0
 ) -> Array:
     """(count, d) draws of the posterior given some releases (indices); `power` below 1 flattens the likelihood."""
     emulator = Emulator(soils.u, soils.log_density[:, indices].sum(axis=1), len(indices))

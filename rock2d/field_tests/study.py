@@ -15,9 +15,6 @@ import numpy as np
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import Forecast, folds, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
-    COPIES,
-    PRIOR_SOILS,
-    REFINED_SOILS,
     ROUND_POWERS,
     SimulatedSoils,
     Unknowns,
@@ -73,9 +70,9 @@ class Effort:
     draws : draws of a posterior, from which a forecast is made
     """
 
-    prior: int = PRIOR_SOILS
-    refined: int = REFINED_SOILS
-    copies: int = COPIES
+    prior: int = 256
+    refined: int = 64
+    copies: int = 3
     draws: int = 256
 
 

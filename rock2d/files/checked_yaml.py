@@ -155,12 +155,13 @@ class Document:
     data : dicts, lists, str, int, float, bool and None
     """
 
-    def __init__(self, file: str | Path) -> None:
+    def __init__(self, file: str | Path, text: str | None = None) -> None:
+        """Read a file, or its `text` if that is known."""
         self.file = Path(file)
         self._keys: dict[DataPath, tuple[int, int]] = {}
         self._values: dict[DataPath, tuple[int, int]] = {(): (1, 1)}
         self._mappings: dict[int, DataPath] = {}  # identity of a mapping in `data` -> where it stands
-        self.data = self._read(read_text(self.file))
+        self.data = self._read(read_text(self.file) if text is None else text)
 
     def error(
         self, message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any

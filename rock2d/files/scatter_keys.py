@@ -1,4 +1,5 @@
-"""The keys of a scenario for what varies from release to release: populations of blocks and rough ground.
+"""The keys of a scenario for what varies from release to release, populations of blocks and rough ground, and for what
+is not known about the site.
 
 Scattered numbers stand under `scatter`, a mapping from places of the file to distributions.
 """
@@ -11,14 +12,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rock2d.files.checked_yaml import Checked, mistake
-from rock2d.files.distributions import Draw, quantiles
-from rock2d.scene.blocks import Block
-from rock2d.scene.populations import WITH_ASPECT, block_of_size
+from rock2d.files.distributions import Draw, Variation, quantiles
+from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.rough_ground import Roughness
 
 Array = np.ndarray
 
 DRAWS_OF_A_BLOCK = 4  # random numbers that a block of a population takes
+WITH_ASPECT = ("rectangle", "ellipse")
 SCATTERED = ("model", "blocks")  # keys of a scenario whose numbers may vary from release to release
 
 
@@ -89,3 +90,49 @@ class Population(Checked):
     def median_block(self, name: str) -> Block:
         """The block of median size and density, of the first family."""
         return self.block(name, np.array([0.5, 0.5, 0.0, 0.5]))
+
+
+def block_of_size(name: str, shape: str, size_m: float, aspect: float, density_kg_m3: float) -> Block:
+    """A block of a family.
+
+    Parameters
+    ----------
+    shape : one of those of `Family`
+    size_m : diameter of the circle of equal area; the block has the volume of a ball of this diameter
+    aspect : length over height, of a rectangle or an ellipse
+
+    Raises BlockError if a size makes no sense.
+    """
+    mass_kg = density_kg_m3 * np.pi / 6 * size_m**3
+    if shape == "circle":
+        return make_block(name, shape, mass_kg, "solid_sphere", diameter_m=size_m)
+    if shape == "square":
+        return make_block(name, shape, mass_kg, side_m=size_m * np.sqrt(np.pi) / 2)
+    height_m = size_m / np.sqrt(aspect) * (np.sqrt(np.pi) / 2 if shape == "rectangle" else 1.0)
+    return make_block(name, shape, mass_kg, length_m=aspect * height_m, height_m=height_m)
+
+
+class Uncertainty(Checked):
+    """What is not known about the site."""
+
+    sites: int = Field(
+        default=32,
+        ge=4,
+        le=4096,
+        description="Base number of possible sites, rounded up to a power of two; with d unknown values, "
+        "sites x (d + 2) are simulated",
+    )
+    releases: int = Field(
+        default=300, ge=20, le=100_000, description="Releases of each block on each of these sites"
+    )
+    site: dict[str, Variation] = Field(
+        default={},
+        max_length=50,
+        description="Place of a number in this file, for example model.deterministic.default.k_l_N_m, -> its "
+        "distribution, or {times: distribution of a factor}; may be left out where model.diagnosis leaves values open",
+    )
+    posterior: str | None = Field(
+        default=None,
+        description="Table (CSV) beside this file: a column for each place, a row for each of equally likely draws, "
+        "for example of a calibration; a site takes a row whole",
+    )

@@ -23,14 +23,13 @@ from rock2d.files.diagnosed_model import DiagnosedModel
 from rock2d.files.diagnosis_reading import found_diagnosis
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
-from rock2d.files.field_test_keys import FieldTestKeys
+from rock2d.files.field_releases import FieldTestKeys
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
 from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
-from rock2d.files.project_keys import Project
-from rock2d.files.scatter_keys import Population, RoughnessKeys
+from rock2d.files.scatter_keys import Population, RoughnessKeys, Uncertainty
 from rock2d.files.scenario_checks import check_scenario, doubts
-from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
+from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs, Project
 from rock2d.files.setup_keys import (
     BlockKeys,
     CrossSectionKeys,
@@ -40,7 +39,6 @@ from rock2d.files.setup_keys import (
     Embankments,
     Name,
 )
-from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import with_earthworks, with_numbered_earthworks

@@ -1,11 +1,12 @@
-"""The keys of a scenario's `model`, `incident` and `outputs`, with their units and bounds."""
+"""The keys of a scenario's `model`, `incident`, `outputs` and `project`, with their units and bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import date
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from rock2d.files.checked_yaml import Checked, Table, mistake, shown
 from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, farthest
@@ -14,6 +15,7 @@ from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 LONGEST_VIDEO_S = 20.0  # longest video of a release, if the file does not say how slow it is shown
+LONGEST_TEXT = 200  # of a line in the head of a report
 SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
@@ -308,12 +310,20 @@ class UniKeys(Checked):
     """Partial factors of UNI 11211-4."""
 
     gamma_tr: Factor = Field(
-        default=1.10, description="Simulation: 1.02 calibrated on site, 1.10 parameters from literature"
+        default=1.10,
+        description="Reliability of the simulation: 1.02 calibrated on site, 1.10 parameters from literature",
     )
-    gamma_dp: Factor = Field(default=1.10, description="Topographic survey: 1.02 good, 1.10 poor")
-    gamma_vol: Factor = Field(default=1.10, description="Survey of block volumes: 1.02 good, 1.10 poor")
+    gamma_dp: Factor = Field(
+        default=1.10, description="Quality of the topographic survey: 1.02 good, 1.10 poor"
+    )
+    gamma_vol: Factor = Field(
+        default=1.10, description="Precision of the survey of block volumes: 1.02 good, 1.10 poor"
+    )
     gamma_gamma: Factor = Field(default=1.00, description="Unit weight of the rock: 1.00")
-    gamma_r: Factor = Field(default=1.00, description="Risk: 1.00 to 1.20")
+    gamma_r: Factor = Field(
+        default=1.00,
+        description="Risk: 1.00 for small consequences that can be repaired, up to 1.20 for great danger to people",
+    )
 
 
 class OnrKeys(Checked):
@@ -359,3 +369,29 @@ class Outputs(Checked):
             (factor for factor in SLOW_MOTION_FACTORS if factor * longest_s <= LONGEST_VIDEO_S),
             SLOW_MOTION_FACTORS[-1],
         )
+
+
+def _text(description: str) -> str:
+    return Field(default="", max_length=LONGEST_TEXT, description=description)
+
+
+class Project(Checked):
+    """Head of the report. What is not given is left out."""
+
+    title: str = _text("Title of the project")
+    number: str = _text("Number of the project or the document, in quotes if it has digits alone")
+    client: str = _text("Who asked for the report")
+    author: str = _text("Who made it, and signs")
+    checked_by: str = _text("Who checked it, and signs")
+    date: str = _text("Date of the report, year-month-day")
+
+    @field_validator("date")
+    @classmethod
+    def _iso(cls, text: str) -> str:
+        try:
+            day = date.fromisoformat(text).isoformat()
+        except ValueError:
+            day = ""
+        if day != text:  # other forms of ISO 8601, such as 20250331
+            raise mistake(f"expected a date as 2025-03-31, found {shown(text)}")
+        return text

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+STEP_S = 1e-3
+MOST_BRIDGED_FRAMES = 6.0  # lost ones
+
 
 @dataclass(frozen=True)
 class Clip:
@@ -73,24 +76,20 @@ class Clip:
         return [points[p] for p in shown]
 
 
-def clip_from_track(
-    track: Track, *, label: str = "", colour: str = "", step_s: float = 1e-3, body: Block | None = None
-) -> Clip:
-    """A clip of a simulated release, sampled every `step_s` and at every knot (straight lines between samples
-    err by g step²/8, a micrometre)."""
+def clip_from_track(track: Track, *, body: Block | None = None) -> Clip:
+    """A clip of a simulated release, sampled every STEP_S and at every knot (straight lines between samples err by
+    g step²/8, a micrometre)."""
     start, end = float(track.knots[0, TIME]), track.end_s
-    count = int(np.ceil((end - start) / step_s)) + 1
+    count = int(np.ceil((end - start) / STEP_S)) + 1
     t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, TIME])
     states = track.states(t)
-    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], label, colour, body=body)
+    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], body=body)
 
 
-def clip_from_measured(
-    rows: pd.DataFrame, *, label: str = "measured", colour: str = MEASURED_COLOUR, max_gap_frames: float = 6.0
-) -> Clip:
+def clip_from_measured(rows: pd.DataFrame) -> Clip:
     """A clip of one filmed release from its rows `block, t_s, x_m, y_m, theta_rad`.
 
-    Lost frames (missing rows or empty cells) are bridged for drawing up to `max_gap_frames` frame intervals.
+    Lost frames (missing rows or empty cells) are bridged for drawing up to MOST_BRIDGED_FRAMES frame intervals.
     Raises InputError if fewer than two frames are left, or rows of two releases are mixed.
     """
     if rows[[c for c in ("release", "block") if c in rows]].drop_duplicates().shape[0] > 1:
@@ -99,9 +98,12 @@ def clip_from_measured(
     if len(seen) < 2:
         raise InputError(f"release {_named(rows)} has {len(seen)} measured frames, at least 2 are needed")
     frame_s = float(np.median(np.diff(seen[:, 0])))
-    theta = np.unwrap(seen[:, 3])
-    gap = (max_gap_frames + 1e-3) * frame_s
-    return Clip(str(rows["block"].iloc[0]), seen[:, 0], seen[:, 1], seen[:, 2], theta, label, colour, gap)
+    block, theta, gap = (
+        str(rows["block"].iloc[0]),
+        np.unwrap(seen[:, 3]),
+        (MOST_BRIDGED_FRAMES + 1e-3) * frame_s,
+    )
+    return Clip(block, seen[:, 0], seen[:, 1], seen[:, 2], theta, "measured", MEASURED_COLOUR, gap)
 
 
 def _named(rows: pd.DataFrame) -> str:

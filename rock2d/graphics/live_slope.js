@@ -1,146 +1,73 @@
-"use strict";
 // The live view of a run: shows the numbers that rock2d/design/live_slope.py has computed, and computes none itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  if (!window.DecompressionStream || !CanvasRenderingContext2D.prototype.reset) return; // an old browser: the page without a script
+  const { unpacked, starts, columns, every, sorted, numbers, cleared, ticks, row, swatch } = live;
+  if (!live.able()) return;
   const data = JSON.parse(find("data").textContent);
-  const { stations, limits, blocks, colours, paths } = data;
-  const STEP_S = 0.04, LEAST_STEPS = 50, THUMB_PX = 16, NEAR_PX = 12, MOST_HIGH_PX = 440, MARGIN = { left: 46, right: 10, top: 8, bottom: 24 };
+  const { limits, blocks } = data;
+  const STEP_S = 0.04, LEAST_STEPS = 50, THUMB_PX = 16, NEAR_PX = 12, SCALE_PX = 24, BESIDE = "#767676";
 
   // ---- data -------------------------------------------------------------------------------------------------------
-  async function unpacked(text) {
-    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return new Response(stream).arrayBuffer();
+  async function opened(own) { // a run with its paths and impacts as arrays
+    const { paths, impacts } = own, first = starts(paths.counts), points = first.at(-1), raw = await unpacked(paths.points);
+    const [t, x, y] = columns(raw, paths.scales, paths.steps, points), arc = new Uint8Array(raw, 6 * points, points);
+    const firstImpact = starts(impacts.counts), count = firstImpact.at(-1), rows = await unpacked(impacts.rows);
+    const impactColumns = impacts.columns.map((_, i) => new Float32Array(rows, 4 * i * count, count));
+    const impactZone = new Uint16Array(rows, 4 * impacts.columns.length * count, count);
+    const counts = new Uint16Array(await unpacked(own.counts)), upright = own.stations.filter((s) => !s[2]);
+    return { ...own, first, t, x, y, arc, firstImpact, impactColumns, impactZone, counts, upright };
   }
-  const starts = (counts) => counts.reduce((sums, n) => (sums.push(sums.at(-1) + n), sums), [0]);
-  const first = starts(paths.counts), points = first.at(-1);
-  const raw = await unpacked(paths.points);
-  const [t, x, y] = [0, 1, 2].map((column) => {
-    const [high, low] = [0, 1].map((part) => new Uint8Array(raw, (2 * column + part) * points, points));
-    const [least, span] = paths.scales[column];
-    let sum = 0;
-    return Float64Array.from(high, (step, i) => least + (span * (sum = (sum + 256 * step + low[i]) & 0xffff)) / paths.steps);
-  });
-  const arc = new Uint8Array(raw, 6 * points, points);
-  const impacts = data.impacts, firstImpact = starts(impacts.counts), impactCount = firstImpact.at(-1);
-  const impactRaw = await unpacked(impacts.rows);
-  const impactColumns = impacts.columns.map((_, i) => new Float32Array(impactRaw, 4 * i * impactCount, impactCount));
-  const impactZone = new Uint16Array(impactRaw, 4 * impacts.columns.length * impactCount, impactCount);
+  const runs = await Promise.all(data.runs.map(opened)), home = runs[data.shown], { colours } = home;
+  let run = home, beside = null; // the run that is shown, and the one that stands beside it
+  const drawn = () => (beside ? [beside, run] : [run]);
+  function twin(own, other, i) { // the path of the same release of the same block in another run: it starts alike there
+    const block = own.paths.block[i], release = own.paths.release[i] - own.first_release[block] + other.first_release[block];
+    const found = i < 0 ? -1 : other.paths.release.indexOf(release);
+    return other.paths.block[found] === block ? found : -1;
+  }
 
   // ---- state, also in the address ---------------------------------------------------------------------------------
-  const every = (n) => new Set(Array(n).keys());
-  const sorted = (set) => [...set].sort((a, b) => a - b);
   const state = {};
-  const numbers = (text, n) => new Set(text.split(",").filter((i) => i !== "" && +i >= 0 && +i < n).map(Number));
+  const chosen = (said, name, n) => (/^\d+$/.test(said.get(name)) && Number(said.get(name)) < n ? Number(said.get(name)) : -1);
   function readAddress() {
-    const said = new URLSearchParams(location.hash.slice(1));
+    const said = live.address();
+    run = runs[chosen(said, "view", runs.length)] ?? home;
+    beside = runs[chosen(said, "beside", runs.length)] ?? null;
     const at = said.has("x") ? Number(said.get("x")) : null;
     state.station = nearest(Number.isFinite(at) ? at : (limits[0] + limits[1]) / 2);
     state.block = said.has("block") ? numbers(said.get("block"), blocks.length) : every(blocks.length);
-    state.stop = said.has("stop") ? numbers(said.get("stop"), paths.stops.length) : every(paths.stops.length);
+    state.stop = said.has("stop") ? numbers(said.get("stop"), data.stops.length) : every(data.stops.length);
     state.worst = said.get("worst") === "1";
-    state.quantity = Math.min(Math.max(parseInt(said.get("quantity")) || 0, 0), data.curves.length - 1);
-    state.path = said.has("release") ? paths.release.indexOf(Number(said.get("release"))) : -1;
-    state.time = state.path < 0 ? 0 : t[first[state.path]];
+    state.quantity = Math.max(chosen(said, "quantity", data.curve_labels.length), 0);
+    state.path = said.has("release") ? run.paths.release.indexOf(Number(said.get("release"))) : -1;
   }
-  let writing = 0;
-  function writeAddress() { // browsers slow down pages that do this at every move
-    clearTimeout(writing);
-    writing = setTimeout(() => {
-      const said = new URLSearchParams({ x: +stations[state.station][0].toPrecision(8) });
-      if (state.block.size < blocks.length) said.set("block", sorted(state.block).join());
-      if (state.stop.size < paths.stops.length) said.set("stop", sorted(state.stop).join());
-      if (state.worst) said.set("worst", 1);
-      if (state.quantity) said.set("quantity", state.quantity);
-      if (state.path >= 0) said.set("release", paths.release[state.path]);
-      history.replaceState(null, "", `#${decodeURIComponent(said)}`);
-    }, 250);
-  }
-  function nearest(at) { // of equally near ones the measure line
+  const writeAddress = () => live.writeAddress(() => ({
+    x: +run.stations[state.station][0].toPrecision(8),
+    ...(run !== home && { view: runs.indexOf(run) }),
+    ...(beside && { beside: runs.indexOf(beside) }),
+    ...(state.block.size < blocks.length && { block: sorted(state.block).join() }),
+    ...(state.stop.size < data.stops.length && { stop: sorted(state.stop).join() }),
+    ...(state.worst && { worst: 1 }),
+    ...(state.quantity && { quantity: state.quantity }),
+    ...(state.path >= 0 && { release: run.paths.release[state.path] }),
+  }));
+  function nearest(at, own = run) { // of equally near ones the measure line
     const miss = (s) => Math.abs(s[0] - at) - (s[2] ? 1e-9 : 0);
-    return stations.reduce((best, s, i) => (miss(s) < miss(stations[best]) ? i : best), 0);
+    return own.stations.reduce((best, s, i) => (miss(s) < miss(own.stations[best]) ? i : best), 0);
   }
-  const shown = (i) => state.block.has(paths.block[i]) && state.stop.has(paths.stop[i]) && (!state.worst || paths.worst[i]);
+  const shown = (i, { paths } = run) => state.block.has(paths.block[i]) && state.stop.has(paths.stop[i]) && (!state.worst || paths.worst[i]);
 
   // ---- the section ------------------------------------------------------------------------------------------------
   const stage = find("stage"), [ground, ways, top] = stage.children;
-  const view = {};
-  const px = (at) => view.left + (at - limits[0]) * view.scale;
-  const py = (at) => view.top + (limits[3] - at) * view.scale;
-  function cleared(canvas) {
-    const dense = window.devicePixelRatio || 1, pen = canvas.getContext("2d");
-    const [width, height] = [canvas.clientWidth * dense, canvas.clientHeight * dense].map(Math.round);
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    pen.reset();
-    pen.scale(dense, dense);
-    pen.font = "12px system-ui, sans-serif";
-    pen.lineJoin = "round";
-    return pen;
-  }
+  const view = new live.View(stage, limits);
+  const px = (at) => view.x(at), py = (at) => view.y(at);
   function fit() {
-    const width = stage.clientWidth, wide = limits[1] - limits[0], high = limits[3] - limits[2];
-    const room = width - MARGIN.left - MARGIN.right;
-    view.scale = Math.min(room / wide, MOST_HIGH_PX / high);
-    view.left = MARGIN.left + (room - wide * view.scale) / 2;
-    view.top = MARGIN.top;
-    view.bottom = MARGIN.top + high * view.scale;
-    stage.style.height = `${view.bottom + MARGIN.bottom}px`;
+    view.fit();
+    const wide = (limits[1] - limits[0]) * view.scale;
     slider.style.marginLeft = `${view.left - THUMB_PX / 2}px`;
-    slider.style.width = `calc(100% - ${width - wide * view.scale - THUMB_PX}px)`;
+    slider.style.width = `calc(100% - ${stage.clientWidth - wide - THUMB_PX}px)`;
   }
-  function ticks(low, high, most) {
-    const rough = (high - low) / most, ten = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((m) => m * ten).find((s) => s >= rough);
-    const found = [];
-    for (let i = Math.ceil(low / step); i * step <= high; i++) found.push(+(i * step).toPrecision(10));
-    return found;
-  }
-  function line(pen, list) {
-    pen.beginPath();
-    list.forEach(([a, b], i) => (i ? pen.lineTo(px(a), py(b)) : pen.moveTo(px(a), py(b))));
-  }
-  function drawGround() {
-    const pen = cleared(ground), right = px(limits[1]);
-    pen.save();
-    pen.beginPath();
-    pen.rect(px(limits[0]), view.top, right - px(limits[0]), view.bottom - view.top);
-    pen.clip();
-    pen.fillStyle = colours.sky;
-    pen.fill();
-    const surface = data.ground, floor = limits[2] - 1e3 * (limits[3] - limits[2]);
-    line(pen, [...surface, [surface.at(-1)[0], floor], [surface[0][0], floor]]);
-    pen.fillStyle = colours.deep;
-    pen.fill();
-    pen.save();
-    pen.clip(); // the zones tint the ground below the surface alone
-    pen.lineWidth = 28;
-    pen.lineCap = "round";
-    data.tones.forEach((tone, i) => {
-      pen.strokeStyle = tone;
-      line(pen, surface.slice(i, i + 2));
-      pen.stroke();
-    });
-    pen.restore();
-    pen.strokeStyle = colours.ink;
-    pen.lineWidth = 1.5;
-    line(pen, surface);
-    pen.stroke();
-    pen.strokeStyle = colours.line;
-    pen.setLineDash([5, 3]);
-    for (const ends of data.lines) line(pen, ends), pen.stroke();
-    pen.restore();
-    pen.fillStyle = colours.ink;
-    pen.textAlign = "center";
-    for (const at of ticks(limits[0], limits[1], stage.clientWidth / 90))
-      if (px(at) < right - 45) pen.fillText(`${at}`, px(at), view.bottom + 15);
-    pen.textAlign = "right";
-    for (const at of ticks(limits[2], limits[3], (view.bottom - view.top) / 60))
-      if (py(at) > view.top + 20) pen.fillText(`${at}`, view.left - 6, py(at) + 4);
-    pen.fillText("x (m)", right, view.bottom + 15);
-    pen.fillText("y (m)", view.left - 6, view.top + 9);
-  }
-  function trace(pen, i) {
+  function trace(pen, { paths, first, t, x, y, arc }, i) {
     const end = first[i + 1] - 1;
     pen.moveTo(px(x[first[i]]), py(y[first[i]]));
     for (let j = first[i]; j < end; j++) {
@@ -154,17 +81,21 @@
   function drawPaths() {
     ways.hidden = state.path >= 0;
     if (ways.hidden) return;
-    const pen = cleared(ways), drawn = paths.release.map((_, i) => i).filter(shown);
-    pen.globalAlpha = Math.min(Math.max(100 / drawn.length, 0.1), 0.8);
-    for (const i of drawn) {
-      pen.strokeStyle = blocks[paths.block[i]].colour;
-      pen.beginPath();
-      trace(pen, i);
-      pen.stroke();
+    const pen = cleared(ways), counts = [];
+    for (const own of drawn()) {
+      const all = own.paths.release.map((_, i) => i).filter((i) => shown(i, own));
+      pen.globalAlpha = Math.min(Math.max(100 / all.length, 0.1), 0.8);
+      for (const i of all) {
+        pen.strokeStyle = own === run ? blocks[own.paths.block[i]].colour : BESIDE;
+        pen.beginPath();
+        trace(pen, own, i);
+        pen.stroke();
+      }
+      counts.unshift(`${all.length} of ${own.paths.release.length} paths shown`);
     }
-    said(`${drawn.length} of ${paths.release.length} paths shown`);
+    said(beside ? `${counts[0]}; grey, ${beside.name}: ${counts[1]}` : counts[0]);
   }
-  function place(i, time) { // of a path at a time
+  function place({ paths, first, t, x, y, arc }, i, time) { // of a path at a time
     let j = first[i];
     while (j < first[i + 1] - 2 && t[j + 1] <= time) j++;
     const lasts = t[j + 1] - t[j], share = lasts > 0 ? Math.min(Math.max((time - t[j]) / lasts, 0), 1) : 1;
@@ -172,7 +103,7 @@
     return [x[j] + share * (x[j + 1] - x[j]), y[j] + share * (y[j + 1] - y[j]) + sag];
   }
   function drawTop() {
-    const pen = cleared(top), at = px(stations[state.station][0]);
+    const pen = cleared(top), at = px(run.stations[state.station][0]);
     pen.strokeStyle = colours.ink;
     pen.lineWidth = 2;
     pen.beginPath();
@@ -180,137 +111,143 @@
     pen.lineTo(at, view.bottom);
     pen.stroke();
     if (state.path < 0) return;
-    const block = blocks[paths.block[state.path]];
-    pen.strokeStyle = pen.fillStyle = block.colour;
-    pen.beginPath();
-    trace(pen, state.path);
-    pen.stroke();
-    const [bx, by] = place(state.path, state.time);
-    pen.beginPath();
-    pen.arc(px(bx), py(by), Math.max(block.radius * view.scale, 5), 0, 2 * Math.PI);
-    pen.fill();
+    for (const own of drawn()) {
+      const i = twin(run, own, state.path), block = own.paths.block[i];
+      if (i < 0) continue;
+      pen.strokeStyle = pen.fillStyle = own === run ? blocks[block].colour : BESIDE;
+      pen.beginPath();
+      trace(pen, own, i);
+      pen.stroke();
+      const [bx, by] = place(own, i, player.time);
+      pen.beginPath();
+      pen.arc(px(bx), py(by), Math.max(own.radius[block] * view.scale, 5), 0, 2 * Math.PI);
+      pen.fill();
+    }
   }
 
   // ---- the collector ----------------------------------------------------------------------------------------------
-  function row(parent, cells, tag = "td") {
-    const made = parent.insertRow();
-    for (const text of cells) made.appendChild(document.createElement(tag)).textContent = text;
-    return made;
-  }
   const slider = find("station");
-  function swatch(cell, colour) {
-    const mark = document.createElement("i");
-    mark.style.background = colour;
-    cell.prepend(mark);
+  function also(cell, text) { // the number of the run that stands beside
+    cell.appendChild(document.createElement("small")).textContent = text;
   }
   function fillTable() {
-    const [at, zone, measured] = stations[state.station];
+    const [at, zone, measured] = run.stations[state.station], there = beside && nearest(at, beside);
     const words = `x = ${at.toFixed(view.decimals)} m, ${zone}${measured ? `, measure line: ${measured}` : ""}`;
     find("place").textContent = words;
     slider.value = state.station;
     slider.setAttribute("aria-valuetext", words);
     find("tables").replaceChildren(...sorted(state.block).map((b) => {
-      const [passed, frequency, values] = data.texts[b][state.station], table = document.createElement("table");
+      const [passed, frequency, values] = run.texts[b][state.station], table = document.createElement("table");
+      const other = beside && beside.texts[b][there];
       table.className = "cells";
       table.createCaption().textContent = `${blocks[b].name}: ${passed} past, ${frequency} of the released`;
-      swatch(table.caption, blocks[b].colour);
+      table.caption.prepend(swatch(blocks[b].colour));
+      if (other) also(table.caption, `${beside.name}: ${other[0]} past, ${other[1]}`);
       row(table.createTHead(), ["", ...data.percentiles], "th");
       const body = table.createTBody();
-      data.quantities.forEach((name, q) => row(body, [name, ...values[q]]));
+      data.quantities.forEach((name, q) => {
+        const made = row(body, [name, ...values[q]]);
+        if (other) other[2][q].forEach((text, k) => also(made.cells[k + 1], text));
+      });
       return table;
     }));
   }
-  const curve = find("curve"), DASHES = [[2, 2], [], [7, 3]];
-  const upright = stations.filter((s) => !s[2]);
-  function drawCurve() {
-    const pen = cleared(curve), height = curve.clientHeight, low = height - 8, high = 24;
-    const lines = data.curves[state.quantity].filter((_, b) => state.block.has(b));
-    const colour = blocks.filter((_, b) => state.block.has(b)).map((block) => block.colour);
-    const most = Math.max(...lines.flat(2).filter((v) => v !== null), 0) || 1;
-    const qy = (v) => low - ((low - high) * v) / most;
+  const curve = find("curve"), histogram = find("histogram"), DASHES = [[2, 2], [], [7, 3]];
+  const largest = (rows) => Math.max(...rows.flat(2).filter((v) => v !== null), 0);
+  function axes(pen, height, most, label) { // of a small graph as wide as the section; returns where a value lies
+    const low = height - 8, high = 24, qy = (v) => low - ((low - high) * v) / most;
     pen.fillStyle = colours.ink;
-    pen.fillText(data.curve_labels[state.quantity], view.left + 4, high - 12);
+    pen.fillText(label, view.left + 4, high - 12);
     pen.textAlign = "right";
     for (const v of ticks(0, most, 4)) {
       pen.fillText(`${v}`, view.left - 6, qy(v) + 4);
       pen.fillRect(view.left - 4, qy(v), 4, 1);
     }
     pen.fillRect(view.left, low, px(limits[1]) - view.left, 1);
-    lines.forEach((own, b) => {
-      pen.strokeStyle = pen.fillStyle = colour[b];
-      if (state.quantity === 0) {
-        pen.globalAlpha = 0.2;
-        pen.beginPath();
-        upright.forEach((s, i) => pen.lineTo(px(s[0]), qy(own[1][i])));
-        upright.toReversed().forEach((s, i) => pen.lineTo(px(s[0]), qy(own[2].at(-1 - i))));
-        pen.fill();
-        pen.globalAlpha = 1;
-      }
-      (state.quantity === 0 ? [own[0]] : own).forEach((values, k) => {
-        pen.setLineDash(state.quantity === 0 ? [] : DASHES[k]);
-        pen.beginPath();
-        let on = false;
-        values.forEach((v, i) => {
-          if (v !== null) on ? pen.lineTo(px(upright[i][0]), qy(v)) : pen.moveTo(px(upright[i][0]), qy(v));
-          on = v !== null;
+    return qy;
+  }
+  function drawCurve() {
+    const pen = cleared(curve), q = state.quantity, all = drawn();
+    const qy = axes(pen, curve.clientHeight, largest(all.map((own) => sorted(state.block).map((b) => own.curves[q][b]).flat())) || 1, data.curve_labels[q]);
+    for (const own of all)
+      for (const b of state.block) {
+        const lines = own.curves[q][b];
+        pen.strokeStyle = pen.fillStyle = own === run ? blocks[b].colour : BESIDE;
+        if (q === 0) {
+          pen.globalAlpha = 0.2;
+          pen.beginPath();
+          own.upright.forEach((s, i) => pen.lineTo(px(s[0]), qy(lines[1][i])));
+          own.upright.toReversed().forEach((s, i) => pen.lineTo(px(s[0]), qy(lines[2].at(-1 - i))));
+          pen.fill();
+          pen.globalAlpha = 1;
+        }
+        (q === 0 ? [lines[0]] : lines).forEach((values, k) => {
+          pen.setLineDash(q === 0 ? [] : DASHES[k]);
+          pen.beginPath();
+          let on = false;
+          values.forEach((v, i) => {
+            if (v !== null) on ? pen.lineTo(px(own.upright[i][0]), qy(v)) : pen.moveTo(px(own.upright[i][0]), qy(v));
+            on = v !== null;
+          });
+          pen.stroke();
         });
-        pen.stroke();
-      });
-      pen.setLineDash([]);
-    });
+        pen.setLineDash([]);
+      }
     pen.fillStyle = colours.ink;
-    pen.fillRect(px(stations[state.station][0]) - 1, high, 2, low - high);
+    pen.fillRect(px(run.stations[state.station][0]) - 1, 24, 2, curve.clientHeight - 32);
     const dashes = ["dotted", "line", "dashed"].map((word, k) => `${word}: ${data.percentiles[k]}`).join(", ");
-    find("key").textContent = state.quantity === 0 ? "band: 95 % interval" : dashes;
+    find("key").textContent = q === 0 ? "band: 95 % interval" : dashes;
+    drawHistogram();
+  }
+  function bars(own, station, b) { // how many blocks in each bin of the chosen quantity, and the upper end of the last
+    const start = ((station * data.quantities.length + state.quantity - 1) * blocks.length + b) * data.bins;
+    return [own.counts.subarray(start, start + data.bins), own.ends[station][state.quantity - 1]];
+  }
+  function drawHistogram() {
+    const chosen = state.quantity ? sorted(state.block).map((b) => [b, ...bars(run, state.station, b)]) : [];
+    const most = largest(chosen.map(([, counts]) => [...counts])), left = view.left, wide = (px(limits[1]) - left) / data.bins;
+    histogram.hidden = !most;
+    if (!most) return;
+    const end = chosen[0][2], pen = cleared(histogram), low = histogram.clientHeight - SCALE_PX;
+    const qy = axes(pen, low + 8, most, `blocks that come past at x = ${run.stations[state.station][0].toFixed(view.decimals)} m`);
+    pen.textAlign = "center";
+    for (const v of ticks(0, end, 8)) if (left + (v / end) * data.bins * wide < px(limits[1]) - 95) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
+    pen.textAlign = "right";
+    pen.fillText(data.curve_labels[state.quantity], px(limits[1]), low + 15);
+    chosen.forEach(([b, counts], k) => {
+      pen.fillStyle = blocks[b].colour;
+      const own = (wide - 2) / chosen.length;
+      counts.forEach((n, i) => pen.fillRect(left + i * wide + 1 + k * own, qy(n), own, low - qy(n)));
+    });
   }
 
   // ---- one release ------------------------------------------------------------------------------------------------
   const said = (words) => { find("said").textContent = words; };
-  const clock = find("time"), play = find("play");
-  let playing = 0;
-  function setTime(time) {
-    state.time = Math.min(Math.max(time, Number(clock.min)), Number(clock.max));
-    clock.value = state.time;
-    clock.setAttribute("aria-valuetext", `${state.time.toFixed(2)} s`);
-    drawTop();
-  }
-  const step = (way) => { pause(); setTime(state.time + way * Math.min(STEP_S, (clock.max - clock.min) / LEAST_STEPS)); };
-  function pause() {
-    cancelAnimationFrame(playing);
-    playing = 0;
-    play.textContent = "play";
-  }
-  function start() {
-    play.textContent = "pause";
-    if (state.time >= Number(clock.max)) setTime(Number(clock.min));
-    let before = performance.now();
-    const frame = (now) => {
-      setTime(state.time + ((now - before) / 1000) * Number(find("speed").value));
-      before = now;
-      if (state.time < Number(clock.max)) playing = requestAnimationFrame(frame);
-      else pause();
-    };
-    playing = requestAnimationFrame(frame);
-  }
+  const clock = find("time");
+  const step = () => Math.min(STEP_S, (clock.max - clock.min) / LEAST_STEPS);
+  const parts = { clock, play: find("play"), back: find("back"), on: find("on"), speed: find("speed") };
+  const player = new live.Player(parts, (time, way) => time + way * step(), drawTop);
   const digits = (v) => (Number.isFinite(v) ? `${+v.toPrecision(3)}` : "-");
   function fillRelease() {
-    pause();
+    const { paths, impacts, first, t } = run;
+    player.pause();
     find("one").hidden = state.path < 0;
     find("release").value = state.path < 0 ? "" : paths.release[state.path];
     if (state.path < 0) return;
-    [clock.min, clock.max] = [t[first[state.path]], t[first[state.path + 1] - 1]];
+    player.range(t[first[state.path]], t[first[state.path + 1] - 1]);
     const release = paths.release[state.path], i = impacts.release.indexOf(release);
-    said(`release ${release}, ${blocks[paths.block[state.path]].name}, ${paths.stops[paths.stop[state.path]]}`);
+    said(`release ${release}, ${blocks[paths.block[state.path]].name}, ${data.stops[paths.stop[state.path]]}`);
     const own = find("impacts");
     own.tHead.replaceChildren();
     own.tBodies[0].replaceChildren();
     own.caption.textContent = i < 0 ? "Impacts: not on this page" : `Impacts: ${impacts.counts[i]}`;
     if (i < 0) return;
     row(own.tHead, ["zone", ...impacts.columns], "th");
-    for (let k = firstImpact[i]; k < firstImpact[i + 1]; k++)
-      row(own.tBodies[0], [impacts.zones[impactZone[k]], ...impactColumns.map((column) => digits(column[k]))]);
+    for (let k = run.firstImpact[i]; k < run.firstImpact[i + 1]; k++)
+      row(own.tBodies[0], [impacts.zones[run.impactZone[k]], ...run.impactColumns.map((column) => digits(column[k]))]);
   }
   function pathNear(mx, my) {
+    const { paths, first, t, x, y, arc } = run;
     let best = NEAR_PX, found = -1;
     for (let i = 0; i < paths.release.length; i++) {
       if (!shown(i)) continue;
@@ -342,15 +279,32 @@
     state.path = path;
     fillRelease();
     drawPaths();
-    if (path >= 0) setTime(t[first[path]]);
+    if (path >= 0) player.set(run.t[run.first[path]]);
     else drawTop();
     writeAddress();
   }
   const boxes = (name) => [...section.querySelectorAll(`input[name=${name}]`)];
+  function chooseRuns(own, other) { // the collector and the release stay where they are
+    const at = run.stations[state.station][0];
+    state.path = twin(run, own, state.path);
+    [run, beside] = [own, other === own ? null : other];
+    state.station = nearest(at);
+    showState();
+    writeAddress();
+  }
   function drawAll() {
+    slider.max = run.stations.length - 1;
+    find("thinned").textContent = run.notes.join(" ");
     view.decimals = Math.max(0, 2 - Math.floor(Math.log10(limits[1] - limits[0]) - 1));
     fit();
-    drawGround();
+    const pen = cleared(ground);
+    view.scene(pen, run);
+    if (beside && `${beside.ground}` !== `${run.ground}`) {
+      pen.strokeStyle = BESIDE;
+      view.clip(pen);
+      view.line(pen, beside.ground);
+      pen.stroke();
+    }
     drawPaths();
     fillTable();
     drawTop();
@@ -360,15 +314,24 @@
     for (const name of ["block", "stop"]) for (const box of boxes(name)) box.checked = state[name].has(Number(box.value));
     find("worst").checked = state.worst;
     find("quantity").value = state.quantity;
+    if (runs.length > 1) {
+      find("view").value = runs.indexOf(run);
+      find("view").setAttribute("aria-valuetext", run.name);
+      find("beside").value = runs.indexOf(beside);
+      find("viewed").textContent = [run.name, run.note].filter(Boolean).join(": ");
+    }
     fillRelease();
     drawAll();
-    if (state.path >= 0) setTime(state.time);
+    if (state.path >= 0) player.set(run.t[run.first[state.path]]);
   }
-  const at = (event) => { const box = stage.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+  const at = (event) => view.at(event);
   stage.addEventListener("pointermove", (event) => moveTo(nearest(limits[0] + (at(event)[0] - view.left) / view.scale)));
   stage.addEventListener("click", (event) => choose(pathNear(...at(event))));
-  slider.max = stations.length - 1;
   slider.addEventListener("input", () => moveTo(Number(slider.value)));
+  if (runs.length > 1) {
+    find("view").addEventListener("input", (event) => chooseRuns(runs[event.target.value], beside));
+    find("beside").addEventListener("change", (event) => chooseRuns(run, runs[event.target.value] ?? null));
+  }
   for (const name of ["block", "stop"])
     for (const box of boxes(name))
       box.addEventListener("change", () => {
@@ -378,23 +341,18 @@
         drawAll();
         writeAddress();
       });
-  boxes("block").forEach((box, b) => { const mark = document.createElement("i"); mark.style.background = blocks[b].colour; box.after(mark); });
+  boxes("block").forEach((box, b) => box.after(swatch(blocks[b].colour)));
   find("worst").addEventListener("change", (event) => { state.worst = event.target.checked; choose(-1); });
   find("quantity").addEventListener("change", (event) => { state.quantity = Number(event.target.value); drawCurve(); writeAddress(); });
   find("release").addEventListener("change", (event) => {
-    const path = event.target.value === "" ? -1 : paths.release.indexOf(Number(event.target.value)), wanted = event.target.value;
+    const path = event.target.value === "" ? -1 : run.paths.release.indexOf(Number(event.target.value)), wanted = event.target.value;
     choose(path);
     if (path < 0 && wanted !== "") said(`the page holds no path of release ${wanted}`);
   });
   find("all").addEventListener("click", () => choose(-1));
-  play.addEventListener("click", () => (playing ? pause() : start()));
-  find("back").addEventListener("click", () => step(-1));
-  find("on").addEventListener("click", () => step(1));
-  clock.addEventListener("input", () => { const time = Number(clock.value); pause(); setTime(time); });
   window.addEventListener("hashchange", () => { readAddress(); showState(); });
   section.hidden = false;
   readAddress();
   showState();
-  let wide = stage.clientWidth;
-  new ResizeObserver(() => { if (stage.clientWidth !== wide) { wide = stage.clientWidth; drawAll(); } }).observe(stage);
+  live.whenResized(stage, drawAll);
 })();

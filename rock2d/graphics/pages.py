@@ -1,4 +1,4 @@
-"""HTML pages of results: one file each, with their figures inside, without script or network."""
+"""HTML pages of results: one file each, with their figures inside, without network."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.graphics.downloads import Download
+from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.rendering import rendered
 
 if TYPE_CHECKING:
@@ -65,6 +66,14 @@ class Section:
 def page(title: str, sections: Sequence[Section]) -> str:
     """A whole page."""
     return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections}, {})
+
+
+def live_page(title: str, above: Sequence[Section], name: str, live: object, below: Sequence[Section]) -> str:
+    """A whole page with a live view between its sections: template and script of the view are `name`.html.j2 and .js,
+    `live` is what the template shows."""
+    view = {"live": live, "view": f"{name}.html.j2", **live_assets(name)}
+    context = {"title": title, "sections": above, "below": below, **view}
+    return rendered("rock2d.graphics", "live_sections.html.j2", context, {})
 
 
 def drawn(figure: Figure, alt: str, image_format: str = "png") -> Picture:

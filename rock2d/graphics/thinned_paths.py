@@ -6,13 +6,12 @@ flights so short that they look straight are thinned as polylines (Douglas and P
 
 from __future__ import annotations
 
-import base64
-import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.graphics.live_data import packed, packed_columns
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_X, INSTANT_Y, TIME
 from rock2d.records.track import Track
 
@@ -20,7 +19,6 @@ Array = np.ndarray
 
 TYPICAL_SPEED_M_S = 10.0  # by which a time counts as a length where paths are thinned
 AT_ONCE = 500  # tracks that are thinned in one go
-STEPS = 65535  # values of a packed number
 
 
 @dataclass(frozen=True)
@@ -46,23 +44,9 @@ class ThinnedPaths:
         return ThinnedPaths(self.instants[kept], self.arc[kept], self.counts[chosen])
 
     def packed(self) -> tuple[str, list[list[float]]]:
-        """The points as text, and the least value and the span of t_s, x_m and y_m.
-
-        The text is base64 of zlib of rows of bytes, one byte for each point: for each of t, x and y the high and the
-        low byte of its difference to the point before (modulo 2^16) in 1/STEPS of the span; then `arc`.
-        """
-        low = self.instants.min(axis=0)
-        span = np.maximum(np.ptp(self.instants, axis=0), 1e-9)
-        whole = np.round((self.instants - low) / span * STEPS).astype(np.uint16)
-        change = np.diff(whole, axis=0, prepend=np.zeros((1, 3), np.uint16))
-        rows = [part for column in change.T for part in (column >> 8, column & 255)]
-        scales = [[float(a), float(b)] for a, b in zip(low, span, strict=True)]
-        return packed(np.array([*rows, self.arc], np.uint8).tobytes()), scales
-
-
-def packed(raw: bytes) -> str:
-    """Bytes as text: base64 of zlib."""
-    return base64.b64encode(zlib.compress(raw, 9)).decode()
+        """The points as text, and the least value and the span of t_s, x_m and y_m: `packed_columns`, then `arc`."""
+        rows, scales = packed_columns(self.instants)
+        return packed(rows + self.arc.astype(np.uint8).tobytes()), scales
 
 
 def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:

@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from rock2d.errors import counted, listed
 from rock2d.kinematics.contacts import find_contacts
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
@@ -138,3 +139,16 @@ def _rolling(world: World, segmentation: Segmentation, states: States) -> Array:
     radius = _radii(world)[segmentation.flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)
+
+
+def flightless_remarks(data: FilmSegments) -> list[str]:
+    """A remark on the releases of which no flight was recognised, so that nothing is learnt from them."""
+    film = data.film
+    missing = np.setdiff1d(np.arange(len(film.release_names)), data.segmentation.flights.release)
+    if not len(missing):
+        return []
+    said = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
+    return [
+        f"no flight was recognised in {said}: nothing is learnt from it. The frames do not lie on parabolas to "
+        "within the noise of the film, or the block never flies"
+    ]

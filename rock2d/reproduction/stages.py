@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -231,7 +232,11 @@ def calibrate_candidates(
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
-    model = Model(candidate_first_impacts, candidate_crossed, CANDIDATE_SPACE)
+    model = Model(
+        _with_candidates(deterministic_first_impacts),
+        _with_candidates(deterministic_crossed),
+        CANDIDATE_SPACE,
+    )
     choice = choice_columns(CANDIDATE_SPACE)
     return calibrate(
         CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
@@ -284,14 +289,9 @@ def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Arra
     return deterministic_outcome(known, values, block, draws, _with_candidate(values))
 
 
-def candidate_first_impacts(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
-    """`deterministic_first_impacts` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return deterministic_first_impacts(known, values, block, draws, _with_candidate(values))
-
-
-def candidate_crossed(known: KnownSetup, values: Values, block: str, draws: Array) -> Array:
-    """`deterministic_crossed` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return deterministic_crossed(known, values, block, draws, _with_candidate(values))
+def _with_candidates(simulate: Callable[..., Any]) -> Callable[[KnownSetup, Values, str, Array], Any]:
+    """A simulation of the deterministic model with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return lambda known, values, block, draws: simulate(known, values, block, draws, _with_candidate(values))
 
 
 def _with_candidate(values: Values) -> WorldChange:

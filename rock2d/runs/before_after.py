@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
 from rock2d.files.scenario import Scenario
-from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import compiled_engine
+from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
-from rock2d.runs.indicators.percentiles import QUANTITIES, percentile_table
-from rock2d.statistics import DESIGN_PERCENTILE
+from rock2d.statistics import DESIGN_PERCENTILE, percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,13 +40,17 @@ class Model(NamedTuple):
 
 
 def before_after(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """MODEL_COLUMNS with each of `compared_models`, of the first releases of each block, at most MOST_RELEASES."""
+    """MODEL_COLUMNS with each of `diagnosed_models`, of the first releases of each block, at most MOST_RELEASES."""
+    return model_table(diagnosed_models(scenario, engine), seed, releases)
+
+
+def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
+    """The scenario with each of `compared_models`."""
     diagnosed = _diagnosed(scenario)
-    models = [
+    return [
         Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
         for found in compared_models(scenario)
     ]
-    return model_table(models, seed, releases)
 
 
 def compared_models(scenario: Scenario) -> list[FittedModel]:
@@ -82,16 +86,12 @@ def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFra
 
 
 def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
-    import pandas as pd
-
-    chosen = compiled_engine(model.engine)
-    assert chosen.ensemble is not None
-    job = job_of(model.scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job = crossings_job(model.scenario, model.engine, seed)
     job.conditions.check_starts(count)
     lines, rows = job.cross_section.measure_lines, list[tuple[object, ...]]()
     for b, block in enumerate(job.blocks):
         group = job.conditions.group(b, 0, count)
-        found = chosen.ensemble(job, group)
+        found = job.outcome(group)
         passed = found.passed(len(lines))
         counts = found.passing(job.cross_section)
         for k, own in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):
@@ -99,11 +99,9 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
             values = crossing_values(
                 found.crossings[which, k], ends, job.cross_section, group.masses()[which]
             )
-            crossings = pd.DataFrame(values, columns=list(CROSSING_VALUES))[list(QUANTITIES)]
-            percentiles = percentile_table(crossings.assign(block=block.name, line=own[1]))
-            at_95 = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE].set_index("quantity")
+            ranked = [np.sort(values[:, CROSSING_VALUES.index(name)]) for name in COLUMNS_OF_QUANTITY]
+            estimates = [percentile_estimate(each, len(values), DESIGN_PERCENTILE) for each in ranked]
             named = dict(zip(PASSING_COLUMNS, own, strict=True))
             shares = [value for name, value in named.items() if name in MODEL_COLUMNS[4:]]
-            estimates = at_95.reindex(list(COLUMNS_OF_QUANTITY))[["value", "low95", "high95"]]
-            rows.append((*own[:2], model.name, model.p, *shares, *estimates.to_numpy(float).ravel()))
+            rows.append((*own[:2], model.name, model.p, *shares, *itertools.chain(*estimates)))
     return rows

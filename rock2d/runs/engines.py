@@ -51,7 +51,6 @@ class Engine:
     Attributes
     ----------
     law : key of a scenario's `model` that holds its parameters: "deterministic" or "probabilistic"
-    parameters : (scenario, block) -> zone name, or default -> parameters of its law
     track : simulates one release
     ensemble : simulates a group of releases of a campaign; None if it is for single releases only
     many_processes : its releases are worth the start of further processes
@@ -66,7 +65,6 @@ class Engine:
 
     name: str
     law: str
-    parameters: Callable[[Scenario, Block], Mapping[str, Any]]
     track: Callable[[ReleaseInputs], Track]
     ensemble: Callable[[Job, Group], Outcome] | None = None
     many_processes: bool = False
@@ -76,6 +74,11 @@ class Engine:
     chunk_releases: int = 10_000
     chunk_a_thread: bool = False
     writing_work: float = 15.0
+
+    def parameters(self, scenario: Scenario, block: Block) -> Mapping[str, Any]:
+        """Zone name, or default -> parameters of its law."""
+        deterministic = self.law == "deterministic"
+        return (scenario.contact_parameters if deterministic else scenario.rebound_parameters)(block)
 
 
 def engine_named(name: str) -> Engine:
@@ -90,14 +93,6 @@ def engine_named(name: str) -> Engine:
 def compiled_engine(name: str) -> Engine:
     """The engine with the same law that simulates many releases at once."""
     return engine_named(SAME_LAW.get(name, name))
-
-
-def _contact_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
-    return scenario.contact_parameters(block)
-
-
-def _rebound_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
-    return scenario.rebound_parameters(block)
 
 
 def _pymunk_track(given: ReleaseInputs) -> Track:
@@ -146,7 +141,6 @@ _ALL = (
     Engine(
         "pymunk",
         "deterministic",
-        _contact_parameters,
         _pymunk_track,
         many_processes=True,
         audits_energy=True,
@@ -155,7 +149,6 @@ _ALL = (
     Engine(
         "batch",
         "deterministic",
-        _contact_parameters,
         _batch_track,
         _batch_ensemble,
         audits_energy=True,
@@ -164,7 +157,6 @@ _ALL = (
     Engine(
         "point_mass",
         "probabilistic",
-        _rebound_parameters,
         _point_mass_track,
         _point_mass_ensemble,
         groups_at_once=10,

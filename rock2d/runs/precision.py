@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
-from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import compiled_engine
+from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.statistics import wilson_interval
 
@@ -28,9 +26,7 @@ def releases_for(
     A release is the same however many there are, so they are added to those before. Raises InputError if the scenario
     has no measure line, or if MOST_RELEASES are not enough.
     """
-    chosen = compiled_engine(engine)
-    assert chosen.ensemble is not None
-    job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(
             "no measure line, whose passing frequency could be precise", "cross_section", at="key"
@@ -43,9 +39,7 @@ def releases_for(
             for b in range(len(job.blocks)):
                 for start in range(done, wanted, DRAW_GROUP):
                     stop = min(start + DRAW_GROUP, wanted)
-                    found = chosen.ensemble(job, job.conditions.group(b, start, stop)).passing(
-                        job.cross_section
-                    )
+                    found = job.outcome(job.conditions.group(b, start, stop)).passing(job.cross_section)
                     counts[b] += found.passed
                     most_counts[b] += found.passed + found.unresolved
                     bar.update(stop - start)

@@ -47,41 +47,12 @@ def run(
     workers: int | None = None,
     progress: bool | Bars = False,
 ) -> RunResult:
-    """Run every release of a scenario.
+    """Run every release of a scenario; `engine`, `seed` and `releases` (of each block) come instead of the scenario's.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        From `load_scenario`.
-    engine : {"pymunk", "batch", "point_mass"}, optional
-        Instead of the scenario's.
-    seed : int, optional
-        Seed of every random draw, instead of the scenario's.
-    releases : int, optional
-        Releases of each block, instead of the scenario's.
-    workers : int, optional
-        Processes; default: all cores. Results do not depend on it.
-    progress : bool or Bars
-        Show a progress bar; or the bars of a command of which this is a stage.
+    progress : whether to show a bar; or the bars of a command of which this is a stage
 
-    Returns
-    -------
-    RunResult
-        Tracks, tables and plots; `RunResult.write` writes the results folder.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no parameters for the engine, or there is no such engine.
-
-    Examples
-    --------
-    >>> import rock2d
-    >>> from rock2d.files.shipped_scenarios import scenario_file
-    >>> scenario = rock2d.load_scenario(scenario_file("flat_floor.yaml"))
-    >>> result = rock2d.run(scenario, engine="point_mass", releases=2)
-    >>> len(result.tracks), list(result.blocks)
-    (10, ['circle', 'square', 'rectangle', 'ellipse', 'polygon'])
+    Results do not depend on `workers`, the number of processes. Raises InputError if the scenario has no parameters for
+    the engine, or there is no such engine.
     """
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed

@@ -91,13 +91,14 @@ class Simulation:
             )
         if table not in self._tables:
             self._tables[table] = (
-                trajectories_table(self.tracks, self.recording, self._body)
+                trajectories_table(self.tracks, self.recording, self.block_of)
                 if table == TRAJECTORIES
                 else indicators()[table].table(self)
             )
         return self._tables[table].copy()
 
-    def _body(self, track: Track) -> Block:
+    def block_of(self, track: Track) -> Block:
+        """The block of a release: its own, or that of its name."""
         return self.own_blocks.get(track.release) or self.blocks[track.block]
 
     def plot(self) -> Figure:

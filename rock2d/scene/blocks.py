@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.scene.polygons import polygon_moments
 from rock2d.scene.shapes import inertia_words, shapes
-from rock2d.scene.shapes.shape import BlockError
+from rock2d.scene.shapes.shape import BlockError, polygon_moments
 
 Array = np.ndarray
 

@@ -11,7 +11,7 @@ import rock2d.diagnosis.attribution as attribution
 import rock2d.diagnosis.cause_sets as cause_sets
 import rock2d.diagnosis.diagnose as diagnosis
 from rock2d.diagnosis.cross_validation import cross_validate
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.engines import batch
@@ -27,7 +27,7 @@ STAGES = {  # one after another, each with all that it calls
     "fit of the base law": attribution.fit_base,
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,
-    "which causes stay, beside what is learnt": attribution._weighed,
+    "which causes stay, beside what is learnt": attribution._evidence_of_sets,
     "regression of what is left": attribution._regressed,
     "where the gap lies": diagnosis.locate,
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rock2d.blind.injection import injected
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.known_causes import largest_size, size_parameter, values_of_size, with_cause
 from rock2d.diagnosis.model import Model, from_scale

@@ -10,9 +10,9 @@ import pytest
 
 from rock2d.blind.case_files import make_trial, read_labels
 from rock2d.blind.record_cases import SHARE_OF_RECORDS, Record, bases_of, write_record_case
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.detection import Curve
-from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.flights import load_film
 from tests.blind.test_injection import MODEL
@@ -25,7 +25,9 @@ SEED = np.random.SeedSequence(5)
 @pytest.fixture(scope="module")
 def record():
     experiment = replace(film(world(), 12, seed=1), name="tests")
-    fitted = fit(MODEL, FilmData.of(load_film(experiment), world()), MODEL.start(), rounds=1)
+    fitted = fit(
+        MODEL, FilmData.of(load_film(experiment), world()), MODEL.start(), convergence=Convergence(rounds=1)
+    )
     curves = {"scale_error": Curve(0.01, 3.0, "", 0.01, 1.0, False, 0.1)}
     return Record(experiment, world(), fitted, ["air_drag"], curves)
 

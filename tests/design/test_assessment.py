@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from rock2d.commands.run import run_scenarios
+from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.assessment import assess
 from rock2d.runs.campaigns import campaign
-from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from rock2d.runs.campaigns.campaign import CampaignOptions
 from tests.scenarios_of_tests import UNKNOWN, small_site
 
 FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
@@ -18,8 +18,9 @@ FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
 def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases, capsys, monkeypatch):
     monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 50)
     small_site(tmp_path)
-    files, options = [tmp_path / "small.yaml"], CampaignOptions(releases=releases)
-    run_scenarios(files, tmp_path / "out", options, Workers(), progress=False, report=lambda line: None)
+    options = CampaignOptions(releases=releases)
+    request = RunRequest(tmp_path / "out", options, progress=False, report=lambda line: None)
+    run_scenarios([tmp_path / "small.yaml"], request)
     folder = tmp_path / "out" / "small_batch"
     assert (folder / "campaign.json").is_file() == (releases > 50)
     assert {path.name for path in folder.iterdir()} >= FILES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -126,9 +127,23 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     assert facts["least"] == answer.least and facts["sites"] == 8
     assert lines[0].startswith(f"least {PLACE}: ") and "8 possible sites, 40 releases" in lines[0]
     assert {path.name for path in (tmp_path / "design").iterdir()} >= {"design.csv", "design.png"}
+    check_slider((tmp_path / "design" / "report.html").read_text(encoding="utf-8"), answer)
     assert not list(tmp_path.glob(".*"))
     with pytest.raises(InputError, match="earlier run"):
         run_design(*question, progress=False)
+
+
+def check_slider(page: str, answer) -> None:
+    """A slider of the page goes over all sizes that were judged, each with its own ground and releases."""
+    live = json.loads(re.search(r'id="live-data">(.*?)</script>', page, re.DOTALL)[1])
+    sizes = [float(run["name"]) for run in live["runs"]]
+    assert sizes == pytest.approx([judged.size for judged in answer.judgements], rel=1e-3)
+    assert f'max="{len(sizes) - 1}"' in re.search(r'<input type="range" id="live-view"[^>]*>', page)[0]
+    assert answer.judgements[live["shown"]].size == answer.least
+    tops = [max(y for x, y in run["ground"] if 20.0 < x < 40.0) for run in live["runs"]]
+    assert np.diff(tops) == pytest.approx(np.diff(sizes), abs=0.02)
+    for run, judged in zip(live["runs"], answer.judgements, strict=True):
+        assert ("not met" in run["note"]) is (not judged.meets) and run["paths"]["release"]
 
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])

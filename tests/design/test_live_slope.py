@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
-import shutil
+import zlib
 
 import numpy as np
 import pytest
@@ -13,22 +12,32 @@ from PIL import Image
 
 import rock2d
 from rock2d.design import live_slope
+from rock2d.design.live_slope import View
 from rock2d.design.report import REPORTED_TABLES, ReportContent, report_page
 from rock2d.design.report_tables import quantity_text
 from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_variants import variant
 from rock2d.graphics.rendering import Made
 from rock2d.runs.indicators.envelopes import QUANTITIES
 from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.wording import with_interval
+from tests.browsing import (
+    assert_not_printed_and_all_named,
+    assert_nothing_else_was_run_or_loaded,
+    assert_only_its_own_script_may_run,
+    opened,
+    picture,
+    until,
+)
 from tests.diagnosis.test_report import Page
 from tests.scenarios_of_tests import scenario_file
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 NASTY = "</script><b>x"
 BLOCKS = f"""blocks:
   ball: {{shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}
   "{NASTY}": {{shape: square, side_m: 0.5, mass_kg: 337, inertia: uniform}}"""
 RELEASES = 80  # of each block: enough for the 95th percentile, not for the 99th
+OTHERS = 25  # releases of each block at the higher embankment
 
 
 @pytest.fixture(scope="module")
@@ -38,12 +47,19 @@ def result(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def report(result, tmp_path_factory):
+def higher(result):
+    """Some of the releases at a higher embankment, which the page can show beside the run."""
+    return rock2d.run(variant(result.scenario, {"embankment.height_m": 3.0}), releases=OTHERS)
+
+
+@pytest.fixture(scope="module")
+def report(result, higher, tmp_path_factory):
     """The page with one small picture instead of its figures, which take long to draw."""
     folder = tmp_path_factory.mktemp("live_page")
     Image.new("RGB", (40, 20)).save(folder / "trajectories.png")
+    views = [View("as in the file", result), View(NASTY, higher, "3 m high")]
     content = ReportContent(
-        result.scenario, result, {name: result.to_pandas(name) for name in REPORTED_TABLES}
+        result.scenario, result, {name: result.to_pandas(name) for name in REPORTED_TABLES}, views=views
     )
     made = Made("2025-03-31", "0", "rock2d run live.yaml --report", "3")
     (folder / "report.html").write_text(
@@ -56,30 +72,33 @@ def test_without_a_script_the_view_is_hidden_and_only_its_own_script_may_run(rep
     text = report.read_text(encoding="utf-8")
     page = Page(text)
     assert [own["id"] for own in page.of("section") if "hidden" in own] == ["live"]
-    data, script = page.of("script")
-    assert data["type"] == "application/json" and not script
-    code = text[text.rindex("<script>") + 8 : text.rindex("</script>")]
-    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
-    policy = next(own["content"] for own in page.of("meta") if own.get("http-equiv"))
-    assert policy.startswith("default-src 'none';") and policy.endswith(f"script-src 'sha256-{digest}'")
+    assert_only_its_own_script_may_run(text)
     assert len(text) < 400_000
 
 
-def test_what_does_not_fit_is_left_out_and_said(result, monkeypatch):
-    whole = json.loads(live_slope.live_slope(result, len(result.tracks)).data)
+def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
+    def live(released=2 * RELEASES):
+        found = live_slope.live_slope([View("run", result), View("higher", higher)], released)
+        return found, json.loads(found.data)["runs"]
+
+    _, (whole, other) = live()
     paths, impacts = (json.dumps(whole[name]) for name in ("paths", "impacts"))
     assert len(whole["paths"]["release"]) == len(whole["impacts"]["release"]) == 2 * RELEASES
-    monkeypatch.setattr(live_slope, "MOST_IMPACTS", 100)
-    less = live_slope.live_slope(result, len(result.tracks))
-    assert 0.2 * len(impacts) > len(json.dumps(json.loads(less.data)["impacts"]))
+    assert len(other["paths"]["release"]) == 2 * OTHERS
+    monkeypatch.setattr(live_slope, "MOST_IMPACTS", 200)
+    less, runs = live()
+    assert 0.2 * len(impacts) > len(json.dumps(runs[0]["impacts"]))
+    assert runs[0]["notes"][1].startswith("Impacts are listed for ")
     monkeypatch.setattr(live_slope, "MOST_BYTES", len(less.data) - len(paths) // 2)
-    least = live_slope.live_slope(result, 3 * len(result.tracks))
-    shown = json.loads(least.data)["paths"]
-    assert 0.3 * len(paths) < len(json.dumps(shown)) < 0.7 * len(paths)
-    assert sum(shown["worst"]) == 2 and set(shown["release"]) > set(range(10))
-    assert f"{len(shown['release'])} of {2 * RELEASES} paths, the first ones and the worst" in least.notes[1]
+    least, (run, other) = live(6 * RELEASES)
+    assert 0.3 * len(paths) < len(json.dumps(run["paths"])) < 0.7 * len(paths)
+    assert sum(run["paths"]["worst"]) == 2 and set(run["paths"]["release"]) > set(range(10))
+    assert (
+        f"{len(run['paths']['release'])} of {2 * RELEASES} paths, the first ones and the worst"
+        in run["notes"][0]
+    )
     assert f"the first {2 * RELEASES} of {6 * RELEASES} releases" in least.notes[0]
-    assert least.notes[2].startswith("Impacts are listed for ")
+    assert len(least.data) < live_slope.MOST_BYTES + 2000
 
 
 def test_the_worst_have_the_largest_energies_of_their_block(result):
@@ -93,49 +112,22 @@ def test_the_worst_have_the_largest_energies_of_their_block(result):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    sync = pytest.importorskip("playwright.sync_api", reason="needs pip install 'rock2d[browser]'")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"needs a browser: {' or '.join(BROWSERS)}")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-@pytest.fixture(scope="module")
-def opened(browser, report):
+def watched(browser, report):
     """The page, and what its browser complains of or asks for."""
-    page, seen = browser.new_page(viewport={"width": 1280, "height": 1000}), []
-    page.on("console", lambda message: seen.append(message.text))
-    page.on("pageerror", lambda error: seen.append(str(error)))
-    page.on("request", lambda asked: seen.append(asked.url) if not asked.url.startswith("data:") else None)
-    page.goto(report.as_uri())
-    page.wait_for_selector("#live:not([hidden])")
-    return page, seen
+    return opened(browser, report)
 
 
 @pytest.fixture
-def page(opened):
+def page(watched):
     """The page as it is when opened at x = 20 m."""
-    go(opened[0], 20.0)
-    return opened[0]
+    go(watched[0], 20.0)
+    return watched[0]
 
 
 def go(page, x_m: float) -> None:
     """Move the collector by the address, and leave no choice behind; the address differs each time."""
     page.evaluate("x => { location.hash = `#x=${x}&visit=${performance.now()}` }", x_m)
     until(page, lambda: abs(place(page) - x_m) < 0.06 and page.locator("#live-one").is_hidden())
-
-
-def until(page, holds) -> None:
-    """Wait, at most 5 s; the policy of the page refuses what playwright itself would wait with."""
-    for _ in range(250):
-        if holds():
-            return
-        page.wait_for_timeout(20)
-    raise AssertionError("still waiting")
 
 
 def place(page) -> float:
@@ -150,12 +142,6 @@ def shown(page, x_m: float) -> dict[str, list[str]]:
         "all => all.map(t => [t.caption.textContent, ...[...t.querySelectorAll('td')].map(c => c.textContent)])",
     )
     return {words[0].split(":")[0]: words for words in found}
-
-
-def picture(page, name: str) -> str:
-    return page.evaluate(
-        f"[...document.querySelectorAll('{name}')].map(c => c.hidden ? '' : c.toDataURL()).join()"
-    )
 
 
 def test_at_measure_lines_the_numbers_are_those_of_the_tables(page, result):
@@ -233,6 +219,83 @@ def test_the_curve_shows_the_chosen_quantity(page):
     assert len(seen) == 4 and "95 %" in page.inner_text("#live-key")
 
 
+def test_the_histogram_counts_the_blocks_that_come_past(page, result):
+    page.locator("#live-quantity").select_option("0")
+    assert page.locator("#live-histogram").is_hidden()
+    page.locator("#live-quantity").select_option("3")
+    before = picture(page, "#live-histogram")
+    go(page, 15.0)
+    page.locator("#live-quantity").select_option("3")
+    assert page.locator("#live-histogram").is_visible() and picture(page, "#live-histogram") != before
+    own = json.loads(page.locator("#live-data").text_content())
+    counts = np.frombuffer(zlib.decompress(base64.b64decode(own["runs"][0]["counts"])), "<u2")
+    counts = counts.reshape(len(own["runs"][0]["stations"]), 3, 2, own["bins"])
+    crossings = result.to_pandas("crossings")
+    for s, (_, _, line) in enumerate(own["runs"][0]["stations"]):
+        for b, block in enumerate(("ball", NASTY)):
+            passed = own["runs"][0]["texts"][b][s][0]
+            assert (counts[s, :, b].sum(axis=-1) == passed).all()
+            if line:
+                at = crossings[(crossings["line"] == line.replace(" ", "_")) & (crossings["block"] == block)]
+                ends = np.linspace(0.0, own["runs"][0]["ends"][s][1], own["bins"] + 1)
+                inside = np.histogram(at["speed_m_s"], ends)[0]
+                assert abs(counts[s, 1, b] - inside).sum() <= 2  # the upper end has four digits
+
+
+def test_another_run_is_shown_and_stands_beside(page, result, higher):
+    at = float(result.to_pandas("crossings").query("line == 'arrival'")["x_m"].median())
+    first = shown(page, at)["ball"]
+    page.locator("#live-view").select_option("1")
+    assert page.inner_text("#live-viewed") == f"{NASTY}: 3 m high"
+    passing = higher.to_pandas("passing").query("line == 'arrival' and block == 'ball'").iloc[0]
+    caption = page.locator("#live-tables caption").first.text_content()
+    words = with_interval(passing["frequency"], passing["low95"], passing["high95"], 100.0)
+    assert caption == f"ball: {passing['passed']} past, {words} % of the released"
+    assert f"{2 * OTHERS} of {2 * OTHERS} paths shown" in page.inner_text("#live-said")
+    page.locator("#live-beside").select_option("0")
+    assert f"as in the file: {2 * RELEASES} of {2 * RELEASES}" in page.inner_text("#live-said")
+    beside = page.locator("#live-tables table").first.locator("small").all_text_contents()
+    assert beside[0].startswith("as in the file: ") and beside[1:] == [
+        first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)
+    ]
+    one = picture(page, "#live-stage canvas")
+    page.get_by_label("Release").fill(f"{OTHERS + 3}")
+    page.keyboard.press("Enter")
+    assert page.inner_text("#live-said").startswith(f"release {OTHERS + 3}, {NASTY}")
+    assert picture(page, "#live-stage canvas") != one
+    until(page, lambda: "view=1&beside=0" in page.url)
+    page.locator("#live-view").select_option("0")
+    assert (result.tracks[RELEASES + 3].knots[0] == higher.tracks[OTHERS + 3].knots[0]).all()
+    assert page.input_value("#live-release") == f"{RELEASES + 3}" and page.input_value("#live-beside") == "-1"
+
+
+def test_it_stays_readable_where_the_screen_is_dark(page):
+    page.emulate_media(color_scheme="dark")
+    colours = page.evaluate(
+        """() => { const of = (name) => getComputedStyle(document.querySelector(name));
+        return [of('body').backgroundColor, of('body').color, of('.note').color, of('#live-stage').backgroundColor] }"""
+    )
+    paper, ink, pale, plate = (np.array(colour[4:-1].split(","), float) for colour in colours)
+    assert contrast(ink, paper) > 7 and contrast(pale, paper) > 4.5  # WCAG 2.2, levels AAA and AA
+    assert paper.max() < 40 and plate.min() == 255
+    page.emulate_media(color_scheme="light")
+
+
+def contrast(one, other) -> float:
+    """Contrast ratio of two sRGB colours, WCAG 2.2."""
+
+    def luminance(colour) -> float:
+        share = colour / 255
+        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ (
+            0.2126,
+            0.7152,
+            0.0722,
+        )
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_a_release_is_chosen_with_its_impacts_and_plays(page, result):
     impacts = result.to_pandas("impacts")
     own = impacts[impacts["release"] == 3]
@@ -279,15 +342,13 @@ def test_a_click_chooses_the_path_under_it(page):
     assert page.inner_text("#live-said").startswith(f"release {page.input_value('#live-release')}, ")
 
 
-def test_the_address_holds_the_view(page, browser):
+def test_the_address_holds_the_view(page, browser, report):
     page.get_by_label("ball").uncheck()
     page.locator("#live-quantity").select_option("2")
     page.get_by_label("Release").fill(str(RELEASES + 2))
     page.keyboard.press("Enter")
     until(page, lambda: "release" in page.url)
-    other = browser.new_page()
-    other.goto(page.url)
-    other.wait_for_selector("#live:not([hidden])")
+    other, _ = opened(browser, report, page.url[page.url.index("#") :])
     assert other.inner_text("#live-place") == page.inner_text("#live-place")
     assert shown_now(other) == [NASTY] and other.input_value("#live-quantity") == "2"
     assert other.input_value("#live-release") == str(RELEASES + 2)
@@ -304,20 +365,12 @@ def test_a_phone_shows_it_without_scrolling_sideways(page):
 
 
 def test_it_is_not_printed_and_every_control_has_a_name(page):
-    controls = "#live input, #live select, #live button"
-    named = "all => all.every(c => c.labels?.[0]?.textContent.trim() || c.textContent.trim())"
-    assert page.locator(controls).count() > 12 and page.eval_on_selector_all(controls, named)
-    page.emulate_media(media="print")
-    assert page.locator("#live").is_hidden() and page.locator("h1").is_visible()
-    page.emulate_media(media="screen")
-    assert page.locator("#live").is_visible()
+    assert_not_printed_and_all_named(page)
 
 
 def test_names_stay_text_and_nothing_is_loaded(
-    opened, report
+    watched, report
 ):  # the last test: all others have used the page
-    page, seen = opened
-    assert page.locator("#live b").count() == 0 and page.get_by_label(NASTY).count() == 1
-    assert {text.split("#")[0] for text in seen} == {report.as_uri()}
-    other = "() => { const own = document.createElement('script'); own.textContent = 'window.other = 1';"
-    assert page.evaluate(f"{other} document.body.append(own); return window.other }}") is None
+    page, seen = watched
+    assert page.locator("#live b").count() == 0 and page.get_by_role("checkbox", name=NASTY).count() == 1
+    assert_nothing_else_was_run_or_loaded(page, seen, report)

@@ -19,12 +19,10 @@ from rock2d.design.norms import (
     SOURCES,
     UNI,
     Estimate,
-    OnrFactors,
-    UniFactors,
     onr_24810,
     uni_11211_4,
 )
-from rock2d.files.scenario_keys import OnrKeys
+from rock2d.files.scenario_keys import OnrKeys, UniKeys
 from tests.scenarios_of_tests import small_site
 
 AT_LINE = {
@@ -35,7 +33,7 @@ AT_LINE = {
 
 
 def test_uni_11211_4_multiplies_speed_mass_and_energy():
-    factors = UniFactors(gamma_tr=1.02, gamma_dp=1.10, gamma_vol=1.05, gamma_gamma=1.0, gamma_r=1.2)
+    factors = UniKeys(gamma_tr=1.02, gamma_dp=1.10, gamma_vol=1.05, gamma_gamma=1.0, gamma_r=1.2)
     speed, mass, energy, height = uni_11211_4(AT_LINE, 1000.0, 0.8, factors)
     assert speed.design == pytest.approx(np.array([20, 18, 22]) * 1.02 * 1.10)
     assert mass.design.value == pytest.approx(1050.0)
@@ -46,13 +44,13 @@ def test_uni_11211_4_multiplies_speed_mass_and_energy():
 
 
 def test_the_freeboard_is_the_radius_of_a_large_block_and_half_a_metre_at_least():
-    large = uni_11211_4(AT_LINE, 1000.0, 3.0, UniFactors())[-1].design.value
-    small = uni_11211_4(AT_LINE, 1000.0, 0.2, UniFactors())[-1].design.value
+    large = uni_11211_4(AT_LINE, 1000.0, 3.0, UniKeys())[-1].design.value
+    small = uni_11211_4(AT_LINE, 1000.0, 0.2, UniKeys())[-1].design.value
     assert large - small == pytest.approx(1.0)
 
 
 def test_onr_24810_multiplies_energy_and_height():
-    energy, height = onr_24810(AT_LINE, OnrFactors(gamma_e=1.15, gamma_h=1.30))
+    energy, height = onr_24810(AT_LINE, OnrKeys(gamma_e=1.15, gamma_h=1.30))
     assert energy.design.high == pytest.approx(1.38e6)
     assert height.design.value == pytest.approx(2.6)
 
@@ -85,7 +83,7 @@ def test_a_number_of_a_norm_is_verified_by_two_named_sources():
     stated = {(number.norm, number.name): number for number in NORM_NUMBERS}
     assert all(set(number.sources) <= set(SOURCES) for number in NORM_NUMBERS)
     assert stated[UNI, "percentile"].verified and not stated[UNI, "gamma_tr"].verified
-    factors = {*UniFactors.__dataclass_fields__, *OnrFactors.__dataclass_fields__}
+    factors = {*UniKeys.model_fields, *OnrKeys.model_fields}
     assert factors <= {number.name for number in NORM_NUMBERS}  # no factor without a word about its source
 
 

@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.commands.run import run_scenarios
+from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.design_values import demands
 from rock2d.design.least_size import line_of_place
 from rock2d.design.report_tables import quantity_text
 from rock2d.effects.geometry_error import as_built
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.plausibility import earthwork_doubts
@@ -109,9 +108,7 @@ def test_the_line_of_a_search_is_the_crest_of_what_is_varied():
 
 
 def test_the_page_lists_both_embankments(site, tmp_path):
-    run_scenarios(
-        [site], tmp_path, CampaignOptions(), Workers(), page_of="rock2d run", progress=False, report=str
-    )
+    run_scenarios([site], RunRequest(tmp_path, page_of="rock2d run", progress=False, report=str))
     folder = tmp_path / "two_batch"
     text = (folder / "report.html").read_text()
     for number in (1, 2):

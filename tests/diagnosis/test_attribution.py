@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.attribution import attribute, fit_base, registered_by_fit
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue

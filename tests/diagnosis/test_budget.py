@@ -61,6 +61,9 @@ def test_causes_that_overlap_share_what_they_close_and_the_range_tells_the_order
         assert own.causes[name].closes == pytest.approx(1.5 / whole)
         assert own.causes[name].range == pytest.approx((1.0 / whole, 2.0 / whole))
     assert own.closed.closes == pytest.approx(3.0 / whole)
+    for names, gap in (("", 4.0), ("a", 2.0), ("b", 2.0), ("ab", 1.0)):
+        left, together = own.sets[frozenset(names)]
+        assert left == pytest.approx(gap) and together.closes == pytest.approx((4.0 - gap) / whole)
 
 
 def test_a_small_gap_over_the_floor_says_little_about_shares():
@@ -119,13 +122,13 @@ def test_near_replicates_tell_the_noise_below_a_curve_that_no_model_follows():
     data = segments(n, speed)
     ratio = replicate_ratio(data, None, missed)
     assert ratio.value == pytest.approx(0.25 / (missed**2).mean(), rel=0.25)
-    assert ratio.value <= ratio.sure < 0.6
+    assert ratio.value <= ratio.upper_bound < 0.6
 
 
 def test_near_replicates_of_pure_noise_leave_all_of_it():
     rng = np.random.default_rng(2)
     data = segments(200, rng.uniform(0.0, 1.0, 200))
-    assert replicate_ratio(data, None, rng.normal(size=(200, 6))).sure > 0.9
+    assert replicate_ratio(data, None, rng.normal(size=(200, 6))).upper_bound > 0.9
 
 
 def test_the_page_says_which_effects_of_the_learnt_part_are_not_certain():

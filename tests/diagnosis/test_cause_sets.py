@@ -10,8 +10,8 @@ import pytest
 
 from rock2d.diagnosis.cause_sets import CauseSet, Search
 from rock2d.diagnosis.cross_validation import by_release, cross_validate
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars

@@ -9,8 +9,7 @@ import pytest
 
 from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
-from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import normal_equations
 from rock2d.diagnosis.report.sections import checks_sentence

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble

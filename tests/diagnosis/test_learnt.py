@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnosis_content import base_values
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
@@ -77,6 +77,9 @@ def test_every_fold_is_predicted_by_coefficients_that_were_fitted_without_it(har
     data, _, learnt = hardened
     moved = np.abs(learnt.held_out.residuals.impacts - learnt.fit.residuals.impacts).max(axis=1)
     assert all(moved[folds(data)[data.impact_release] == k].any() for k in range(FOLDS))
+    for k, p in enumerate(learnt.held_out.parameters):
+        own, held = learnt.fit.model.residuals(p, data), folds(data)[data.impact_release] == k
+        assert own.impacts[held] == pytest.approx(learnt.held_out.residuals.impacts[held], nan_ok=True)
 
 
 def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):

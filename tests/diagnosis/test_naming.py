@@ -53,7 +53,7 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
 
         monkeypatch.setattr(attribution, "weigh", weigh)
         monkeypatch.setattr(attribution, "learn", lambda best, data: best)
-        attribution._weighed(search)  # type: ignore[arg-type]
+        attribution._evidence_of_sets(search)  # type: ignore[arg-type]
         return set(search.best.names), search.weighed
 
     return of

@@ -33,6 +33,7 @@ from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import move_freely
 from rock2d.progress import Bars
+from tests.browsing import assert_only_its_own_script_may_run
 from tests.kinematics.synthetic_films import effects, film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
@@ -62,9 +63,10 @@ class Page(HTMLParser):
     def handle_data(self, data):
         self.text += data
 
-    def needs_no_network(self) -> bool:
-        """Nothing on it is code or a frame, and all that it shows is in it."""
-        assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(self.tags)
+    def needs_no_network(self, scripts: int = 0) -> bool:
+        """Nothing on it but so many scripts is code or a frame, and all that it shows is in it."""
+        assert self.tags.count("script") == scripts
+        assert not {"link", "iframe", "object", "embed", "base", "form"} & set(self.tags)
         return bool(self.references) and all(ref.startswith("data:") for ref in self.references)
 
     def of(self, tag: str) -> list[dict[str, str | None]]:
@@ -126,10 +128,11 @@ def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
 
 def test_page_needs_no_network_and_runs_nothing(report):
     page, text, _ = report
-    assert page.needs_no_network()
+    assert page.needs_no_network(scripts=2)  # data and the script of the live view
+    assert_only_its_own_script_may_run(text)
     assert "http://" not in text and "https://" not in text and "url(" not in text
     assert "default-src 'none'" in text
-    assert NAME in page.text and "<script>" not in text
+    assert NAME in page.text and "<script>alert" not in text
     assert len(text) < 8e6
 
 

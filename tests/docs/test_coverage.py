@@ -79,6 +79,12 @@ def test_every_key_is_documented(kind):
         pytest.fail(f"{kind}: key {row} has no description")
 
 
+def test_pages_that_are_kept_in_the_repository_are_up_to_date():
+    for name in generator().KEPT:
+        kept = (DOCS / name).read_text(encoding="utf-8")
+        assert kept == generator().PAGES[name](), f"run python docs/hooks/pages.py, and commit docs/{name}"
+
+
 def test_every_tutorial_has_a_page_and_its_output():
     index = (DOCS / "tutorials" / "index.md").read_text(encoding="utf-8")
     for path in generator().tutorial_files():

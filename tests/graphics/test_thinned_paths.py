@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import rock2d
-from rock2d.graphics.thinned_paths import STEPS, ThinnedPaths, largest_energies_J, thinned_paths
+from rock2d.graphics.live_data import STEPS
+from rock2d.graphics.thinned_paths import ThinnedPaths, largest_energies_J, thinned_paths
 from tests.scenarios_of_tests import small_site
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue

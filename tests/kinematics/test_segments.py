@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
+from rock2d.kinematics.film_segments import flightless_remarks
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -44,6 +45,16 @@ def test_partition_finds_flight_contact_and_rest():
     assert (kinds[112:] == REST).all()
     assert (kinds[52:58] == CONTACT).any()
     assert numbers[20] != numbers[80]
+
+
+def test_a_release_without_flights_is_named():
+    experiment = film(world(), 4)
+    assert flightless_remarks(data_of(experiment)[1]) == []
+    table = experiment.trajectories
+    shaken = (table["release"] == 2) * np.random.default_rng(0).normal(size=len(table)) * 0.01
+    noisy = replace(experiment, trajectories=table.assign(x_m=table["x_m"] + shaken))
+    (said,) = flightless_remarks(data_of(noisy)[1])
+    assert said.startswith("no flight was recognised in 1 release (2): ")
 
 
 def test_noise_is_read_from_the_flights():

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import rock2d
-from rock2d.commands.run import run_scenarios
+from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
 from rock2d.design.report_tables import model_text
@@ -18,7 +18,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
 from rock2d.runs.before_after import before_after, compared_models
-from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import print_tables
@@ -235,8 +235,8 @@ def test_a_path_that_no_file_has_is_one_message(tmp_path, name):
 def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
     diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
     said: list[str] = []
-    run_scenarios([tmp_path / "diagnosed.yaml"], tmp_path / "out", CampaignOptions(), Workers(1), progress=False,
-                  report=said.append)  # fmt: skip
+    request = RunRequest(tmp_path / "out", workers=Workers(1), progress=False, report=said.append)
+    run_scenarios([tmp_path / "diagnosed.yaml"], request)
     folder = tmp_path / "out" / "diagnosed_batch"
     about = json.loads((folder / "run.json").read_text())["diagnosis"]
     assert (about["path"], about["verdict"], about["schema"]) == ("d.json", "air_drag", 1)

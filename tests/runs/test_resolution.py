@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from rock2d.commands.run import run_scenarios
+from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
@@ -44,9 +44,8 @@ def site(tmp_path):
 
 
 def simulated(path, out, lines, **options):
-    return run_scenarios(
-        [path], out, CampaignOptions(), Workers(1), progress=False, report=lines.append, **options
-    )
+    request = RunRequest(out, workers=Workers(1), progress=False, report=lines.append, **options)
+    return run_scenarios([path], request)
 
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -103,6 +104,11 @@ def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong
     with pytest.raises(InputError, match=said):
         tracked(filmed / "film.avi", setup, out, "--frames", frames)
     assert not out.exists()
+
+
+def test_a_set_up_file_and_a_frame_rate_contradict_each_other(filmed, tmp_path):
+    with pytest.raises(click.UsageError, match="either --config, or"):
+        tracked(filmed / "film.avi", filmed / "setup.yaml", tmp_path / "out", "--fps", 30)
 
 
 def test_frames_are_read_in_turn_and_as_many_as_asked_for(filmed):

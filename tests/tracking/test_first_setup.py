@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,33 +14,13 @@ from rock2d_tracking.setup_file import Setup
 
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-
-SCALE, FPS = 0.004, 30.0
-FALL_PX = 9.81 / SCALE / FPS**2
-RADIUS_PX = 11.0
+from tests.tracking.thrown_ball import FLOOR_PX, FPS, RADIUS_PX, SCALE, write_thrown_ball
 
 
 @pytest.fixture(scope="module")
 def thrown(tmp_path_factory):
-    """A film of a shaded ball that is thrown and bounces once, and its places."""
     path = tmp_path_factory.mktemp("film") / "thrown ball.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (480, 320))
-    rng, places = np.random.default_rng(4), []
-    u, v, vu, vv = 30.0, 150.0, 9.0, -14.0
-    x, y = np.meshgrid(np.arange(480), np.arange(320))
-    wall = 40 + 25 * np.sin(x / 37) * np.cos(y / 23)
-    for _ in range(44):
-        away = np.hypot(x - u, y - v)
-        cover = np.clip(RADIUS_PX + 0.5 - away, 0, 1)
-        frame = wall + cover * (150 - 5 * (x - u) - wall)
-        noisy = np.clip(frame + rng.normal(0, 1.5, frame.shape), 0, 255).astype(np.uint8)
-        writer.write(cv2.cvtColor(noisy, cv2.COLOR_GRAY2BGR))
-        places.append((u, v))
-        u, v, vv = u + vu, v + vv + 0.5 * FALL_PX, vv + FALL_PX
-        if v > 280:
-            vv, v = -0.8 * vv, 280 - 0.8 * (v - 280)
-    writer.release()
-    return path, np.array(places)
+    return path, write_thrown_ball(path)
 
 
 def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
@@ -56,12 +35,22 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     assert np.sqrt((off**2).mean()) < 0.3
     setup = Setup(out / "setup.yaml")
     assert setup.blocks["ball"].size_m / 2 / SCALE == pytest.approx(RADIUS_PX, rel=0.03)
-    floor = 280.0 + RADIUS_PX
+    floor = FLOOR_PX + RADIUS_PX
     assert (319 - setup.cross_section.points_m[0, 1] / SCALE) == pytest.approx(floor, abs=6.0)
     text = (out / "explanation.txt").read_text()
     assert "releases that arcs show: 1" in text
     assert (out / "candidates.webm").stat().st_size > 0 and (out / "candidates.png").stat().st_size > 0
     assert any("set-up file to refine" in line for line in said)
+
+
+def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, tmp_path):
+    out = tmp_path / "out"
+    track(thrown[0], FilmScale(SCALE, FPS), out, TrackSettings())
+    refined = (out / "setup.yaml").read_text().replace("name: thrown_ball", "name: refined")
+    (out / "setup.yaml").write_text(refined)
+    track(thrown[0], out / "setup.yaml", out, TrackSettings())
+    assert (out / "setup.yaml").read_text() == refined
+    assert "name: refined" in (out / "experiment.yaml").read_text()
 
 
 @pytest.mark.parametrize("factor", [0.15, 4])
@@ -96,7 +85,7 @@ def test_gravity_gives_the_frame_rate_or_the_scale(thrown, tmp_path, asked, key)
     if key == "fps":
         assert abs(found.fps / FPS - 1.0) < 3 * off < 0.03
     else:
-        floor_m = (320 - 1 - 280.0 - RADIUS_PX) * SCALE
+        floor_m = (320 - 1 - FLOOR_PX - RADIUS_PX) * SCALE
         assert found.cross_section.points_m[0, 1] == pytest.approx(floor_m, abs=6 * SCALE)
         way_m = np.ptp(found.trajectories["x_m"])
         assert abs(way_m / (np.ptp(thrown[1][:, 0]) * SCALE) - 1.0) < 0.05

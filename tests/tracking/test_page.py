@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from rock2d_tracking.live_frames import live_frames, seen_frames
+from rock2d_tracking.looks import plain_looks
+from rock2d_tracking.outline import outline_of
 from rock2d_tracking.page import write_page
 from rock2d_tracking.tracked_film import TrackedFilm
 from rock2d_tracking.velocities import flights_and_impacts
@@ -25,7 +28,8 @@ def tossed(frames: int, gravity: float = 9.81) -> TrackedFilm:
     pixels = CAMERA.to_pixel(table[["x_m", "y_m"]].to_numpy())
     frame = pd.DataFrame({
         "release": 0, "block": "sphere", "frame": np.arange(frames), "t_s": t, "u_px": pixels[:, 0],
-        "v_px": pixels[:, 1], "angle_error_rad": np.nan, "confidence": 0.9, "reason": "",
+        "v_px": pixels[:, 1], "angle_px_rad": 0.0, "u_error_px": 0.1, "v_error_px": 0.1, "angle_error_rad": np.nan,
+        "confidence": 0.9, "reason": "",
     })  # fmt: skip
     return TrackedFilm(experiment, frame, [], {"sphere": 0.4})
 
@@ -35,7 +39,13 @@ def test_a_film_without_an_impact_or_a_flight_gets_its_page(tmp_path, frames):
     found = tossed(frames)
     flights, impacts, data = flights_and_impacts(load_film(found.experiment), found.experiment)
     assert len(impacts) == 0 and len(flights) == (frames > 8)
-    write_page(tmp_path / "page.html", found, flights, impacts, data, np.zeros(SIZE_PX[::-1], np.uint8))
+    still = np.zeros(SIZE_PX[::-1], np.uint8)
+    looks = {"sphere": plain_looks(outline_of(BLOCKS["sphere"], CAMERA.metres_per_pixel, CAMERA.up))}
+    seen = seen_frames(
+        [still] * frames, found.placed_frames(), np.arange(frames), looks, (flights, impacts), still
+    )
+    live = live_frames(seen, found, looks, flights, impacts)
+    write_page(tmp_path / "page.html", found, flights, impacts, data, still, live)
     page = (tmp_path / "page.html").read_text()
     assert "angle not measured" in page
     assert f"{len(flights)}, 0" in page and page.count("<img") == 5 and "nan" not in page

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from rock2d.files.folders import write_whole
 from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.film_scale import FROM_GRAVITY, FilmScale
 from rock2d_tracking.gross_errors import bounces_of
@@ -16,6 +14,7 @@ from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
+SETUP = "setup.yaml"  # its file
 GUESSED_DENSITY_KG_M3 = 1000.0
 BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
 UNSEEN_RADIUS_SHARE = 0.02  # of the width of the picture: radius of a ball of which nothing is known
@@ -45,7 +44,7 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 
 @dataclass(frozen=True)
 class FirstSetup:
-    """The first set-up file of a film: where it is written, and what it says.
+    """What the first set-up file of a film says.
 
     Attributes
     ----------
@@ -55,7 +54,6 @@ class FirstSetup:
     ground_px : height of the ground in the picture; None if no bounce was seen
     """
 
-    path: Path
     film: FilmFile
     motion: Motion
     asked: FilmScale
@@ -63,10 +61,9 @@ class FirstSetup:
     size: float = 1.0
     ground_px: float | None = None
 
-    def written(self) -> Setup:
-        """Write it, and read it."""
-        _write(self)
-        return Setup(self.path).with_scale(self.scale)
+    def setup(self) -> Setup:
+        """The set-up, as read from its text."""
+        return Setup(SETUP, _text(self)).with_scale(self.scale)
 
 
 def first_motion(film: FilmFile, frames: Frames, first: FilmScale) -> Motion:
@@ -74,7 +71,7 @@ def first_motion(film: FilmFile, frames: Frames, first: FilmScale) -> Motion:
     return motion_of(frames, film.expected_frames, [], first, frames.stamps(first.fps).clock)
 
 
-def _write(first: FirstSetup) -> None:
+def _text(first: FirstSetup) -> str:
     film, motion, (metres_per_pixel, fps, gravity) = first.film, first.motion, first.scale
     assert metres_per_pixel is not None and fps is not None
     width, height = film.size_px
@@ -82,7 +79,7 @@ def _write(first: FirstSetup) -> None:
     radius = float(np.sqrt(np.median(areas) / np.pi)) * first.size if areas else UNSEEN_RADIUS_SHARE * width
     seen = first.ground_px is not None
     ground = first.ground_px if first.ground_px is not None else height - 1 + RESTS_RADII * radius
-    text = TEXT.format(
+    return TEXT.format(
         name=_name(film.path.stem), gravity=gravity, bottom=height - 1,
         fps=FROM_GRAVITY if first.asked.fps is None else f"{fps:.9g}",
         scale=FROM_GRAVITY if first.asked.metres_per_pixel is None else f"{metres_per_pixel:.9g}",
@@ -95,7 +92,6 @@ def _write(first: FirstSetup) -> None:
         ground=(height - 1 - ground) * metres_per_pixel, radius_px=radius, diameter=2 * radius * metres_per_pixel,
         mass=GUESSED_DENSITY_KG_M3 * 4 / 3 * np.pi * (radius * metres_per_pixel) ** 3,
     )  # fmt: skip
-    write_whole(first.path, text)
 
 
 def ground_of(releases: Sequence[FollowedRelease], fall_px: float) -> float | None:

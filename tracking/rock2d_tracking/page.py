@@ -10,11 +10,12 @@ import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, page
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, live_page
 from rock2d.kinematics.film_findings import film_findings
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.setup_world import setup_world
+from rock2d_tracking.live_frames import LiveFrames
 from rock2d_tracking.tracked_film import TrackedFilm
 from rock2d_tracking.velocities import MID_AIR
 
@@ -34,6 +35,7 @@ def write_page(
     impacts: pd.DataFrame,
     data: FilmSegments,
     background: Array,
+    live: LiveFrames,
 ) -> None:
     """Write the page; `overlay.webm` lies beside it."""
     frames, name = film.frames, film.experiment.name
@@ -51,12 +53,12 @@ def write_page(
     own = film.experiment
     said = film_findings(data, setup_world(own), own.fps, own.from_gravity).sentences()
     rows = list(_summary(film, flights, impacts).items())
-    sections = [
+    above = [
         Section(items=film.remarks),
         Section("What the film says of itself", items=said, video="overlay.webm", tables=[Table((), rows)]),
-        *(Section(title, [text], pictures=[drawn(figure, title)]) for title, text, figure in figures),
     ]
-    write_whole(path, page(f"{name}: tracked", sections))
+    below = [Section(title, [text], pictures=[drawn(figure, title)]) for title, text, figure in figures]
+    write_whole(path, live_page(f"{name}: tracked", above, "live_frames", live, below))
 
 
 def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) -> dict[str, str]:

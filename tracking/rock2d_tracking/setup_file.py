@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
 from rock2d.files.experiment import FromGravity
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
+from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
@@ -138,14 +139,16 @@ class Setup:
 
     Attributes
     ----------
+    path, text : those of its file
     scale : scale and frame rate; one may be unknown
     from_gravity : which of them gravity gives, with its error as soon as it is known; None if both are stated
     """
 
-    def __init__(self, path: str | Path) -> None:
-        """Read `setup.yaml`; raises `InputError` with the place of the first mistake."""
+    def __init__(self, path: str | Path, text: str | None = None) -> None:
+        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
         self.path = Path(path)
-        document = Document(self.path)
+        self.text = read_text(self.path) if text is None else text
+        document = Document(self.path, self.text)
         self.keys = document.check(SetupKeys)
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,6 @@ from rock2d_tracking.camera import PixelMap
 
 def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
     """Write what `setup_file.Setup` reads; `releases`: the block of each."""
-    import io
-
-    from ruamel.yaml import YAML
-
     keys = {
         "name": experiment.name,
         "gravity_m_s2": float(experiment.gravity_m_s2),
@@ -37,8 +34,17 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
         "releases": list(releases),
     }
+    write_whole(path, setup_text(keys))
+
+
+def setup_text(keys: Mapping[str, Any]) -> str:
+    """The text of a set-up file with these keys."""
+    import io
+
+    from ruamel.yaml import YAML
+
     yaml = YAML(typ="safe", pure=True)
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     text = io.StringIO()
     yaml.dump(keys, text)
-    write_whole(path, text.getvalue())
+    return text.getvalue()

@@ -31,6 +31,7 @@ class Sight:
     confidence : share of the outline that was seen as fitted, less for a poor fit; 0 if lost
     reason : why the frame is lost, "" if it is not
     covered : share of the outline's inside that differs from the background; NaN if nobody looked
+    read : its number in the file, if `frame` is its number as filmed
     when : its instant, in units of the usual time between two frames: the number of the frame, until it is set
     """
 
@@ -40,6 +41,7 @@ class Sight:
     confidence: float
     reason: str = ""
     covered: float = np.nan
+    read: int = -1
     when: float = field(init=False)
 
     def __post_init__(self) -> None:

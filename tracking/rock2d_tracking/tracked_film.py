@@ -10,6 +10,8 @@ import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_findings import FilmFindings, film_findings
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
@@ -48,6 +50,15 @@ class TrackedFilm:
     frames: pd.DataFrame
     remarks: list[str]
     offset_px: dict[str, float]
+
+    def placed_frames(self) -> pd.DataFrame:
+        """`frames` with x_m, y_m and theta_rad, NaN where a frame is lost."""
+        frames, seen = self.frames.copy(), self.experiment.trajectories
+        assert seen is not None
+        trusted = frames["reason"] == ""
+        for name in ("x_m", "y_m", "theta_rad"):
+            frames.loc[trusted, name] = seen[name].to_numpy()
+        return frames
 
 
 def tracked_film(
@@ -207,6 +218,13 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
     least = SMALLEST_NOISE_PX * setup.metres_per_pixel * np.array([1.0, 1.0, 1.0 / reach])
     film.noise = film.long_noise = np.maximum(np.minimum(film.noise, film.stated_noise), least)
     return film
+
+
+def findings_of(experiment: Experiment, setup: Setup) -> FilmFindings:
+    """What the film of an experiment says of itself."""
+    world = setup_world(experiment)
+    data = FilmSegments.of(film_of(experiment, setup), world)
+    return film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:

@@ -12,6 +12,10 @@ K_L, K_UL, K_T, MU, K_R = range(5)  # columns of soil rows
 # corners, position of the centroid, number of corners that share a contact (0: a circle), size
 MASS, INERTIA, REACH, ROUNDING, CENTROID_X, CENTROID_Y, GROUP, SIZE = range(8)
 BODY_WIDTH = SIZE + 1
+# columns of the motion of the ground: the pivot about which it is turned and the angle, how far the embankment is
+# shifted along x and with which velocity, how far all ground is lifted and with which velocity
+PIVOT_X, PIVOT_Y, TILT, SHIFT, DRIFT, LIFT, HEAVE = range(7)
+N_GROUND_MOTION = HEAVE + 1
 
 
 class Ground(NamedTuple):
@@ -22,23 +26,6 @@ class Ground(NamedTuple):
     patch: Array
     ridges: Array
     yielding: Array
-
-
-class GroundMotion(NamedTuple):
-    """How the ground is displaced: turned by `tilt` about the pivot, embankment shifted along x, all lifted."""
-
-    pivot_x: float
-    pivot_y: float
-    tilt: float
-    shift: float
-    lift: float
-
-
-class GroundVelocity(NamedTuple):
-    """Velocity of the embankment along x, and of all ground along y, in m/s."""
-
-    embankment_x: float
-    all_y: float
 
 
 class Body(NamedTuple):

@@ -7,6 +7,8 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.compiled_records import (
+    DRIFT,
+    HEAVE,
     OMEGA,
     THETA,
     VX,
@@ -16,7 +18,6 @@ from rock2d.blind.reality.compiled_records import (
     ContactRows,
     Contacts,
     Ground,
-    GroundVelocity,
     SoilLaw,
     X,
     Y,
@@ -98,13 +99,18 @@ def update_contacts(
 
 @numba.njit
 def sum_forces(
-    rows: ContactRows, block: BlockMotion, ground: Ground, ground_velocity: GroundVelocity, law: SoilLaw,
+    rows: ContactRows,
+    block: BlockMotion,
+    ground: Ground,
+    ground_motion: Array,
+    law: SoilLaw,
     contacts: Contacts,
-) -> None:  # fmt: skip
-    """Fill `contacts.sums` with the forces of all contacts on a block."""
+) -> None:
+    """Fill `contacts.sums` with the forces of all contacts on a block; `ground_motion`: see its columns."""
     found, memory, sums = contacts.found, contacts.memory, contacts.sums
     x, y = block.state[X], block.state[Y]
     velocity, path_velocity, span = block.velocity, block.path_velocity, block.span_s
+    drift, heave = ground_motion[DRIFT], ground_motion[HEAVE]
     for k in range(N_SUMS):
         sums[k] = 0.0
     sums[NEXT_DISTANCE] = 1e9
@@ -116,10 +122,12 @@ def sum_forces(
         nx, ny = found[j, NX], found[j, NY]
         rx, ry = found[j, PX] - x, found[j, PY] - y
         facet = int(found[j, FACET])
-        gx = ground_velocity.embankment_x if ground.yielding[facet] > 0.0 else 0.0
-        gy = ground_velocity.all_y
-        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - gy
-        wx, wy = path_velocity[0] - path_velocity[2] * ry - gx, path_velocity[1] + path_velocity[2] * rx - gy
+        gx = drift if ground.yielding[facet] > 0.0 else 0.0
+        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - heave
+        wx, wy = (
+            path_velocity[0] - path_velocity[2] * ry - gx,
+            path_velocity[1] + path_velocity[2] * rx - heave,
+        )
         rate, slip_velocity = -(ux * nx + uy * ny), ux * ny - uy * nx
         slip = span * (wx * ny - wy * nx)
         zone = int(memory[j, ZONE])

@@ -7,12 +7,20 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.compiled_records import (
+    DRIFT,
+    HEAVE,
     K_L,
     K_R,
     K_T,
     K_UL,
+    LIFT,
+    N_GROUND_MOTION,
     OMEGA,
+    PIVOT_X,
+    PIVOT_Y,
+    SHIFT,
     THETA,
+    TILT,
     VX,
     VY,
     BlockMotion,
@@ -20,8 +28,6 @@ from rock2d.blind.reality.compiled_records import (
     ContactRows,
     Contacts,
     Ground,
-    GroundMotion,
-    GroundVelocity,
     ImpactDraws,
     PathPiece,
     SoilLaw,
@@ -100,17 +106,18 @@ def fill_poses(done: int, path: PathPiece, body: Body, times: Array, poses: Arra
 
 
 @numba.njit
-def move_ground(base: Ground, motion: GroundMotion, points: Array) -> None:
-    """Fill `points` with those of `base`, displaced."""
-    c, s = np.cos(motion.tilt), np.sin(motion.tilt)
+def move_ground(base: Ground, motion: Array, points: Array) -> None:
+    """Fill `points` with those of `base`, displaced by the `motion` of the ground."""
+    pivot_x, pivot_y, tilt = motion[PIVOT_X], motion[PIVOT_Y], motion[TILT]
+    c, s = np.cos(tilt), np.sin(tilt)
     yielding = base.yielding
     for i in range(base.points.shape[0]):
-        dx, dy = base.points[i, 0] - motion.pivot_x, base.points[i, 1] - motion.pivot_y
-        if motion.tilt != 0.0:
+        dx, dy = base.points[i, 0] - pivot_x, base.points[i, 1] - pivot_y
+        if tilt != 0.0:
             dx, dy = c * dx - s * dy, s * dx + c * dy
         shifted = (i < yielding.size and yielding[i] > 0.0) or (i > 0 and yielding[i - 1] > 0.0)
-        points[i, 0] = motion.pivot_x + dx + (motion.shift if shifted else 0.0)
-        points[i, 1] = motion.pivot_y + dy + motion.lift
+        points[i, 0] = pivot_x + dx + (motion[SHIFT] if shifted else 0.0)
+        points[i, 1] = pivot_y + dy + motion[LIFT]
 
 
 @numba.njit
@@ -131,13 +138,10 @@ def simulate_release(
 ) -> None:
     """Fill `poses` (frames, 3) of a release that starts at times[0] with `state` (of the centre of mass)."""
     values, gravity = law.values, law.gravity
-    body = Body(
-        first_body.corners, first_body.mass, first_body.inertia, first_body.reach, first_body.rounding,
-        first_body.centroid_x, first_body.centroid_y, first_body.group, first_body.size,
-    )  # fmt: skip
+    body = first_body
     reach, size = body.reach, body.size
     time_scale = np.sqrt(size / max(gravity, 1e-9))
-    q, old, start = state.copy(), state.copy(), state.copy()
+    q, old, rested = state.copy(), state.copy(), state.copy()
     ground = Ground(base.points.copy(), base.zone, base.patch, base.ridges, base.yielding)
     impact_law = SoilLaw(law.soil.copy(), law.indentation, gravity, values)
     n_rows = body.corners.shape[0] + base.points.shape[0]
@@ -146,13 +150,16 @@ def simulate_release(
     contacts.found[:, DEPTH] = NO_CONTACT
     fixed = 0 if body.group == 0 else body.corners.shape[0] // body.group
     rows = ContactRows(fixed, fixed, fixed)
-    velocity, path_velocity, accel = np.zeros(3), np.zeros(3), np.zeros(3)
+    velocity, path_velocity, accel, ground_motion = (
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(N_GROUND_MOTION),
+    )
     steps = time_steps(impact_law.soil, body, values)
     windy, shaking = acts_in_flight(values), values[parameters.SHAKE_AMPLITUDE] > 0.0
-    recoils = values[parameters.RECOIL_MASS] > 0.0
     t, done, impact, in_contact = times[0], 0, -1, False
     last, gap = 0.0, -1.0
-    shift = drift = lift = heave = tilt = pivot_x = pivot_y = 0.0
     resting_from, end = t, times[times.size - 1]
     for _ in range(MOST_STEPS):
         if done == times.size:
@@ -162,7 +169,7 @@ def simulate_release(
             + abs(q[OMEGA]) * reach
             + values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE]
         )
-        moving = abs(drift) > 1e-9 or (shift != 0.0 and values[parameters.RECOIL_SPRING] > 0.0)
+        moving = _embankment_moves(ground_motion, values)
         if in_contact:
             h = _contact_step(sums, steps, speed, time_scale)
         else:
@@ -184,36 +191,31 @@ def simulate_release(
             velocity[k] = q[3 + k] + 0.5 * h * accel[k]
             path_velocity[k] = q[3 + k]
         if shaking:
-            angle = values[parameters.SHAKE_RATE] * (t + 0.5 * h) + values[parameters.SHAKE_PHASE]
-            lift = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
-            heave = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
+            _shake(t + 0.5 * h, values, ground_motion)
         if shaking or moving:
-            shift += 0.5 * h * drift
-            move_ground(base, GroundMotion(pivot_x, pivot_y, tilt, shift, lift), ground.points)
-        # forces of contacts, which begin and end here
+            ground_motion[SHIFT] += 0.5 * h * ground_motion[DRIFT]
+            move_ground(base, ground_motion, ground.points)
         ax = ay = alpha = 0.0
+        # contacts begin and end, and press, in the middle of the step
         if in_contact or gap < 2.0 * h * speed + gravity * h * h + 0.01 * body.rounding:
             rows, gap = find_contacts(q, body, ground, contacts.found)
             late = 4.0 * h * speed + 1e-6 * size
             active = update_contacts(rows, q, late, ground, contacts, values)
             if active > 0 and not in_contact:
-                in_contact = True
+                in_contact, last = True, 0.0
                 impact = min(impact + 1, draws.soil_factors.shape[0] - 1)
                 _draw_soil(law.soil, draws.soil_factors[impact], impact_law.soil)
-                if draws.tilts[impact] != 0.0:
-                    tilt = draws.tilts[impact]
-                    pivot_x, pivot_y = _deepest_contact(rows, contacts.found, q)
-                    move_ground(base, GroundMotion(pivot_x, pivot_y, tilt, shift, lift), ground.points)
                 steps = time_steps(impact_law.soil, body, values)
-                last = 0.0
+                if draws.tilts[impact] != 0.0:
+                    _tilt_ground(
+                        draws.tilts[impact], _deepest_contact(rows, contacts.found, q), ground_motion
+                    )
+                    move_ground(base, ground_motion, ground.points)
             if active > 0:
                 motion = BlockMotion(q, velocity, path_velocity, 0.5 * (h + last))
-                sum_forces(rows, motion, ground, GroundVelocity(drift, heave), impact_law, contacts)
-                ax, ay, alpha = (
-                    sums[FORCE_X] / body.mass,
-                    sums[FORCE_Y] / body.mass,
-                    sums[MOMENT] / body.inertia,
-                )
+                sum_forces(rows, motion, ground, ground_motion, impact_law, contacts)
+                ax, ay = sums[FORCE_X] / body.mass, sums[FORCE_Y] / body.mass
+                alpha = sums[MOMENT] / body.inertia
                 last = h
             elif in_contact:
                 in_contact, last = False, 0.0
@@ -221,33 +223,58 @@ def simulate_release(
                     body = _without_shed_mass(body, q, values[parameters.SHED_SHARE])
                     steps = time_steps(impact_law.soil, body, values)
                 _change_velocity_at_lift_off(q, reach, draws.speed_losses[impact], sums, values)
-                drift = 0.0 if values[parameters.RECOIL_SPRING] == 0.0 else drift
-                if tilt != 0.0:
-                    tilt = 0.0
-                    move_ground(base, GroundMotion(pivot_x, pivot_y, tilt, shift, lift), ground.points)
-                sums[EMBANKMENT_FORCE] = 0.0
+                _release_ground(base, values, ground_motion, ground.points, sums)
         if windy:
             bx, by, beta = air_acceleration(q, velocity, gap, values)
             ax, ay, alpha = ax + bx, ay + by, alpha + beta
-        ay -= gravity
-        accel[0], accel[1], accel[2] = ax, ay, alpha
+        accel[0], accel[1], accel[2] = ax, ay - gravity, alpha
+        if values[parameters.RECOIL_MASS] > 0.0:
+            _recoil(sums[EMBANKMENT_FORCE] if in_contact else 0.0, h, values, ground_motion)
         # to the end of the step
-        if recoils:
-            drift = _recoil_velocity(drift, shift, sums[EMBANKMENT_FORCE] if in_contact else 0.0, h, values)
-            shift += 0.5 * h * drift
         for k in range(3):
             q[3 + k] += h * accel[k]
             q[k] += 0.5 * h * q[3 + k]
         path = PathPiece(t, t + h, old, q, 0.0 if in_contact or windy else gravity)
         done = fill_poses(done, path, body, times, poses)
         t += h
-        if impact < 0 or _has_moved(q, start, size):
+        if impact < 0 or _has_moved(q, rested, size):
             resting_from = t
             for k in range(3):
-                start[k] = q[k]
+                rested[k] = q[k]
         elif t - resting_from > REST_TIME * time_scale:
             break
     fill_poses(done, PathPiece(t, np.inf, q, q, 0.0), body, times, poses)
+
+
+@numba.njit
+def _embankment_moves(motion: Array, values: Array) -> bool:
+    """Whether the embankment moves, or will be pushed back by its spring."""
+    return abs(motion[DRIFT]) > 1e-9 or (motion[SHIFT] != 0.0 and values[parameters.RECOIL_SPRING] > 0.0)
+
+
+@numba.njit
+def _shake(t: float, values: Array, motion: Array) -> None:
+    """Lift of shaking ground at the time t, and its velocity."""
+    angle = values[parameters.SHAKE_RATE] * t + values[parameters.SHAKE_PHASE]
+    motion[LIFT] = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
+    motion[HEAVE] = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
+
+
+@numba.njit
+def _tilt_ground(tilt: float, pivot: tuple[float, float], motion: Array) -> None:
+    """The ground is turned about a point during an impact."""
+    motion[TILT], motion[PIVOT_X], motion[PIVOT_Y] = tilt, pivot[0], pivot[1]
+
+
+@numba.njit
+def _release_ground(base: Ground, values: Array, motion: Array, points: Array, sums: Array) -> None:
+    """An impact ends: the embankment stays where it is unless a spring pushes it back, and turned ground turns back."""
+    if values[parameters.RECOIL_SPRING] == 0.0:
+        motion[DRIFT] = 0.0
+    if motion[TILT] != 0.0:
+        motion[TILT] = 0.0
+        move_ground(base, motion, points)
+    sums[EMBANKMENT_FORCE] = 0.0
 
 
 @numba.njit
@@ -310,9 +337,10 @@ def _change_velocity_at_lift_off(state: Array, reach: float, loss: float, sums: 
 
 
 @numba.njit
-def _recoil_velocity(drift: float, shift: float, force: float, h: float, values: Array) -> float:
-    """Velocity of the embankment in m/s after a step under a horizontal `force` in N on it."""
-    push = force / values[parameters.RECOIL_MASS] - values[parameters.RECOIL_SPRING] * shift
-    drift = (drift + h * push) / (1.0 + h * values[parameters.RECOIL_DASHPOT])
+def _recoil(force: float, h: float, values: Array, motion: Array) -> None:
+    """Move the embankment through the second half of a step of h under a horizontal `force` in N on it."""
+    push = force / values[parameters.RECOIL_MASS] - values[parameters.RECOIL_SPRING] * motion[SHIFT]
+    drift = (motion[DRIFT] + h * push) / (1.0 + h * values[parameters.RECOIL_DASHPOT])
     friction = h * values[parameters.RECOIL_FRICTION]
-    return np.sign(drift) * max(0.0, abs(drift) - friction)
+    motion[DRIFT] = np.sign(drift) * max(0.0, abs(drift) - friction)
+    motion[SHIFT] += 0.5 * h * motion[DRIFT]

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.diagnosis.checks import REPLICATES
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
 from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
+from rock2d.diagnosis.report.live_gap import live_gap
 from rock2d.diagnosis.report.practical_indicators import (
     PASSING,
     Quantity,
@@ -30,6 +32,7 @@ from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
+from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
@@ -76,7 +79,8 @@ def report_page(
     """The page as text; the video is written into `folder` and into the page."""
     import matplotlib
 
-    context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
+    context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
+    context |= live_assets("live_gap") | {"replicates": REPLICATES}
     models = tables.compared_models(result) if result.found is not None else None
     effect = models.fits.get("effect") if models is not None else None
     chain = [e.name for e in effect.model.effects] if effect is not None else []
@@ -295,6 +299,9 @@ def _film(
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
         "passing_tile": _passing_tile(quantities, labels) if improves else [],
+        "live": live_gap(
+            result, content, [r for q in quantities if q.title == PASSING for r in q.rows], models.fits
+        ),
         "line_note": line_note,
         "repetitions": repetitions,
         "segments": [

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models

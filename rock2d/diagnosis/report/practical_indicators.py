@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER

@@ -56,9 +56,7 @@ def _parts(
     outside = content["outside"]
     found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
         (
-            spoken(cause["effect"])
-            + _size(cause)
-            + (f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""),
+            cause_name(cause),
             cause["origin"],
             cause["closes"],
             tuple(cause["closes_ci95"]),
@@ -78,6 +76,12 @@ def _parts(
     if rest >= LEAST_SHOWN:
         found.append(("not explained", "", rest, None, "base"))
     return found
+
+
+def cause_name(cause: Mapping[str, Any]) -> str:
+    """A cause with its size, and those that these data cannot tell from it."""
+    rivals = f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""
+    return spoken(cause["effect"]) + _size(cause) + rivals
 
 
 def _size(cause: Mapping[str, Any]) -> str:
@@ -116,7 +120,7 @@ def _sentence(content: Mapping[str, Any]) -> str:
 def checks_sentence(checks: Checks) -> str:
     """How many checks are as the model would make them, and which are not."""
     every = checks.all
-    failed = [f"{c.name} ({c.largest}, p {_chance(c.p)})" for c in every if c.fails]
+    failed = [f"{c.name} ({c.largest}, p {chance(c.p)})" for c in every if c.fails]
     rest = f"; not: {', '.join(failed)}" if failed else ""
     return f"{len(every) - len(failed)} of {len(every)} as the model would make them{rest}"
 
@@ -131,20 +135,20 @@ def checks_section(checks: Checks | None) -> dict[str, Any]:
         low, _, high = c.replicates
         said = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
         mark = Mark("base" if c.fails else "measured", c.value, low, high, said, "span")
-        rows.append((c.name, c.largest, chart(axis, [mark]), _chance(c.p), c.fails))
+        rows.append((c.name, c.largest, chart(axis, [mark]), chance(c.p), c.fails))
     columns = ("check", "compared", "film", "replicates_05", "replicates_50", "replicates_95", "p")
     table = [(c.name, c.words, c.value, *c.replicates, c.p) for c in checks.all]
     return {
         "check_rows": rows,
         "check_scale": tick_labels(axis),
         "check_sentence": checks_sentence(checks),
-        "check_chance": _chance(checks.p),
+        "check_chance": chance(checks.p),
         "false_alarms": f"{100 * FALSE_ALARMS:.0f} %",
         "checks_data": download("checks.csv", columns, table),
     }
 
 
-def _chance(p: float) -> str:
+def chance(p: float) -> str:
     return f"{p:.4f}" if p < 0.01 else f"{p:.2f}"
 
 

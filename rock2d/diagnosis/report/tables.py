@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
@@ -22,6 +22,7 @@ from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -63,6 +64,11 @@ def signs_of(result: Diagnosis) -> Signs:
     return MIRRORED_SIGNS[result.sanity.mirror]
 
 
+def corrected_setup(result: Diagnosis) -> World:
+    """The stated set-up, with a mirrored axis corrected."""
+    return replace(result.setup, view=replace(result.setup.view, mirror=signs_of(result)))
+
+
 def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
     """(n,) mean square of each impact's held-out residuals in standard deviations."""
     found = result.found
@@ -77,13 +83,13 @@ def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
     assert data is not None
     sigma = np.sqrt(impact_squares(result, out))
     if isinstance(data, FilmData):
-        return Misses(_touch(result, data, signs_of(result)), data.impact_block, sigma)
+        return Misses(touch_places(result, data), data.impact_block, sigma)
     return Misses(data.before[:, POSITION], data.impact_block, sigma)
 
 
-def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
+def touch_places(result: Diagnosis, data: FilmData) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
-    corrected = replace(result.setup, view=replace(result.setup.view, mirror=signs))
+    corrected = corrected_setup(result)
     impacts = data.impacts
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.model import is_factor
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets

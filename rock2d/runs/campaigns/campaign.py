@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
-from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
+from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
 from rock2d.runs.indicators.passing import PASSING_COLUMNS
 
@@ -69,7 +69,7 @@ class CampaignOptions:
     Attributes
     ----------
     engine, seed, releases : instead of the scenario's; releases are those of each block
-    keep : names of `outputs.OUTPUTS`, default ends and crossings. Where only crossings are kept a release stops as
+    keep : names of `OUTPUTS`, default ends and crossings. Where only crossings are kept a release stops as
         soon as it lacks the energy to reach another measure line
     chunk_releases : releases of a chunk; None: as the engine has it
     """

@@ -177,9 +177,7 @@ def _simulate(
     import pyarrow as pa
 
     group = job.conditions.group(chunk.block, first, stop)
-    ensemble = ENGINES[job.engine].ensemble
-    assert ensemble is not None, f"engine {job.engine} is for single releases"
-    found = ensemble(job, group)
+    found = job.outcome(group)
     numbers = chunk.offset + np.arange(first, stop)
 
     def columns(names: Sequence[str], release: Array, **of: Any) -> dict[str, pa.Array]:

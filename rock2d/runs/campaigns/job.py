@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.runs.conditions import Conditions
+from rock2d.runs.conditions import Conditions, Group
+from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.indicators.crossings import foot_and_up
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.blocks import Block
@@ -17,6 +18,7 @@ from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
+    from rock2d.runs.campaigns.ensembles import Outcome
 
 Array = np.ndarray
 
@@ -27,7 +29,7 @@ class Job:
 
     Attributes
     ----------
-    folder : holds a folder for each of `keep`, names of `outputs.OUTPUTS`
+    folder : holds a folder for each of `keep`, names of `campaigns.OUTPUTS`
     fingerprint : of everything that determines the result; each file carries it
     conditions : of each release
     fps : samples per second, if they are kept
@@ -63,6 +65,12 @@ class Job:
         feet, ups = np.array(found).reshape(-1, 2, 2).transpose(1, 0, 2)
         return feet, ups
 
+    def outcome(self, group: Group) -> Outcome:
+        """What the engine finds out about a group of releases."""
+        ensemble = ENGINES[self.engine].ensemble
+        assert ensemble is not None, f"engine {self.engine} is for single releases"
+        return ensemble(self, group)
+
     def times_s(self) -> Array:
         """Instants at which samples are taken."""
         return np.arange(int(self.time_limit_s * self.fps + FRAME_TOLERANCE) + 1) / self.fps
@@ -87,3 +95,8 @@ def job_of(
         folder, fingerprint, keep, Conditions(scenario, engine, seed), scenario.gravity_m_s2,
         scenario.longest_release_s(), scenario.outputs.fps,
     )  # fmt: skip
+
+
+def crossings_job(scenario: Scenario, engine: str, seed: int) -> Job:
+    """The job of a scenario whose crossings alone are wanted, in memory, on the compiled engine of the same law."""
+    return job_of(scenario, compiled_engine(engine).name, seed, ("crossings",), Path(), "")

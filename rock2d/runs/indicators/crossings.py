@@ -6,17 +6,13 @@ either direction. The crossing is exact: it lies on the parabola, not between sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.compiled import njit
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
-from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
-from rock2d.scene.blocks import Block
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
@@ -31,32 +27,25 @@ CROSSING_VALUES = (
 CROSSING_COLUMNS = ("block", "release", "line", *CROSSING_VALUES)
 
 
-def crossings_table(
-    tracks: Iterable[Track],
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
-    own_blocks: Mapping[int, Block] = MappingProxyType({}),
-) -> pd.DataFrame:
+def crossings_table(run: Simulated) -> pd.DataFrame:
     """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a passing.
 
     - incidence_angle_deg: between the velocity and the line's normal, in [-90, 90]; positive when the block
       heads toward the line's foot, that is the ground. At an upright line: the angle below the horizontal.
     - passing_height_m: distance along the line from its foot to the crossing of the centroid.
-    - energies are those of the release's own block, if it has one in `own_blocks` (release -> block)
+    - energies are those of the release's own block, if it has one
     - kinetic_J = translational_J + rotational_J = ½ m v² + ½ I ω², with the block's own moment of inertia.
-
-    Raises KeyError if a track's block is not in `blocks`.
     """
     import pandas as pd
 
-    rows = []
-    for track in tracks:
-        for name, ends in cross_section.measure_lines.items():
+    rows, ground = [], run.cross_section
+    for track in run.tracks:
+        for name, ends in ground.measure_lines.items():
             found = track.crossings(ends)[:1]
             if len(found):
-                block = own_blocks.get(track.release, blocks[track.block])
+                block = run.block_of(track)
                 masses = np.array([block.mass_kg, block.inertia_kg_m2])
-                values = crossing_values(found, ends, cross_section, masses)[0]
+                values = crossing_values(found, ends, ground, masses)[0]
                 rows.append((track.block, track.release, name, *map(float, values)))
     return pd.DataFrame(rows, columns=list(CROSSING_COLUMNS))
 
@@ -120,8 +109,4 @@ def _rows(found, feet, ups, masses):
     return release, line, values
 
 
-INDICATOR = Indicator(
-    "crossings",
-    CROSSING_COLUMNS,
-    lambda run: crossings_table(run.tracks, run.cross_section, run.blocks, run.own_blocks),
-)
+INDICATOR = Indicator("crossings", CROSSING_COLUMNS, crossings_table)

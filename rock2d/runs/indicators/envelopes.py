@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import least_count, percentile_estimate
@@ -28,12 +28,7 @@ STATIONS = 61
 INSTANTS = 400  # instants of a track, beside its knots, between which positions are taken as straight lines
 
 
-def envelope_table(
-    tracks: Iterable[Track],
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
-    own_blocks: Mapping[int, Block],
-) -> pd.DataFrame:
+def envelope_table(run: Simulated) -> pd.DataFrame:
     """Percentiles over the blocks that come past each station, in the direction of x; ENVELOPE_COLUMNS.
 
     - x_m: stations, evenly spread over the cross-section; a percentile is left out where it needs more blocks to pass
@@ -42,9 +37,9 @@ def envelope_table(
     """
     import pandas as pd
 
-    stations = evenly_spread(cross_section, STATIONS)
-    rows = []
-    for block, found in passing_values(tracks, stations, cross_section, blocks, own_blocks).items():
+    stations, rows = evenly_spread(run.cross_section, STATIONS), []
+    passing = passing_values(run.tracks, stations, run.cross_section, run.blocks, run.own_blocks)
+    for block, found in passing.items():
         counts = np.isfinite(found).sum(axis=0)
         ranked = np.sort(found, axis=0)  # NaN last
         for s, x in enumerate(stations.tolist()):
@@ -101,8 +96,4 @@ def _at_stations(track: Track, stations: Array, ground: Array, block: Block) -> 
     return out
 
 
-INDICATOR = Indicator(
-    "envelopes",
-    ENVELOPE_COLUMNS,
-    lambda run: envelope_table(run.tracks, run.cross_section, run.blocks, run.own_blocks),
-)
+INDICATOR = Indicator("envelopes", ENVELOPE_COLUMNS, envelope_table)

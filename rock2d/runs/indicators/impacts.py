@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from rock2d.records.columns import IMPACT_COLUMNS
-from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def impacts_table(tracks: Iterable[Track]) -> pd.DataFrame:
+def impacts_table(run: Simulated) -> pd.DataFrame:
     """Every impact of every track, exact: rows of IMPACT_COLUMNS."""
     import pandas as pd
 
-    rows = [{"release": t.release, "block": t.block, **impact} for t in tracks for impact in t.impacts]
+    rows = [{"release": t.release, "block": t.block, **impact} for t in run.tracks for impact in t.impacts]
     return pd.DataFrame(rows, columns=list(IMPACT_COLUMNS))
 
 
-INDICATOR = Indicator("impacts", IMPACT_COLUMNS, lambda run: impacts_table(run.tracks))
+INDICATOR = Indicator("impacts", IMPACT_COLUMNS, impacts_table)

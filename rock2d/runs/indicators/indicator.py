@@ -32,6 +32,9 @@ class Simulated(Protocol):
     def own_blocks(self) -> Mapping[int, Block]:
         """Release -> its block, where blocks differ from release to release."""
 
+    def block_of(self, track: Track) -> Block:
+        """The block of a release: its own, or that of its name."""
+
     @property
     def engine(self) -> str:
         """Name of the engine."""

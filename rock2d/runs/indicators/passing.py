@@ -9,15 +9,13 @@ that of the arriving ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rock2d.records.columns import UNRESOLVED_STOPS
-from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
-from rock2d.scene.blocks import Block
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.statistics import wilson_interval
@@ -95,12 +93,7 @@ def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, 
     return passed / of, wilson_interval(passed, of)[0], wilson_interval(passed + unresolved, of)[1]
 
 
-def passing_table(
-    tracks: Sequence[Track],
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
-    own_blocks: Mapping[int, Block],
-) -> pd.DataFrame:
+def passing_table(run: Simulated) -> pd.DataFrame:
     """Passing frequency of every block at every measure line; PASSING_COLUMNS.
 
     - left_source, arrived: see the head of this module
@@ -112,24 +105,21 @@ def passing_table(
     """
     import pandas as pd
 
-    rows, arrive = [], arrivals(cross_section)
-    for block in dict.fromkeys(track.block for track in tracks):
-        own = [track for track in tracks if track.block == block]
-        lines = cross_section.measure_lines
-        passed = np.array([[len(t.crossings(ends)) > 0 for ends in lines.values()] for t in own], bool)
+    rows, arrive, lines = [], arrivals(run.cross_section), list(run.cross_section.measure_lines)
+    crossings = run.to_pandas("crossings")
+    crossed = set(zip(crossings["release"], crossings["line"], strict=True))
+    for block in dict.fromkeys(track.block for track in run.tracks):
+        own = [track for track in run.tracks if track.block == block]
+        passed = np.array([[(track.release, line) in crossed for line in lines] for track in own], bool)
         cut, left_section = (
             np.array([track.stop in stops for track in own]) for stops in (UNRESOLVED_STOPS, ("exit",))
         )
         start, end = (np.array([track.knots[i, 1] for track in own]) for i in (0, -1))
-        size = np.array([own_blocks.get(track.release, blocks[block]).size_m for track in own])
+        size = np.array([run.block_of(track).size_m for track in own])
         left = int(left_source(start, end, left_section, size).sum())
         counts = count_passing(passed.reshape(len(own), len(lines)), cut, arrive)
-        rows += passing_rows(block, list(lines), len(own), left, counts)
+        rows += passing_rows(block, lines, len(own), left, counts)
     return pd.DataFrame(rows, columns=list(PASSING_COLUMNS))
 
 
-INDICATOR = Indicator(
-    "passing",
-    PASSING_COLUMNS,
-    lambda run: passing_table(run.tracks, run.cross_section, run.blocks, run.own_blocks),
-)
+INDICATOR = Indicator("passing", PASSING_COLUMNS, passing_table)

@@ -14,19 +14,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
-QUANTITIES = (
-    "kinetic_J",
-    "passing_height_m",
-    "speed_m_s",
-)  # columns of a crossing of which percentiles are taken
+QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")  # of a crossing of which percentiles are taken
 PERCENTILES = (95.0, 99.0)
 
 
-def percentile_table(
-    crossings: pd.DataFrame,
-    quantities: Sequence[str] = QUANTITIES,
-    percentiles: Sequence[float] = PERCENTILES,
-) -> pd.DataFrame:
+def percentile_table(crossings: pd.DataFrame, percentiles: Sequence[float] = PERCENTILES) -> pd.DataFrame:
     """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
 
     The intervals are those of `statistics.percentile_estimate`: of too few passings there is no percentile, but NaN.
@@ -35,8 +27,8 @@ def percentile_table(
 
     rows = []
     for (block, line), group in crossings.groupby(["block", "line"], sort=False):
-        for quantity in quantities:
-            ranked = dict(enumerate(np.sort(group[quantity].to_numpy(float)).tolist()))
+        for quantity in QUANTITIES:
+            ranked = np.sort(group[quantity].to_numpy(float))
             for percentile in percentiles:
                 estimate = percentile_estimate(ranked, len(ranked), percentile)
                 rows.append((block, line, quantity, percentile, len(ranked), *estimate))

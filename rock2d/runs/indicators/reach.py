@@ -11,15 +11,12 @@ estimation of rockfall runout zones, Nat. Hazards Earth Syst. Sci. 11 (2011) 819
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 from rock2d.runs.indicators.passing import left_source
-from rock2d.scene.blocks import Block
 from rock2d.statistics import percentile_estimate
 
 if TYPE_CHECKING:
@@ -47,9 +44,7 @@ def energy_head_m(states: Array, inertia_over_mass_m2: Array, gravity_m_s2: floa
         return np.asarray(states[:, 1] + twice / (2.0 * gravity_m_s2))
 
 
-def reach_table(
-    tracks: Sequence[Track], blocks: Mapping[str, Block], own_blocks: Mapping[int, Block]
-) -> pd.DataFrame:
+def reach_table(run: Simulated) -> pd.DataFrame:
     """Angle of reach and energy line angle of the releases that left their source; REACH_COLUMNS.
 
     not_stopped: releases that left the cross-section or were cut short. They would run farther: with one of them, the
@@ -59,9 +54,9 @@ def reach_table(
     import pandas as pd
 
     rows = []
-    for name in dict.fromkeys(track.block for track in tracks):
-        own = [track for track in tracks if track.block == name]
-        bodies = [own_blocks.get(track.release, blocks[name]) for track in own]
+    for name in dict.fromkeys(track.block for track in run.tracks):
+        own = [track for track in run.tracks if track.block == name]
+        bodies = [run.block_of(track) for track in own]
         start, end = (np.array([track.knots[i, 1:7] for track in own]) for i in (0, -1))
         left_section = np.array([track.stop == "exit" for track in own])
         left = left_source(start[:, 0], end[:, 0], left_section, np.array([body.size_m for body in bodies]))
@@ -70,10 +65,10 @@ def reach_table(
         stopped = np.array([track.stop == "rest" for track in own])
         for angle, origin in ((REACH, start[:, :2]), (ENERGY_LINE, head)):
             found = np.sort(angle_of_reach_deg(origin, end[:, :2])[left])
-            estimate = percentile_estimate(dict(enumerate(found.tolist())), len(found), PERCENTILE)
+            estimate = percentile_estimate(found, len(found), PERCENTILE)
             least = float(found[0]) if len(found) else np.nan
             rows.append((name, angle, int(left.sum()), int((left & ~stopped).sum()), least, *estimate))
     return pd.DataFrame(rows, columns=list(REACH_COLUMNS))
 
 
-INDICATOR = Indicator("reach", REACH_COLUMNS, lambda run: reach_table(run.tracks, run.blocks, run.own_blocks))
+INDICATOR = Indicator("reach", REACH_COLUMNS, reach_table)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
-from rock2d.scene.cross_section import CrossSection
+from rock2d.runs.indicators.indicator import Indicator, Simulated
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
@@ -16,7 +13,7 @@ if TYPE_CHECKING:
 STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout_m")
 
 
-def stops_table(tracks: Iterable[Track], cross_section: CrossSection) -> pd.DataFrame:
+def stops_table(run: Simulated) -> pd.DataFrame:
     """Where and how every release ended; STOP_COLUMNS.
 
     zone: zone of the facet nearest to the centroid, None if the block left the cross-section.
@@ -25,13 +22,13 @@ def stops_table(tracks: Iterable[Track], cross_section: CrossSection) -> pd.Data
     import pandas as pd
 
     rows = []
-    for track in tracks:
+    for track in run.tracks:
         t, x, y = map(float, track.knots[-1, :3])
-        nearest = int(nearest_facets(track.knots[-1:, 1:3], cross_section.points_m)[0])
-        zone = None if track.stop == "exit" else cross_section.zones[nearest]
+        nearest = int(nearest_facets(track.knots[-1:, 1:3], run.cross_section.points_m)[0])
+        zone = None if track.stop == "exit" else run.cross_section.zones[nearest]
         runout = x - float(track.knots[0, 1])
         rows.append((track.block, track.release, track.stop, t, x, y, zone, runout))
     return pd.DataFrame(rows, columns=list(STOP_COLUMNS))
 
 
-INDICATOR = Indicator("stops", STOP_COLUMNS, lambda run: stops_table(run.tracks, run.cross_section))
+INDICATOR = Indicator("stops", STOP_COLUMNS, stops_table)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.scene.polygons import polygon_moments
-from rock2d.scene.shapes.shape import NO_AXES, BlockError, Profile, Shape, Size
+from rock2d.scene.shapes.shape import NO_AXES, BlockError, Profile, Shape, Size, polygon_moments
 
 Array = np.ndarray
 

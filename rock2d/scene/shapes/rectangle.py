@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.scene.polygons import polygon_moments
-from rock2d.scene.shapes.shape import NO_AXES, Profile, Shape, Size, box, positive
+from rock2d.scene.shapes.shape import NO_AXES, Profile, Shape, Size, box, polygon_moments, positive
 
 
 def rectangle(a: float, b: float) -> Profile:

@@ -83,3 +83,13 @@ def box(corners_m: Array) -> dict[str, float]:
     """Length and height of the rectangle with these corners."""
     length, height = (2.0 * float(half) for half in corners_m.max(axis=0))
     return {"length_m": length, "height_m": height}
+
+
+def polygon_moments(corners: Array) -> tuple[float, float]:
+    """Area and polar second moment per area about the origin (counter-clockwise corners)."""
+    x, y = corners.T
+    x2, y2 = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y2 - x2 * y
+    area = 0.5 * cross.sum()
+    polar = (cross * (x * x + x * x2 + x2 * x2 + y * y + y * y2 + y2 * y2)).sum() / 12.0
+    return float(area), float(polar / area) if area else 0.0

@@ -83,16 +83,12 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
     outputs = ["ends", "crossings", "impacts", *(["samples"] if engine == "batch" else [])]
     tables, _ = campaign(tmp_path / "out", engine=engine, releases=15, chunk=10, keep=outputs)
     result = run(SETUP, engine=engine, releases=15, workers=1, progress=False)
-    tracks, cross_section = result.tracks, result.cross_section
     # the ensemble adds up time in larger parts than a track
-    same(kept(tmp_path / "out", "ends"), stops_table(tracks, cross_section))
-    impacts = impacts_table(tracks)
+    same(kept(tmp_path / "out", "ends"), stops_table(result))
+    impacts = impacts_table(result)
     assert impacts.groupby("release").size().max() > 3
     same(kept(tmp_path / "out", "impacts"), impacts)
-    crossings, single = (
-        kept(tmp_path / "out", "crossings"),
-        crossings_table(tracks, cross_section, result.blocks),
-    )
+    crossings, single = kept(tmp_path / "out", "crossings"), crossings_table(result)
     if engine == "point_mass":
         same(crossings, single)
     else:  # in contact a track's position is a cubic, the ensemble's a chord, of the same step

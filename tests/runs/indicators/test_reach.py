@@ -7,7 +7,9 @@ import pytest
 
 from rock2d.records.track import Track
 from rock2d.runs.indicators.reach import angle_of_reach_deg, energy_head_m, reach_table
+from rock2d.runs.simulation import Simulation
 from rock2d.scene.blocks import make_block
+from tests.laboratory import FLOOR
 
 GRAVITY = 9.81
 BLOCK = make_block("block", "square", 2000.0, "uniform", side_m=1.0)
@@ -24,9 +26,13 @@ def slid(slope_deg: float, friction_deg: float, speed: float, release: int = 0, 
     return Track(release, "block", np.array([start, end]), np.array([False, False]), [], stop, GRAVITY)
 
 
+def reach_of(*tracks: Track):
+    return reach_table(Simulation("batch", FLOOR, {"block": BLOCK}, list(tracks)))
+
+
 @pytest.mark.parametrize("slope_deg", [0.0, 12.0, 25.0])
 def test_the_energy_line_of_a_sliding_block_has_the_friction_angle_and_the_reach_that_of_the_plane(slope_deg):
-    table = reach_table([slid(slope_deg, 30.0, 15.0)], {"block": BLOCK}, {}).set_index("angle")
+    table = reach_of(slid(slope_deg, 30.0, 15.0)).set_index("angle")
     assert table.loc["energy_line", "least_deg"] == pytest.approx(30.0, abs=1e-9)
     assert table.loc["reach", "least_deg"] == pytest.approx(slope_deg, abs=1e-9)
 
@@ -62,13 +68,13 @@ def test_a_simulated_block_that_slides_has_an_energy_line_near_its_friction_angl
 def test_blocks_that_stay_do_not_count_and_those_that_leave_are_told():
     stayed = slid(10.0, 30.0, 1.0)
     tracks = [stayed, slid(10.0, 30.0, 12.0, 1), slid(10.0, 30.0, 20.0, 2, "exit")]
-    table = reach_table(tracks, {"block": BLOCK}, {})
+    table = reach_of(*tracks)
     assert table["left_source"].tolist() == [2, 2] and table["not_stopped"].tolist() == [1, 1]
     assert table["exceeded_by_95_deg"].isna().all()  # two blocks have no 95 % of them
 
 
 def test_ninety_five_per_cent_of_the_blocks_stop_above_the_angle():
     tracks = [slid(5.0, 20.0 + 0.1 * i, 15.0, i) for i in range(101)]
-    row = reach_table(tracks, {"block": BLOCK}, {}).set_index("angle").loc["energy_line"]
+    row = reach_of(*tracks).set_index("angle").loc["energy_line"]
     assert row["exceeded_by_95_deg"] == pytest.approx(20.5)
     assert row["low95_deg"] < 20.5 < row["high95_deg"] and row["least_deg"] == pytest.approx(20.0)

@@ -1,0 +1,372 @@
+"""A film, tracked from its first frame to its last: for the command `rock2d track` and for `rock2d.track`."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rock2d.errors import InputError, counted
+from rock2d.files.experiment import write_experiment_files
+from rock2d.files.folders import atomic_folder, write_whole
+from rock2d.kinematics.flight_gravity import Measured
+from rock2d.progress import Bars
+from rock2d_tracking.explanation import (
+    TrackingAttempt,
+    keys_to_try,
+    proposed,
+    why_not_tracked,
+    write_explanation,
+)
+from rock2d_tracking.film_reading import FilmFile, Frames
+from rock2d_tracking.film_scale import FilmScale, proposal
+from rock2d_tracking.first_setup import SETUP, FirstSetup, first_motion, ground_of
+from rock2d_tracking.following import Followed, Prepared, followed, motion_in, prepared
+from rock2d_tracking.lens import lens_bend
+from rock2d_tracking.live_frames import SeenFrames, live_frames, seen_frames
+from rock2d_tracking.looks import ChannelMix, Looks
+from rock2d_tracking.motion import Motion
+from rock2d_tracking.overlay import Overlay
+from rock2d_tracking.setup_checks import check_sanity
+from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.sights import FollowedRelease
+from rock2d_tracking.steadying import camera_ways
+from rock2d_tracking.tracked_film import (
+    TrackedFilm,
+    film_of,
+    findings_of,
+    moving_releases,
+    rescaled,
+    tracked_film,
+)
+from rock2d_tracking.velocities import MID_AIR, flights_and_impacts
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.kinematics.film_findings import FilmFindings
+    from rock2d.kinematics.film_segments import FilmSegments
+
+Array = np.ndarray
+
+PAGE, OVERLAY = "tracking.html", "overlay.webm"
+GREY = ChannelMix()
+GRAVITY_ROUNDS = 2  # in which the scale that gravity gives changes what counts as a flight
+SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
+# why a film is read, with the time that this takes, relative to each other
+PASSES = {
+    "looking at the background": 0.5,
+    "finding what moves": 1.0,
+    "learning looks": 0.4,
+    "following": 0.7,
+    "pictures for the page": 0.1,
+}
+
+
+@dataclass(frozen=True)
+class FilmTrack:
+    """All that was found in a film.
+
+    Attributes
+    ----------
+    film : experiment, frames and remarks
+    flights, impacts : tables, see `velocities.flights_and_impacts`
+    data : the frames divided into flights
+    said : what the film says of itself
+    looks : how each block was found
+    setup : that was used or guessed
+    overlay : WebM of the film with the tracked outlines
+    still : (height, width) uint8, the first frame
+    seen : the frames as the page shows them
+    """
+
+    film: TrackedFilm
+    flights: pd.DataFrame
+    impacts: pd.DataFrame
+    data: FilmSegments
+    said: FilmFindings
+    looks: Mapping[str, Looks]
+    setup: Setup
+    overlay: bytes
+    still: Array
+    seen: SeenFrames
+
+    def counts(self) -> str:
+        """Releases, frames, flights and impacts in words."""
+        frames = self.film.frames
+        return (
+            f"{counted(frames['release'].nunique(), 'release')}, {(frames['reason'] == '').sum()} of "
+            f"{counted(len(frames), 'frame')} trusted, {counted(len(self.flights), 'flight')}, "
+            f"{counted((self.impacts['flag'] != MID_AIR).sum(), 'impact')}"
+        )
+
+    def write(self, folder: Path, also: Callable[[Path], None] = lambda folder: None) -> None:
+        """Write the experiment folder with tables, page and overlay, whole or not at all; `also` writes further files
+        into the folder that it is given."""
+        from rock2d.kinematics.film_findings import write_film_findings
+
+        with atomic_folder(folder) as partial:
+            write_experiment_files(partial, self.film.experiment)
+            write_film_findings(partial, self.said)
+            self._write_metadata(partial / "track.json")
+            tables = {"frames": self.film.frames, "flights": self.flights, "measured_impacts": self.impacts}
+            for name, table in tables.items():
+                table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
+            self.write_page(partial)
+            (partial / SETUP).write_text(self.setup.text, encoding="utf-8")
+            also(partial)
+
+    def write_page(self, folder: Path) -> None:
+        """Write the page of diagnostics, and the overlay that it shows."""
+        from rock2d_tracking.page import write_page
+
+        (folder / OVERLAY).write_bytes(self.overlay)
+        live = live_frames(self.seen, self.film, self.looks, self.flights, self.impacts)
+        write_page(folder / PAGE, self.film, self.flights, self.impacts, self.data, self.still, live)
+
+    def _write_metadata(self, path: Path) -> None:
+        """Write how each block was found, and by how much all its positions may be off alike."""
+        blocks = {}
+        for name, offset_px in self.film.offset_px.items():
+            looks = self.looks[name]
+            blocks[name] = {
+                "fit": looks.kind,
+                "radius_px": float(np.sqrt(looks.outline.area_px2 / np.pi)),
+                "position_error_px": offset_px,
+                "position_error_m": offset_px * self.setup.metres_per_pixel,
+            }
+        write_whole(path, json.dumps({"blocks": blocks}, indent=1, allow_nan=False) + "\n")
+
+
+class NotTrackedError(InputError):
+    """A film in which nothing can be tracked; `write` says what was seen of it."""
+
+    def __init__(
+        self, error: InputError, seen: TrackingAttempt, setup_text: str, overlay: bytes | None = None
+    ) -> None:
+        keys = ", ".join(text.split(":")[0] for text in keys_to_try(seen))
+        self._said, self._seen, self._setup_text, self._overlay = str(error), seen, setup_text, overlay
+        super().__init__(f"{error.message}; keys to try next: {keys}", error.file)
+
+    def write(self, folder: Path) -> None:
+        """Write what was seen of the film into a folder, whole or not at all."""
+        with atomic_folder(folder) as inside:
+            write_explanation(inside, self._seen, self._said)
+            (inside / SETUP).write_text(self._setup_text, encoding="utf-8")
+            if self._overlay is not None:
+                (inside / OVERLAY).write_bytes(self._overlay)
+
+
+class ShownFrames(Frames):
+    """Frames with a bar for each time that they are read; `passes`: what for."""
+
+    def __init__(self, film: FilmFile, last: int | None, bars: Bars, passes: Sequence[str]) -> None:
+        super().__init__(film, last)
+        self._bars, self._passes = bars, iter(passes)
+        self._length = min(film.expected_frames, last or film.expected_frames)
+
+    def __iter__(self) -> Iterator[Array]:
+        with self._bars.stage(next(self._passes, "reading again"), self._length, "frames") as bar:
+            yield from bar.counted(super().__iter__())
+
+
+class TrackedSetup(NamedTuple):
+    """What is known of a film before its blocks are followed, and the set-up after that.
+
+    Attributes
+    ----------
+    setup : set-up with which they are followed
+    setup_of : the set-up of what was followed, with scale and frame rate
+    guessed : whether it is guessed from the film
+    """
+
+    setup: Setup
+    prepared: Prepared
+    setup_of: Callable[[list[FollowedRelease], FilmScale], Setup]
+    guessed: bool = False
+
+    @property
+    def asked(self) -> FilmScale:
+        """Scale and frame rate without what gravity gives."""
+        given = self.setup.from_gravity.which if self.setup.from_gravity is not None else ""
+        scale, fps, gravity = self.setup.scale
+        return FilmScale(None if given == "scale" else scale, None if given == "fps" else fps, gravity)
+
+
+def track_film(
+    video: Path, known: Setup | FilmScale, last: int | None = None, *, progress: bool = False
+) -> tuple[FilmTrack, TrackingAttempt]:
+    """Track a film; also gives what was seen of it, with which `explanation.write_explanation` explains the track.
+
+    known : the set-up, or scale and frame rate, from which one is written; of the two, gravity gives the one that is
+        not known
+    last : number of frames after which to stop, None for all
+
+    Raises `NotTrackedError` where nothing can be tracked, `InputError` for a file that is no film.
+    """
+    film = FilmFile(video)
+    frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
+    frames.ways_px = camera_ways(frames, film.expected_frames)
+    if isinstance(known, Setup):
+        return _tracked(film, frames, _known_setup(film, frames, known))
+    return _tracked(film, frames, _first_setup(film, frames, known))
+
+
+def _known_setup(film: FilmFile, frames: Frames, setup: Setup) -> TrackedSetup:
+    motion = motion_in(frames, setup, film.expected_frames, frames.stamps(setup.scale.fps).clock)
+    if not motion.scale.fall_px:
+        raise NotTrackedError(_no_fall(film, motion), TrackingAttempt(frames, motion, None, None), setup.text)
+    whole = setup.with_scale(motion.scale)
+    ready = prepared(frames, whole, film.size_px, motion)
+    return TrackedSetup(whole, ready, lambda releases, scale: whole.with_scale(scale))
+
+
+def _first_setup(film: FilmFile, frames: Frames, asked: FilmScale) -> TrackedSetup:
+    """The same of a film without a set-up file."""
+    motion = first_motion(film, frames, asked)
+    if not motion.scale.fall_px:
+        raise _no_fall(film, motion)
+    first = FirstSetup(film, motion, asked, motion.scale)
+    if not motion.chains:
+        seen = TrackingAttempt(frames, motion, None, None)
+        raise NotTrackedError(_no_fall(film, motion), seen, first.setup().text)
+    ready = prepared(frames, first.setup(), film.size_px, motion)
+    sized = replace(first, size=ready.looks["ball"].size)
+
+    def with_ground(releases: list[FollowedRelease], scale: FilmScale) -> Setup:
+        return replace(sized, scale=scale, ground_px=ground_of(releases, scale.fall_px)).setup()
+
+    return TrackedSetup(sized.setup(), ready, with_ground, guessed=True)
+
+
+def _no_fall(film: FilmFile, motion: Motion) -> InputError:
+    """That nothing falls, and what would let it fall."""
+    if not motion.scale.fall_px:
+        return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
+    scale, fps, _ = motion.scale
+    said = f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s"
+    bent = [arc for arc in motion.arcs if arc.other and arc.gravity_ratio > 0]
+    if bent:
+        said += f". Something falls otherwise: {proposed(motion, bent).sentence(options=True)}"
+    return InputError(said, film.path)
+
+
+def _tracked(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTrack, TrackingAttempt]:
+    setup = known.setup
+    found_in_film, still, overlay = _followed(film, frames, known)
+    seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
+    stamps = frames.stamps(known.asked.fps)
+    for sight in (s for release in found_in_film.releases for s in release.sights):
+        sight.when = float(stamps.clock(sight.frame))
+        sight.read, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
+    try:
+        kept = moving_releases(found_in_film.releases, setup.fall_px)
+        if not kept:
+            raise InputError(why_not_tracked(found_in_film), film.path)
+        found, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
+        found.remarks.extend([stamps.remark] if stamps.remark else [])
+        if frames.ways_px is not None:
+            found.remarks.append(
+                f"the camera moved by {np.sqrt(frames.ways_px.var(axis=0).sum()):.2g} px (root mean square): its "
+                "motion, read from the background, was taken out; places are those in the first frame"
+            )
+        found.remarks.extend(_remarks_on_looks(found_in_film, sized=not known.guessed))
+        found.remarks.extend(check_sanity(found.experiment, setup, guessed=known.guessed))
+    except InputError as error:
+        raise NotTrackedError(error, seen, setup.text, overlay) from None
+    flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
+    found.remarks.extend(_remarks_on_scale(said, setup, options=known.guessed))
+    found.remarks.extend(_remarks_on_lens(data, setup, film.size_px))
+    looks = found_in_film.looks
+    read = np.array([sight.read for release in kept for sight in release.sights])
+    pictured = seen_frames(frames, found.placed_frames(), read, looks, (flights, impacts), still)
+    return FilmTrack(found, flights, impacts, data, said, looks, setup, overlay, still, pictured), seen
+
+
+def _experiment_of(
+    film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
+) -> tuple[TrackedFilm, FilmFindings, Setup]:
+    """The experiment that a film shows, what it says of itself, and the set-up. Scale or frame rate are those with
+    which flights show gravity, if they are not stated.
+
+    Raises `InputError` if flights are to give them and none shows gravity clearly.
+    """
+    setup = known.setup_of(kept, known.prepared.motion.scale)
+    found = tracked_film(kept, followed, setup, film.size_px)
+    said, given = findings_of(found.experiment, setup), setup.from_gravity
+    if given is None:
+        return found, said, setup
+    for _ in range(GRAVITY_ROUNDS):
+        if said.ratio is None:
+            raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
+        scale, before = known.asked.given(setup.scale.fall_px * said.ratio.value), setup
+        error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
+        setup = known.setup_of(kept, scale).with_scale(scale, error)
+        found = rescaled(found, before, setup, film.size_px)
+        said = findings_of(found.experiment, setup)
+    return found, said, setup
+
+
+def _followed(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:
+    """What was followed, the first frame in grey, and the overlay."""
+    still: list[Array] = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / OVERLAY
+        with closing(Overlay(path, known.setup, film.size_px, film.expected_frames)) as overlay:
+
+            def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
+                if not still:
+                    still.append(GREY(frame))
+                overlay.draw(number, frame, release)
+
+            found = followed(frames, known.prepared, on_progress)
+        return found, still[0], path.read_bytes()
+
+
+def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> list[str]:
+    """Which frame rate and which scale would be right, where one is wrong; the scale that gravity gave."""
+    if said.off and said.ratio is not None:
+        ratio = Measured(said.ratio.value, said.unexplained_error)
+        return [proposal(setup.scale, ratio).sentence(options=options)]
+    given = setup.from_gravity
+    if given is not None and given.which == "scale":
+        return [f"a pixel is {setup.metres_per_pixel:.6g} m, ± {100 * given.relative_error:.2g} %"]
+    return []
+
+
+def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int]) -> list[str]:
+    """That flights are bent as by a lens, if none is stated."""
+    if setup.keys.camera.distortion is not None:
+        return []
+    bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
+    if bend is None:
+        return []
+    return [
+        f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`, and measure the "
+        "scale near the middle of the picture. A rolling shutter, air or a camera at a slant may do the same"
+    ]
+
+
+def _remarks_on_looks(followed: Followed, *, sized: bool) -> list[str]:
+    """What a user should know of how blocks look; `sized`: whether their sizes were stated."""
+    remarks = []
+    for name, looks in followed.looks.items():
+        if sized and abs(looks.size - 1.0) > max(SIZE_WORTH_A_REMARK, 3 * looks.size_error):
+            remarks.append(
+                f"block {name} is seen {looks.size:.3f} (± {looks.size_error:.3f}) times as large as its size and the "
+                "scale say; it was tracked in the size that is seen"
+            )
+        if looks.kind == "picture":
+            remarks.append(
+                f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
+                f"without its turn; its centroid in this picture is known to {looks.bias_px:.2f} px: all its positions "
+                "may be off alike by so much, velocities and g are not"
+            )
+    return remarks

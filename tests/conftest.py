@@ -30,6 +30,7 @@ FIRST = (
     "effects/test_catalogue.py",
     "engines/test_batch.py",
     "diagnosis/test_report.py",
+    "diagnosis/test_live_gap.py",
     "diagnosis/test_cause_sets.py",
     "diagnosis/test_predict.py",
     "hunt/test_files.py",

@@ -88,9 +88,10 @@
     button.setAttribute("aria-pressed", on);
     button.addEventListener("click", () => { press(); [...table.querySelectorAll("button")].find((own) => own.textContent === text)?.focus(); });
   }
+  const short = (m) => (m ? "ticked causes" : data.labels[0]);
   function fillZones() { // typical residuals zone by zone
     const m = shown(), own = data.channels[state.block === "" ? 0 : 1 + state.block];
-    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map((k) => data.labels[k])]);
+    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map(short)]);
     const body = emptied(find("zones"), ["", ...head]);
     data.zones.forEach((zone, z) => {
       const parts = own[1 + z];
@@ -221,7 +222,7 @@
     }
     pen.restore();
     const own = [...frames.segments.keys()].filter(ofThis);
-    const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "before the first segment: measured only";
+    const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "outside the segments: measured only";
     find("frame").textContent = `t = ${t[i].toFixed(3)} s, frame ${i - begin() + 1} of ${end() - begin()}, ${where}${inside && m ? `; ${data.labels[m]} ${off(i, m)}` : ""}.`;
   }
   function segmentStart(way) { // of the next segment of the release, or of the one before
@@ -241,7 +242,7 @@
     const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
     const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
     table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
-    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map((k) => data.labels[k])]);
+    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map(short)]);
     for (const i of own) {
       const made = row(body, ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...models.map((k) => missed(i, k))]);
       pressed(made.cells[0], ofTime[i].toFixed(3), i === state.item, () => choose(i));

@@ -281,6 +281,9 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
         assert numbers[:3] == pytest.approx(measured + left[3:], abs=0.011)
         assert numbers[3:] == pytest.approx(left[:3] * [1e3, 1e3, np.rad2deg(1.0)], abs=0.011)
     assert page.input_value("#live-release") == str(release)
+    after = data.basis.middle[data.impacts.after[i]] + data.impacts.begin_s[i] - began
+    shown_s = float(re.match(r"t = ([\d.]+) s", frame_words(page)).group(1))
+    assert after - 2 / 500.0 < shown_s < after + 1e-3  # where the flight after it begins
 
 
 def test_a_click_on_the_section_chooses_what_lies_there(page, diagnosed):
@@ -373,7 +376,7 @@ def test_it_plays_pauses_and_shows_the_whole_section(page):
     clock = page.locator("#live-time")
     clock.focus()
     page.keyboard.press("Home")
-    assert "before the first segment" in frame_words(page)
+    assert "outside the segments" in frame_words(page)
     page.locator("#live-speed").select_option("0.1")
     page.get_by_role("button", name="play").click()
     until(page, lambda: float(clock.input_value()) > 0.01)
@@ -469,4 +472,7 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
     held, every = json.loads(less.data)["frames"]["release"], json.loads(whole.data)["frames"]["release"]
     assert f"holds {len(held)} of {len(every)} releases" in less.notes[0] and len(whole.notes) == 1
     sizes = misses_of(diagnosed, found.base_held_out).sigma
+    monkeypatch.setattr(live_gap, "MOST_NUMBERS", 8000)
+    least = live_gap.live_gap(diagnosed, content, [], {})
+    assert len(json.loads(least.data)["frames"]["release"]) < len(held)
     assert diagnosed.data.impact_release[np.argmax(sizes)] in held and 0 in held

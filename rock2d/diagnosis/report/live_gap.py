@@ -28,6 +28,7 @@ from rock2d.diagnosis.report.live_items import (
     PHASES,
     Items,
     channel_words,
+    frame_step,
     frames_table,
     shown_releases,
 )
@@ -43,6 +44,7 @@ from rock2d.wording import listed, spoken
 Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # that the data add to a page
+MOST_NUMBERS = 2_000_000  # of frames that are packed; they take about two bytes each
 OUTLINE_POINTS = 32
 LEAST_SIZES = (0.0, *(least for least, _, _ in MISS_CLASSES[1:]), 4.0)  # residuals to choose from, in σ
 LEARNT = "learnt"  # in the address
@@ -257,10 +259,11 @@ def _moving(
     result: Diagnosis, data: FilmData, segments: Segments, models: Sequence[_Model], items: Items, room: int
 ) -> tuple[dict[str, Any], list[str]]:
     """Frames, impacts and flights of the releases that fit into `room` bytes, and what was left out."""
-    count, share = len(data.order), 1.0
+    count, step = len(data.order), frame_step(result, data)
+    share = min(MOST_NUMBERS * step / (len(data.film.t_s) * (4 + 3 * len(models))), 1.0)
     while True:
         shown = shown_releases(items, count, share)
-        frames, step = frames_table(result, data, segments, [model.poses for model in models], shown)
+        frames = frames_table(result, data, segments, [model.poses for model in models], shown)
         found = {"frames": frames, "items": items.table(shown[items.release]), "steps": STEPS}
         size = len(compact(found))
         if size <= room or shown.sum() == 1:

@@ -24,7 +24,8 @@ from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X
 
 Array = np.ndarray
 
-SHOWN_MOVE_RADII = 0.25  # a typical block moves at most so far from one shown frame to the next
+# from one shown frame to the next a block moves at most so far, in this share of the time
+SHOWN_MOVE_RADII, FAST = 0.25, 0.9
 WORST_SHARE = 0.25  # of the releases that are shown where not all are: those that the base law misses most
 IMPACT, FLIGHT = range(2)
 PHASES = ("impact", "flight")
@@ -178,15 +179,14 @@ def shown_releases(items: Items, count: int, share: float) -> Array:
 
 def frames_table(
     result: Diagnosis, data: FilmData, segments: Segments, poses: Sequence[Array], shown: Array
-) -> tuple[dict[str, Any], int]:
-    """Frames of the `shown` releases (releases,), and of how many frames one is shown: instant and measured pose, and
-    for each model how far the predicted pose is off; 0 outside the segments. The first and the last frame of each
-    segment are there."""
+) -> dict[str, Any]:
+    """Frames of the `shown` releases (releases,): instant and measured pose, and for each model how far the predicted
+    pose is off; 0 outside the segments. The first and the last frame of each segment are there, too."""
     film, signs, models = data.film, np.array(signs_of(result)), len(poses)
     off, segment = np.zeros((len(film.t_s), models, 3)), np.full(len(film.t_s), -1)
     kept = np.zeros(len(film.t_s), bool)
     first = np.searchsorted(film.release, np.arange(len(data.order)))
-    step = _stride(result, data)
+    step = frame_step(result, data)
     kept[(np.arange(len(kept)) - first[film.release]) % step == 0] = True
     for i, rows in enumerate(segments.frames):
         segment[rows] = i
@@ -206,14 +206,14 @@ def frames_table(
     return {
         "rows": packed(raw), "scales": scales, "counts": counts.tolist(), "release": releases.tolist(),
         "segments": [[int(a), int(b)] for a, b in pairwise(runs) if segment[own[a]] >= 0],
-    }, step  # fmt: skip
+    }  # fmt: skip
 
 
-def _stride(result: Diagnosis, data: FilmData) -> int:
+def frame_step(result: Diagnosis, data: FilmData) -> int:
     """Of how many frames one is shown."""
     film = data.film
     same = np.diff(film.release) == 0
     moved = np.hypot(*np.diff(film.pose[:, :2], axis=0)[same].T)
     radii = np.array([block.radius_m for block in result.experiment.blocks.values()])
     moved /= radii[film.release_block[film.release[1:][same]]]
-    return max(int(SHOWN_MOVE_RADII / max(float(np.median(moved)), 1e-6)), 1)
+    return max(int(SHOWN_MOVE_RADII / max(float(np.quantile(moved, FAST)), 1e-6)), 1)

@@ -99,7 +99,9 @@ def test_what_cannot_be_tracked_is_refused_and_explained(film, tmp_path):
     assert "write fps: gravity" in (tmp_path / "why" / "explanation.txt").read_text()
     both = refusal(rock2d.track, film, metres_per_pixel="gravity", fps="gravity")
     assert "not both" in str(both)
-    assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {"key": "metres_per_pixel"}
+    assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {
+        "key": "metres_per_pixel"
+    }
 
 
 def test_gravity_gives_the_frame_rate(film):

@@ -6,6 +6,7 @@ import os
 import sys
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import click
 from rock2d_tracking.importers import importer_names
@@ -15,6 +16,8 @@ from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
 from rock2d.compiling import COMPILING, heard
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
+
+GRAVITY = "gravity"  # gives scale or frame rate of a film
 
 
 class Commands(click.Group):
@@ -32,6 +35,19 @@ class Commands(click.Group):
                 if single and given.count(option) > 1:
                     raise click.UsageError(f"{option.opts[0]} is given {given.count(option)} times", own)
         return name, command, rest
+
+
+class NumberOrGravity(click.ParamType):
+    """A positive number, or the word that leaves it to gravity."""
+
+    name = f"number or {GRAVITY}"
+
+    def __init__(self, largest: float) -> None:
+        self._number = click.FloatRange(0, largest, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        """The number, or the word."""
+        return GRAVITY if value == GRAVITY else self._number.convert(value, param, ctx)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -236,11 +252,10 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 @click.argument("video", type=click.Path(path_type=Path))
 @click.option("--config", type=click.Path(path_type=Path),
               help="setup.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
-@click.option(
-    "--metres-per-pixel", type=click.FloatRange(0, 10, min_open=True), help="Scale, without --config."
-)
-@click.option("--fps", type=click.FloatRange(0, 1e7, min_open=True),
-              help="Frames per second of the recording, without --config.")  # fmt: skip
+@click.option("--metres-per-pixel", type=NumberOrGravity(10),
+              help="Scale, without --config; gravity: what falls gives it.")  # fmt: skip
+@click.option("--fps", type=NumberOrGravity(1e7),
+              help="Frames per second of the recording, without --config; gravity: what falls gives it.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
 @click.option("--explain", is_flag=True, help="Also write what moves in the film, and the keys to try next.")
@@ -252,12 +267,16 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 
     Example: rock2d track film.avi --config setup.yaml --out my_tests
     """
-    from rock2d_tracking.command import FirstScale, TrackSettings, track
+    from rock2d_tracking.command import TrackSettings, track
+    from rock2d_tracking.film_scale import FilmScale
 
     given = sum(value is not None for value in (metres_per_pixel, fps))
     if given != (2 if config is None else 0):
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
-    known = config if config is not None else FirstScale(metres_per_pixel, fps)
+    if metres_per_pixel == fps == GRAVITY:
+        raise click.UsageError("gravity gives the frame rate or the scale, not both: state one of them")
+    scale, rate = (None if own == GRAVITY else own for own in (metres_per_pixel, fps))
+    known = config if config is not None else FilmScale(scale, rate)
     track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))
 
 

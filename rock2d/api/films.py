@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.files.experiment import Experiment
 
+GRAVITY = "gravity"  # gives scale or frame rate of a film
 IMPACTS_SHOWN = 8  # impacts that a notebook shows
 LIKELIEST_SHOWN = 5  # effects that a notebook shows
 
@@ -108,8 +109,8 @@ def track(
     film: str | Path,
     setup: Mapping[str, Any] | str | Path | None = None,
     *,
-    metres_per_pixel: float | None = None,
-    fps: float | None = None,
+    metres_per_pixel: float | Literal["gravity"] | None = None,
+    fps: float | Literal["gravity"] | None = None,
     frames: int | None = None,
     explained: str | Path | None = None,
     progress: bool = False,
@@ -122,8 +123,9 @@ def track(
         Any format that FFmpeg reads.
     setup : dict or path, optional
         The keys of a set-up file, or the file.
-    metres_per_pixel, fps : float, optional
+    metres_per_pixel, fps : float or "gravity", optional
         Instead of `setup`: the scale, and the frames per second of the recording. They are enough for a first track.
+        One of them may be left to gravity: what falls gives it.
     frames : int, optional
         Frames after which to stop; default: all.
     explained : path, optional
@@ -154,8 +156,11 @@ def track(
     scale = [value for value in (metres_per_pixel, fps) if value is not None]
     if len(scale) != (2 if setup is None else 0):
         raise InputError("expected either setup, or metres_per_pixel and fps", code="wrong_kind")
+    if scale == [GRAVITY, GRAVITY]:
+        raise InputError("gravity gives metres_per_pixel or fps, not both", code="bad_parameter", key="fps")
     for name, value in {"metres_per_pixel": metres_per_pixel, "fps": fps, "frames": frames}.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
+        number = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
+        if value not in (None, GRAVITY) and not number:
             raise InputError(f"expected {name} > 0, found {value!r}", code="bad_parameter", key=name)
     try:
         return TrackResult(track_film(Path(film), _known(setup, scale), frames, progress=progress)[0])
@@ -165,14 +170,15 @@ def track(
         raise
 
 
-def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float]) -> Any:
+def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float | str]) -> Any:
     """What the tracker is given: the set-up, or scale and frame rate."""
-    from rock2d_tracking.first_setup import FirstScale
+    from rock2d_tracking.film_scale import FilmScale
     from rock2d_tracking.setup_file import Setup
     from rock2d_tracking.setup_writing import setup_text
 
     if setup is None:
-        return FirstScale(*map(float, scale))
+        metres_per_pixel, fps = (None if value == GRAVITY else float(value) for value in scale)
+        return FilmScale(metres_per_pixel, fps)
     if not isinstance(setup, Mapping):
         return Setup(setup)
     try:

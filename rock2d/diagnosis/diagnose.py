@@ -207,7 +207,7 @@ def findings_of_film(
     if world.gravity_m_s2 <= 0:
         return None
     segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
-    return film_findings(segments, world, experiment.fps)
+    return film_findings(segments, world, experiment.fps, experiment.from_gravity)
 
 
 def locate(

@@ -35,6 +35,7 @@ def unseen(
     at = base.model.residuals(base.p, own)
     sd = standard_deviations(part.covariance())
     found = _hidden_by_spin(data, film)
+    found |= film.unjudged if film is not None else {}
     for name, effect in effects.items():
         if name not in found:
             model = replace(base.model, effects=[effect])

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from rock2d.files.checked_yaml import json_schema, key_shown, mistake
+from rock2d.files.experiment import FromGravity
 from rock2d.files.fitted_keys import (
     FittedLaw,
     Gain,
@@ -243,7 +244,11 @@ class FilmSays(Part):
     """What the film says of itself, before any model of contact."""
 
     gravity: FilmGravity | None = Field(
-        description="Gravity as the flights show it; null if no flight shows it"
+        description="Gravity as the flights show it; null if no flight shows it, or if it was not measured"
+    )
+    from_gravity: FromGravity | None = Field(
+        default=None,
+        description="Frame rate or scale if the fall of the blocks gave it: gravity is then no measurement",
     )
     rests: list[FilmRest] = Field(description="Where blocks lie at rest")
     without_angle: list[str] = Field(

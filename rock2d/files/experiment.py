@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -42,12 +42,31 @@ LARGEST_RELEASE = 10**9
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
+class FromGravity(Checked):
+    """What the fall of the blocks gave: their gravity is then no measurement."""
+
+    which: Literal["fps", "scale"] = Field(description="Frame rate or scale")
+    relative_error: float = Field(
+        ge=0, le=1, description="Its standard error over its value; all speeds may be off alike by as much"
+    )
+
+
 class Camera(Checked):
     """The camera and its noise (1 sigma)."""
 
     fps: float = Field(gt=0, le=1.0e7, description="Frames per second")
     position_noise_m: float = Field(ge=0, le=1.0e3, description="Position noise, 1 sigma, each axis, in m")
     angle_noise_rad: float = Field(ge=0, le=1.0e3, description="Angle noise, 1 sigma, in rad")
+    smear_offset_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1.0e3,
+        description="Offset of a block over its speed, 1 sigma of what all frames share, in s: "
+        "where one side is darker, a smeared outline is found beside its middle",
+    )
+    from_gravity: FromGravity | None = Field(
+        default=None, description="What was not measured but taken from the fall of the blocks; nothing"
+    )
 
 
 class ExperimentKeys(Checked):
@@ -93,6 +112,8 @@ class Experiment:
     trajectories : rows `TRAJECTORY_COLUMNS`, NaN where a frame was lost; or None
     impacts : rows of at least `REQUIRED_IMPACT_COLUMNS`, or None; exactly one of the two is given
     folder : where it was read from, None if made in memory
+    smear_offset_s : offset of a block over its speed that all frames share, 1 sigma, in s
+    from_gravity : whether frame rate or scale come from the fall of the blocks; None if they were measured
     """
 
     name: str
@@ -105,6 +126,8 @@ class Experiment:
     trajectories: pd.DataFrame | None = None
     impacts: pd.DataFrame | None = None
     folder: Path | None = field(default=None, compare=False)
+    from_gravity: FromGravity | None = None
+    smear_offset_s: float = 0.0
 
     def __post_init__(self) -> None:
         if (self.trajectories is None) == (self.impacts is None):
@@ -181,6 +204,8 @@ def load_experiment(folder: str | Path) -> Experiment:
         trajectories=tables.get("trajectories"),
         impacts=tables.get("impacts"),
         folder=folder,
+        from_gravity=keys.camera.from_gravity,
+        smear_offset_s=keys.camera.smear_offset_s,
     )
 
 
@@ -266,6 +291,10 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
             "fps": float(experiment.fps),
             "position_noise_m": float(experiment.position_noise_m),
             "angle_noise_rad": float(experiment.angle_noise_rad),
+            **({"smear_offset_s": float(experiment.smear_offset_s)} if experiment.smear_offset_s else {}),
+            **(
+                {"from_gravity": given.model_dump()} if (given := experiment.from_gravity) is not None else {}
+            ),
         },
         "cross_section": {key: value for key, value in cross_section.items() if value},
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},

@@ -17,6 +17,7 @@ import numpy as np
 
 from rock2d.effects.air_drag import coefficient
 from rock2d.errors import counted
+from rock2d.files.experiment import FromGravity
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
@@ -48,6 +49,7 @@ class FilmFindings:
         the stated mass and size; `spin`: the share by which the lift of a spin that was not measured may change it
     rests : heights at rest
     without_angle : blocks whose angle was not measured
+    from_gravity : what gravity gave, so that the flights cannot check it; None if scale and frame rate were measured
     """
 
     stated_m_s2: float
@@ -60,6 +62,7 @@ class FilmFindings:
     spin: float
     rests: list[RestHeight]
     without_angle: list[str]
+    from_gravity: FromGravity | None = None
 
     @property
     def ratio(self) -> Measured | None:
@@ -73,7 +76,18 @@ class FilmFindings:
     def off(self) -> bool:
         """Whether scale or frame rate must be wrong: gravity is off by more than its error, the air and the place on
         the earth explain."""
-        return (ratio := self.ratio) is not None and ratio.off(1.0) and not self._explained(ratio)
+        if self.from_gravity is not None or (ratio := self.ratio) is None:
+            return False
+        return ratio.off(1.0) and not self._explained(ratio)
+
+    @property
+    def unexplained_error(self) -> float:
+        """Relative standard error of gravity as a standard of length over time squared: that of the flights, the air
+        and the spin, the place on the earth."""
+        assert self.ratio is not None
+        return float(
+            np.hypot(self.ratio.error, np.hypot(np.hypot(self.air[0], self.spin), 0.5 * LOCAL_GRAVITY))
+        )
 
     def _explained(self, ratio: Measured) -> bool:
         """If the air, twice as strong as expected, an unmeasured spin or another place on the earth would explain the
@@ -93,13 +107,23 @@ class FilmFindings:
         return (ratio := self.ratio) is not None and not self.off and self.spin > ratio.error
 
     @property
+    def unjudged(self) -> dict[str, str]:
+        """Effects of which this film can say nothing, whatever is found in it -> why."""
+        if self.from_gravity is None:
+            return {}
+        given = "frame rate" if self.from_gravity.which == "fps" else "scale"
+        return dict.fromkeys(
+            SCALE_OR_RATE, f"the {given} was taken from gravity, so that flights cannot check it"
+        )
+
+    @property
     def suspects(self) -> list[str]:
         """Effects of which one must act, or both."""
         return list(SCALE_OR_RATE) if self.off else []
 
     def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
         """Effect -> its parameter, if it acts alone: value, 95 % interval, unit."""
-        if (ratio := self.ratio) is None:
+        if (ratio := self.ratio) is None or self.from_gravity is not None:
             return {}
         rate = Measured(ratio.value**0.5, 0.5 * ratio.error / ratio.value**0.5)
         return {
@@ -119,7 +143,8 @@ class FilmFindings:
     def content(self) -> dict[str, Any]:
         """As plain numbers and words, for `film.json` and `diagnosis.json`."""
         return {
-            "gravity": self._gravity_content(),
+            "gravity": self._gravity_content() if self.from_gravity is None else None,
+            "from_gravity": None if self.from_gravity is None else self.from_gravity.model_dump(),
             "rests": [asdict(own) for own in self.rests],
             "without_angle": self.without_angle,
             "said": self.sentences(),
@@ -166,8 +191,10 @@ class FilmFindings:
         ratio, fps = self.ratio, self.true_fps()
         if self.gravity is None or ratio is None or fps is None:
             return "no flight shows gravity clearly: scale and frame rate cannot be checked"
+        if self.from_gravity is not None:
+            return self._given_sentence(self.from_gravity)
         found = (
-            f"g = {_with_error(self.gravity.gravity_m_s2)} m/s² in {counted(self.flights, 'flight')} of "
+            f"g = {with_error(self.gravity.gravity_m_s2)} m/s² in {counted(self.flights, 'flight')} of "
             f"{counted(self.releases, 'release')}"
         )
         size = Measured(100.0 * abs(ratio.value - 1.0), 100.0 * ratio.error)
@@ -176,8 +203,8 @@ class FilmFindings:
             near = LEAST_RATIO < ratio.value < LARGEST_RATIO
             carried = "" if near else ". Did the block fly there, or did something carry it?"
             return (
-                f"{{{', '.join(SCALE_OR_RATE)}}}: {_with_error(size, ' %')}. {found}, stated {self.stated_m_s2:g}: "
-                f"lengths are {_with_error(size, ' %')} too {way}, or the true frame rate is {_with_error(fps)} and "
+                f"{{{', '.join(SCALE_OR_RATE)}}}: {with_error(size, ' %')}. {found}, stated {self.stated_m_s2:g}: "
+                f"lengths are {with_error(size, ' %')} too {way}, or the true frame rate is {with_error(fps)} and "
                 f"not {self.fps:g} frames/s, or both are off. Flights alone cannot tell which{carried}"
             )
         if ratio.off(1.0):
@@ -185,13 +212,28 @@ class FilmFindings:
                 f", the lift of an unmeasured spin (up to {_rounded(100 * self.spin)} %)" if self.spin else ""
             )
             return (
-                f"{found} differs from the stated {self.stated_m_s2:g} by {_with_error(size, ' %')}, no more than air "
+                f"{found} differs from the stated {self.stated_m_s2:g} by {with_error(size, ' %')}, no more than air "
                 f"(about {_rounded(100 * abs(self.air[0]))} %){spin} and the place on the earth "
                 f"({100 * LOCAL_GRAVITY:g} %) explain"
             )
         return (
             f"{found} agrees with the stated {self.stated_m_s2:g}: scale, or the square of the frame rate, is right to "
             f"{_rounded(100.0 * (abs(ratio.value - 1.0) + 1.96 * ratio.error))} %, unless their errors cancel"
+        )
+
+    def _given_sentence(self, given: FromGravity) -> str:
+        rate = given.which == "fps"
+        error = given.relative_error
+        what = (
+            f"the frame rate, {with_error(Measured(self.fps, self.fps * error))} frames/s,"
+            if rate
+            else "the scale"
+        )
+        off = "all speeds" if rate else "all lengths and speeds"
+        return (
+            f"{what} was taken from gravity, {self.stated_m_s2:g} m/s², in {counted(self.flights, 'flight')} of "
+            f"{counted(self.releases, 'release')}: scale and frame rate cannot be checked, and {off} may be off alike "
+            f"by {_rounded(100 * error)} % (1 standard error)"
         )
 
     def _tilt_sentence(self) -> str:
@@ -204,13 +246,16 @@ class FilmFindings:
         degrees = Measured(float(np.rad2deg(abs(tilt.value))), float(np.rad2deg(tilt.error)))
         way = "counter-clockwise" if tilt.value > 0 else "clockwise"
         return (
-            f"{{camera_tilt}}: {_with_error(degrees, '°')}. Blocks do not fall straight down in the picture: it is "
+            f"{{camera_tilt}}: {with_error(degrees, '°')}. Blocks do not fall straight down in the picture: it is "
             f"turned {way} against the vertical, or a force acts along x"
         )
 
 
-def film_findings(data: FilmSegments, world: World, fps: float) -> FilmFindings:
-    """What a film says of itself, from its segments in a `world`; `fps`: the stated frame rate."""
+def film_findings(
+    data: FilmSegments, world: World, fps: float, from_gravity: FromGravity | None = None
+) -> FilmFindings:
+    """What a film says of itself, from its segments in a `world`; `fps`: the stated frame rate; `from_gravity`: what of
+    scale and frame rate was not measured."""
     film, flights = data.film, data.segmentation.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
@@ -222,7 +267,7 @@ def film_findings(data: FilmSegments, world: World, fps: float) -> FilmFindings:
         spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmFindings(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
-        air, spin, rest_heights(film, world), film.blocks_without_angle,
+        air, spin, rest_heights(film, world), film.blocks_without_angle, from_gravity,
     )  # fmt: skip
 
 
@@ -262,7 +307,8 @@ def _decimals(error: float) -> int:
     return max(0, -first + (error / 10.0**first < 1.95))
 
 
-def _with_error(own: Measured, unit: str = "") -> str:
+def with_error(own: Measured, unit: str = "") -> str:
+    """A value and its standard error, with as many digits as the error allows."""
     places = _decimals(own.error)
     return f"{own.value:.{places}f}{unit} ± {own.error:.{places}f}"
 

@@ -8,6 +8,10 @@ fitted by generalised least squares. Of n even frames over a time T without τ, 
 Errors that change slowly (compression, a lens, drag) do not average out over the frames. They show in the polynomials
 next to the parabola: if those of degree 3 and 4 are clearly larger than the rest, they alone give the variance.
 
+What shifts a block by a length that grows with its speed, as blur does where one side of the block is darker, bends all
+flights alike: it neither averages out nor shows. Its size comes with the film (`Film.smear_offset_s`); its effect is
+added to the error.
+
 Flights are combined within each release, and releases with each other. Where releases disagree by more than their
 errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982),
 Journal of Research of the National Bureau of Standards 87(5), 377-385.
@@ -121,9 +125,14 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     release = flights.release[used]
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
+    smeared = film.smear_offset_s * _bend_of_speed(paths)
+    shared = abs(float(_spread(weight, used) @ smeared))  # alike in all flights
+    each, each_error = _along(every, down)
     return FlightGravity(
-        gravity, tilt, used, *_along(every, down), _spread(weight, used),
-        _pulls(paths), fits.noise_m, fits.instant_noise_s, fits.slow,
+        Measured(gravity.value, float(np.hypot(gravity.error, shared))),
+        Measured(tilt.value, float(np.hypot(tilt.error, shared / np.hypot(*mean)))),
+        used, each, np.hypot(each_error, smeared), _spread(weight, used), _pulls(paths),
+        fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
 
@@ -349,6 +358,17 @@ def _spread(weight: Array, used: Array) -> Array:
     """(flights,) the weights of the flights that are used; 0 elsewhere."""
     out = np.zeros(len(used))
     out[used] = weight
+    return out
+
+
+def _bend_of_speed(paths: list[_Path]) -> Array:
+    """(m,) acceleration in 1/s that each flight would show if its places were moved by its speed times a second."""
+    out = np.zeros(len(paths))
+    for i, path in enumerate(paths):
+        s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
+        c = np.polynomial.polynomial.polyfit(s, path.position, 2)
+        speed = np.hypot(*(c[1] + 2 * c[2] * s[:, None]).T) / half
+        out[i] = 2 * np.polynomial.polynomial.polyfit(s, speed, 2)[2] / half**2
     return out
 
 

@@ -60,6 +60,7 @@ class Film:
     angle_known : (releases,) whether the angle was measured; that of a circle without marks is not, and constant
     noise : (3,) 1 sigma of a frame, white part; `long_noise` (3,) the same for averages over many frames, which
         correlated noise makes larger
+    smear_offset_s : offset of a block over its speed that all frames share, 1 sigma
     """
 
     t_s: Array
@@ -72,6 +73,7 @@ class Film:
     stated_noise: Array
     noise: Array
     long_noise: Array
+    smear_offset_s: float = 0.0
 
     @property
     def blocks_without_angle(self) -> list[str]:
@@ -138,6 +140,7 @@ def load_film(experiment: Experiment) -> Film:
         stated,
         stated,
         stated,
+        experiment.smear_offset_s,
     )
     film.noise = film.long_noise = _or_stated(film, _first_noise(film))
     return film
@@ -163,8 +166,9 @@ def _first_noise(film: Film) -> Array:
     windows, known = windows[whole], film.angle_known[release[whole, 0]]
     if len(windows) < 4:
         return np.maximum(film.stated_noise, 1e-6)
-    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
-    residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
+    own = t[whole] - t[whole].mean(axis=1, keepdims=True)
+    basis = np.linalg.qr((own / np.ptp(own, axis=1, keepdims=True))[..., None] ** np.arange(3))[0]
+    residual = windows - np.einsum("wfk,wgk,wgc->wfc", basis, basis, windows)
     variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
     noise = np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
     if not known.all():

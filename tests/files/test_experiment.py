@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from rock2d.errors import InputError
-from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
+from rock2d.files.experiment import (
+    REQUIRED_IMPACT_COLUMNS,
+    Experiment,
+    FromGravity,
+    load_experiment,
+    write_experiment,
+)
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -222,12 +228,14 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
     cross_section = CrossSection(
         [[-size, 0.1], [size / 7, 0.0], [size, mass]], ["1", "yes"], {"no": [[0, 0], [0, size]]}
     )
-    given = Experiment("3", 9.81, 1000 / 3, 1e-5, 0.0, cross_section, {b.name: b for b in blocks}, seen)
+    given = Experiment("3", 9.81, 1000 / 3, 1e-5, 0.0, cross_section, {b.name: b for b in blocks}, seen,
+                       from_gravity=FromGravity(which="scale", relative_error=size / 10))  # fmt: skip
     folder = tmp_path_factory.mktemp("round") / "trip"
     write_experiment(folder, given)
     back = load_experiment(folder)
     pd.testing.assert_frame_equal(back.trajectories, seen, check_exact=True)
     assert (back.name, back.fps, back.position_noise_m) == ("3", 1000 / 3, 1e-5)
+    assert back.from_gravity == given.from_gravity
     assert (back.cross_section.points_m == cross_section.points_m).all()
     assert back.cross_section.zones == cross_section.zones
     assert (back.cross_section.measure_lines["no"] == cross_section.measure_lines["no"]).all()

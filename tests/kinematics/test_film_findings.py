@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.files.experiment import Experiment
+from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.kinematics.film_findings import FilmFindings, film_findings, write_film_findings
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
@@ -36,7 +36,8 @@ def tossed(gravity: float = 9.81, *, fps: float = 120.0, rest_m: float | None = 
 
 def stated(experiment: Experiment) -> FilmFindings:
     world = setup_world(experiment)
-    return film_findings(FilmSegments.of(load_film(experiment), world), world, experiment.fps)
+    data = FilmSegments.of(load_film(experiment), world)
+    return film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def test_one_flight_names_scale_and_frame_rate_as_one_set_with_size_and_interval():
@@ -51,6 +52,16 @@ def test_one_flight_names_scale_and_frame_rate_as_one_set_with_size_and_interval
     assert said.true_fps().value == pytest.approx(120.0 * np.sqrt(9.81 / 9.67), rel=0.002)
     assert said.sentences()[0].startswith("{scale_error, frame_rate_error}: 1.")
     assert "too short" in said.sentences()[0] and said.without_angle == ["ball"]
+
+
+@pytest.mark.parametrize("which", ["fps", "scale"])
+def test_gravity_that_gave_the_frame_rate_or_the_scale_is_no_measurement(which):
+    said = stated(replace(tossed(9.67), from_gravity=FromGravity(which=which, relative_error=0.004)))
+    assert said.suspects == [] and said.parameters() == {} and said.content()["gravity"] is None
+    assert set(said.unjudged) == {"scale_error", "frame_rate_error"}
+    sentence = said.sentences()[0]
+    assert "was taken from gravity" in sentence and "0.4 %" in sentence and "g =" not in sentence
+    assert ("120.0 ± 0.5 frames/s" in sentence) == (which == "fps")
 
 
 def test_a_right_film_is_not_accused():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,10 +15,10 @@ TRUE_M_S2, STATED_M_S2 = 9.67, 9.81
 
 def flights(
     rng: np.random.Generator, n: int, fps: float, groups: tuple[int, int], sigma: float, *, tau: float = 0.0,
-    spread: float = 0.0, correlation: float = 0.0, gravity: float = TRUE_M_S2,
+    spread: float = 0.0, correlation: float = 0.0, gravity: float = TRUE_M_S2, smear: float = 0.0,
 ) -> tuple[Film, Flights]:  # fmt: skip
     """(releases, flights of each) with `n` frames of position noise `sigma` and instant noise `tau`; gravity varies by
-    `spread` from release to release."""
+    `spread` from release to release; all places lie beside the path by the speed times a time of 1 sigma `smear`."""
     releases, each = groups
     count, t = releases * each, np.arange(n) / fps
     release = np.repeat(np.arange(releases), each)
@@ -27,11 +29,12 @@ def flights(
     seen = t + tau * rng.normal(size=(count, n))
     vx, vy = rng.normal(size=(2, count, 1)) * [[[1.0]], [[2.0]]]
     position = np.stack([vx * seen, vy * seen - 0.5 * g[:, None] * seen**2], axis=2) + sigma * noise
+    position[..., 1] += smear * rng.normal() * np.hypot(vx, vy - g[:, None] * t)
     pose = np.concatenate([position, np.zeros((count, n, 1))], axis=2).reshape(-1, 3)
     first = np.arange(count) * n
     film = Film(
         np.tile(t, count), pose, np.repeat(release, n), np.arange(releases), np.zeros(releases, int), ["ball"],
-        np.zeros(releases, bool), *[np.full(3, sigma)] * 3,
+        np.zeros(releases, bool), *[np.full(3, sigma)] * 3, smear,
     )  # fmt: skip
     return film, Flights(release, np.zeros(count, int), first, first + n, np.full(count, -1))
 
@@ -52,6 +55,23 @@ def test_the_error_is_that_of_repeated_films(n, fps, groups, sigma, faults):
     assert len(pulls) > 140
     # 2.6 and 3 of their own standard errors
     assert abs(pulls.std() - 1.0) < 0.15 and abs(pulls.mean()) < 0.25
+
+
+def test_an_offset_that_grows_with_the_speed_does_not_average_out():
+    """It bends all flights of a film alike. A part of it shows in their scatter, so that the error is rather large."""
+    rng = np.random.default_rng(np.random.SeedSequence(12))
+    films = [flights(rng, 15, 30.0, (1, 4), 5e-4, smear=1e-3) for _ in range(150)]
+
+    def pulls(smear_offset_s: float) -> float:
+        found = [
+            flight_gravity(replace(f, smear_offset_s=smear_offset_s), own, STATED_M_S2) for f, own in films
+        ]
+        own = [((g.gravity_m_s2.value - TRUE_M_S2) / g.gravity_m_s2.error) for g in found if g]
+        assert len(own) > 140
+        return float(np.std(own))
+
+    assert pulls(0.0) > 1.4
+    assert 0.65 < pulls(1e-3) < 1.15
 
 
 def test_without_noise_of_instants_the_error_is_the_closed_form():

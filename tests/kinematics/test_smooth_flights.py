@@ -43,6 +43,30 @@ def ball_film(
     return Experiment("toss", G, fps, noise_m, 0.01, ground, {"ball": BALL}, trajectories=table), bounces
 
 
+def test_the_first_estimate_of_the_noise_needs_no_even_times():
+    """A phone in changing light: a parabola over unequal steps of time leaves the noise and nothing else."""
+    rng = np.random.default_rng(5)
+    t = np.cumsum(np.tile([1.0, 1.0, 1.5, 1.0, 1.3, 1.0], 20)) / 30.0
+    places = np.column_stack([0.5 * t, 5.0 * t - 0.5 * G * t**2]) + 1e-3 * rng.normal(size=(len(t), 2))
+    table = pd.DataFrame({
+        "release": 0, "block": "ball", "t_s": t, "x_m": places[:, 0], "y_m": places[:, 1], "theta_rad": 0.0
+    })  # fmt: skip
+    ground = CrossSection([[-1.0, -99.0], [9.0, -99.0]], ["floor"])
+    film = load_film(Experiment("toss", G, 26.0, 0.1, 0.01, ground, {"ball": BALL}, trajectories=table))
+    np.testing.assert_allclose(film.noise[:2], 1e-3, rtol=0.3)
+
+
+def test_the_noise_of_a_tracked_film_is_that_of_its_flights_however_often_a_ball_bounces():
+    """At 30 frames/s hardly any window of frames is without a bounce; what the tracker states is better."""
+    from types import SimpleNamespace
+
+    from rock2d_tracking.tracked_film import film_of
+
+    film, bounces = ball_film(30.0, 3e-4, floor_m=0.9, duration_s=1.9)
+    assert bounces >= 4 and load_film(film).noise[1] > 10 * 3e-4
+    np.testing.assert_allclose(film_of(film, SimpleNamespace(metres_per_pixel=1e-3)).noise[:2], 3e-4)
+
+
 def segments(experiment: Experiment) -> FilmSegments:
     return FilmSegments.of(load_film(experiment), setup_world(experiment))
 

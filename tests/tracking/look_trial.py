@@ -7,7 +7,8 @@ alike.
 `--films 4 --seed 0` tries films as users make them, with the command and from scale and frame rate alone. For each kind
 of film: films tracked, share of the free frames that are trusted, offset that all frames share, root mean square error
 beside it, frames that are off by more than 3 px, errors over their standard errors (median; root mean square), films
-with g within two standard errors (without wide angles, where no one scale is right), error of the restitution and
+with g within two standard errors (without wide angles, where no one scale is right), films with the frame rate within
+two standard errors, where the user states a wrong one, error of the restitution and
 number of bounces, impacts where there was none.
 """
 

@@ -98,6 +98,9 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
         ("{points_px: [[1, 2], [1, 2]], distance_m: 0.3}", {}, "the same"),
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "speed: 1000.0"}, "speed"),
         ("{metres_per_pixel: 1.0e-3}", {"  up: up\n": ""}, "up"),
+        ("{metres_per_pixel: gravity}", {"fps: 1000.0": "fps: gravity"}, "not both"),
+        ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: soon"}, "expected a number or gravity"),
+        ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: -3"}, "greater than 0|> 0"),
         ("{metres_per_pixel: 1.0e-3}", {"releases: [cube]": "releases: [cub]"}, "did you mean 'cube'"),
     ],
 )

@@ -60,8 +60,8 @@ def test_frames_that_follow_one_another_need_no_remark(tmp_path):
     film = FilmFile(written(tmp_path / "a.mp4", grey(12), [round(k * 1000 / 30) for k in range(12)]))
     frames = film.frames()
     assert sum(1 for _ in frames) == 12 == film.expected_frames
-    assert frames.stamps().remark == ""
-    np.testing.assert_array_equal(frames.stamps().numbers, np.arange(12))
+    assert frames.stamps(30.0).remark == ""
+    np.testing.assert_array_equal(frames.stamps(30.0).numbers, np.arange(12))
 
 
 def test_frames_that_are_missing_by_their_time_stamps_keep_their_numbers(tmp_path):
@@ -70,17 +70,38 @@ def test_frames_that_are_missing_by_their_time_stamps_keep_their_numbers(tmp_pat
         written(tmp_path / "a.mp4", grey(len(filmed)), [round(k * 1000 / 30) for k in filmed])
     ).frames()
     list(frames)
-    np.testing.assert_array_equal(frames.stamps().numbers, filmed)
-    assert "3 frames missing" in frames.stamps().remark
+    np.testing.assert_array_equal(frames.stamps(30.0).numbers, filmed)
+    assert "3 frames missing" in frames.stamps(30.0).remark
 
 
 def test_a_frame_rate_that_varies_is_said(tmp_path):
-    ticks = np.cumsum([0, 33, 33, 50, 33, 33, 33, 58, 33, 33]).tolist()
+    ticks = np.cumsum([0, 33, 33, 50, 33, 33, 33, 58, 33, 33])
+    frames = FilmFile(written(tmp_path / "a.mp4", grey(10), ticks.tolist())).frames()
+    list(frames)
+    played, slow = frames.stamps(28.0), frames.stamps(240.0)
+    assert "varies" in played.remark and "33" in played.remark and "58" in played.remark
+    np.testing.assert_array_equal(played.numbers, np.arange(10))
+    np.testing.assert_allclose(played.clock(np.arange(10)), 28.0 * ticks / 1000)  # seconds are seconds
+    assert "drawn out from 30.3 to 240 frames/s" in slow.remark
+    np.testing.assert_allclose(slow.clock(np.arange(10)), ticks / 33)
+    assert slow.clock(0.5) == pytest.approx(0.5)
+    assert slow.clock(-2) == pytest.approx(-2) and slow.clock(10) == pytest.approx(ticks[-1] / 33 + 1)
+
+
+def test_a_phone_that_is_mostly_slower_than_its_stated_rate_keeps_its_seconds(tmp_path):
+    ticks = np.cumsum([0, *[33] * 4, *[48, 51, 50] * 4])
+    frames = FilmFile(written(tmp_path / "a.mp4", grey(17), ticks.tolist())).frames()
+    list(frames)
+    np.testing.assert_allclose(frames.stamps(30.0).clock(np.arange(17)), 30.0 * ticks / 1000)
+
+
+def test_stamps_that_no_camera_makes_are_left_aside(tmp_path):
+    ticks = np.cumsum([0, *[33] * 6, *[8] * 3]).tolist()  # slow motion, and a part at full pace
     frames = FilmFile(written(tmp_path / "a.mp4", grey(10), ticks)).frames()
     list(frames)
-    stamps = frames.stamps()
-    assert "varies" in stamps.remark and "33" in stamps.remark and "58" in stamps.remark
-    np.testing.assert_array_equal(stamps.numbers, np.arange(10))
+    stamps = frames.stamps(240.0)
+    assert "no camera does that" in stamps.remark
+    np.testing.assert_array_equal(stamps.clock(np.arange(10)), np.arange(10))
 
 
 @pytest.mark.parametrize("shown", [20, 40])
@@ -91,7 +112,7 @@ def test_a_film_that_a_phone_trimmed_shows_what_is_played(tmp_path, shown):
     frames = list(film.frames())
     assert len(frames) == min(shown, 30)
     assert np.abs(frames[0].astype(int) - grey(40)[10][..., 0]).max() <= 2
-    assert film.frames().stamps().remark == ""
+    assert film.frames().stamps(30.0).remark == ""
 
 
 def test_frames_that_are_decoded_out_of_order_are_evenly_spaced(tmp_path):
@@ -109,8 +130,8 @@ def test_frames_that_are_decoded_out_of_order_are_evenly_spaced(tmp_path):
     frames = FilmFile(path).frames()
     list(frames)
     assert np.diff(frames.times_s).min() < 0.0  # the container keeps no instants at which frames are shown
-    assert frames.stamps().remark == ""
-    np.testing.assert_array_equal(frames.stamps().numbers, np.arange(30))
+    assert frames.stamps(30.0).remark == ""
+    np.testing.assert_array_equal(frames.stamps(30.0).numbers, np.arange(30))
 
 
 def test_a_film_that_ends_early_is_refused(tmp_path):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from rock2d_tracking import tracked_film
-from rock2d_tracking.command import FirstScale, TrackSettings, track
+from rock2d_tracking.command import TrackSettings, track
+from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.setup_file import Setup
 
 from rock2d.errors import InputError
+from rock2d.files.experiment import load_experiment
 from tests.tracking.thrown_ball import FLOOR_PX, FPS, RADIUS_PX, SCALE, write_thrown_ball
 
 
@@ -23,7 +27,7 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     film, places = thrown
     said: list[str] = []
     out = tmp_path / "out"
-    track(film, FirstScale(SCALE, FPS), out, TrackSettings(explain=True, report=said.append))
+    track(film, FilmScale(SCALE, FPS), out, TrackSettings(explain=True, report=said.append))
     frames = pd.read_csv(out / "frames.csv")
     seen = frames[frames["reason"].isna()]
     assert len(seen) > 38
@@ -41,7 +45,7 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
 
 def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, tmp_path):
     out = tmp_path / "out"
-    track(thrown[0], FirstScale(SCALE, FPS), out, TrackSettings())
+    track(thrown[0], FilmScale(SCALE, FPS), out, TrackSettings())
     refined = (out / "setup.yaml").read_text().replace("name: thrown_ball", "name: refined")
     (out / "setup.yaml").write_text(refined)
     track(thrown[0], out / "setup.yaml", out, TrackSettings())
@@ -49,17 +53,46 @@ def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, tmp_pat
     assert "name: refined" in (out / "experiment.yaml").read_text()
 
 
-def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_path):
+@pytest.mark.parametrize("factor", [0.15, 4])
+def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_path, factor):
     out = tmp_path / "out"
-    with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):
-        track(thrown[0], FirstScale(SCALE, 4 * FPS), out, TrackSettings())
+    with pytest.raises(
+        InputError, match=r"nothing was seen to fall .* rate 30 lies .* `--fps 30`, .* camera\.fps"
+    ) as raised:
+        track(thrown[0], FilmScale(SCALE, factor * FPS), out, TrackSettings())
     assert not out.exists()
+    value, error = map(float, re.search(r"with ([\d.]+) ± ([\d.]+) frames/s", str(raised.value)).groups())
+    assert abs(value - FPS) < 3 * error < 0.1 * FPS
+    metres = float(re.search(r"--metres-per-pixel ([\d.]+)`", str(raised.value)).group(1))
+    assert metres == pytest.approx(SCALE / factor**2, rel=0.1)
     text = (tmp_path / "out_explained" / "explanation.txt").read_text()
-    assert "0.25 times the frame rate" in text
+    assert "write fps: gravity" in text
     assert text.count("\n1. ") == text.count("\n2. ") == text.count("\n3. ") == 1
     left = {p.name for p in (tmp_path / "out_explained").iterdir()}
     assert left >= {"candidates.png", "candidates.webm", "setup.yaml"}
     Setup(tmp_path / "out_explained" / "setup.yaml")  # a file that can be used
+
+
+@pytest.mark.parametrize(("asked", "key"), [(FilmScale(SCALE, None), "fps"), (FilmScale(None, FPS), "scale")])
+def test_gravity_gives_the_frame_rate_or_the_scale(thrown, tmp_path, asked, key):
+    said: list[str] = []
+    track(thrown[0], asked, tmp_path / "out", TrackSettings(report=said.append))
+    found = load_experiment(tmp_path / "out")
+    assert found.from_gravity.which == key and "film: the" in said[1] and "taken from gravity" in said[1]
+    setup = Setup(tmp_path / "out" / "setup.yaml")
+    assert setup.scale == asked  # a better scale, written into this file, gives a better frame rate
+    off = found.from_gravity.relative_error
+    if key == "fps":
+        assert abs(found.fps / FPS - 1.0) < 3 * off < 0.03
+    else:
+        floor_m = (320 - 1 - FLOOR_PX - RADIUS_PX) * SCALE
+        assert found.cross_section.points_m[0, 1] == pytest.approx(floor_m, abs=6 * SCALE)
+        way_m = np.ptp(found.trajectories["x_m"])
+        assert abs(way_m / (np.ptp(thrown[1][:, 0]) * SCALE) - 1.0) < 0.05
+    assert pd.read_csv(tmp_path / "out" / "flights.csv")["gravity_m_s2"].isna().all()
+    track(thrown[0], tmp_path / "out" / "setup.yaml", tmp_path / "again", TrackSettings(report=said.append))
+    again = load_experiment(tmp_path / "again")
+    assert again.from_gravity.which == key and again.fps == pytest.approx(found.fps, rel=0.01)
 
 
 def test_a_block_that_is_followed_but_not_trusted_is_told_with_numbers(thrown, tmp_path, monkeypatch):
@@ -68,6 +101,6 @@ def test_a_block_that_is_followed_but_not_trusted_is_told_with_numbers(thrown, t
     with pytest.raises(
         InputError, match=r"followed from frame \d+ to \d+, .*known to .* px .*'unsure'.*camera\.scale"
     ):
-        track(thrown[0], FirstScale(SCALE, FPS), tmp_path / "out", TrackSettings())
+        track(thrown[0], FilmScale(SCALE, FPS), tmp_path / "out", TrackSettings())
     left = {p.name for p in (tmp_path / "out_explained").iterdir()}
     assert left >= {"candidates.png", "candidates.webm", "setup.yaml", "overlay.webm", "explanation.txt"}

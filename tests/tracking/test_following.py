@@ -10,7 +10,10 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from rock2d_tracking.candidates import Candidate
 from rock2d_tracking.following import _Follower, follow
+from rock2d_tracking.looks import plain_looks
+from rock2d_tracking.motion import Motion
 from rock2d_tracking.outline import outline_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
@@ -64,7 +67,7 @@ class Tracked:
 
 def film_in(releases: list[FollowedRelease], setup: Setup) -> TrackedFilm:
     """The experiment that releases show."""
-    return tracked_film(moving_releases(releases, setup.fall_px(SIZE_PX)), len(releases), setup, SIZE_PX)
+    return tracked_film(moving_releases(releases, setup.fall_px), len(releases), setup, SIZE_PX)
 
 
 @pytest.fixture(scope="module")
@@ -187,6 +190,26 @@ def test_what_never_moves_is_no_release(tracked):
     again = film_in([*copy.deepcopy(found.releases), *still], found.setup)
     assert again.experiment.trajectories["release"].nunique() == 3
     assert any("never moved" in remark for remark in again.remarks)
+
+
+@pytest.mark.parametrize(
+    ("shadow", "confidence", "kept"), [(True, 0.8, 0), (True, 0.97, 12), (False, 0.8, 12)]
+)
+def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
+    """A hand holds the ball, and its shadow on the wall has the outline of a ball, but no sharp one."""
+    follower = object.__new__(_Follower)
+    outline = outline_of(falls().blocks["sphere"], 1e-3, -1)
+    places = [np.array([100.0 + k, 80.0, 0.0]) for k in range(12)]
+    darker = [
+        Candidate(k, p[0], p[1], 300.0, True, (-13.0, -13.0, -10.0), shadow) for k, p in enumerate(places)
+    ]
+    follower.chain, follower.looks = None, {"sphere": plain_looks(outline)}
+    follower.motion = Motion(candidates=[[own] if k % 3 else [] for k, own in enumerate(darker)])
+    sights = [Sight(k, p, np.full(3, 0.5), confidence) for k, p in enumerate(places)]
+    release = FollowedRelease("sphere", sights)
+    follower._distrust_shadow(release)
+    assert len(release.seen) == kept
+    assert {s.reason for s in release.sights} == ({"like a shadow"} if not kept else {""})
 
 
 def test_where_a_release_was_never_seen_any_block_is_another_one():

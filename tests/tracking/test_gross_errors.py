@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rock2d_tracking.first_setup import FirstScale, ground_of
+from rock2d_tracking.film_scale import FilmScale
+from rock2d_tracking.first_setup import ground_of
 from rock2d_tracking.gross_errors import bounces_of, reject_jumps
 from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, state_errors
 from rock2d_tracking.synthetic.real_looks import REST_FRAMES, floor_px, path_of
@@ -89,9 +90,9 @@ def test_an_outline_on_the_background_is_rejected():
 def test_the_ground_lies_under_the_lowest_bounce_unless_the_ball_was_seen_below():
     film = drawn_user_film("phone", 1, seed=1)
     release, _, _ = followed(0.2, 0.2)
-    first = FirstScale(film.camera.metres_per_pixel, film.camera.fps)
-    assert ground_of([release], first) == pytest.approx(
+    fall_px = FilmScale(film.camera.metres_per_pixel, film.camera.fps).fall_px
+    assert ground_of([release], fall_px) == pytest.approx(
         floor_px(film.look, film.size_px) + RADIUS_PX, abs=2.5
     )
     release.sights[-1].pose = release.sights[-1].pose + np.array([0.0, 80.0, 0.0])
-    assert ground_of([release], first) is None
+    assert ground_of([release], fall_px) is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rock2d_tracking.candidates import Candidate
+from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.motion import arcs_of_other_gravity, find_arcs, find_chains, meeting, motion_of
 
 FALL_PX = 2.0
@@ -80,7 +81,7 @@ def test_of_a_ball_and_its_shadow_the_ball_is_the_release():
         frame *= 1.0 - 0.35 * cv2.GaussianBlur(soft, (0, 0), 4)[..., None]
         cv2.circle(frame, (int(u), int(v)), 10, (230, 230, 230), -1, cv2.LINE_AA)
         film.append(np.clip(frame + rng.normal(0, 1.5, frame.shape), 0, 255).astype(np.uint8))
-    found = motion_of(film, len(film), [], FALL_PX * 0.7, 30.0)
+    found = motion_of(film, len(film), [], FilmScale(9.81 / (FALL_PX * 0.7) / 30.0**2, 30.0))
     (chain,) = found.chains
     off = [np.hypot(*(chain.at(f) - path[f])) for f in range(chain.first, chain.last + 1)]
     assert chain.frames_seen > 15 and max(off) < 4.0

@@ -96,7 +96,17 @@ def test_what_cannot_be_tracked_is_refused_and_explained(film, tmp_path):
     assert refusal(rock2d.track, film, {"name": object()}).code == "wrong_kind"
     with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):
         rock2d.track(film, metres_per_pixel=SCALE, fps=4 * FPS, explained=tmp_path / "why")
-    assert "0.25 times the frame rate" in (tmp_path / "why" / "explanation.txt").read_text()
+    assert "write fps: gravity" in (tmp_path / "why" / "explanation.txt").read_text()
+    both = refusal(rock2d.track, film, metres_per_pixel="gravity", fps="gravity")
+    assert "not both" in str(both)
+    assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {
+        "key": "metres_per_pixel"
+    }
+
+
+def test_gravity_gives_the_frame_rate(film):
+    own = rock2d.track(film, metres_per_pixel=SCALE, fps="gravity").experiment
+    assert own.from_gravity.which == "fps" and own.fps == pytest.approx(FPS, rel=0.02)
 
 
 def test_it_shows_itself_in_few_words_and_opens_its_page(found, monkeypatch):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.kinematics.flight_gravity import Measured
+from rock2d.statistics import weighted_median
 from rock2d_tracking.candidates import Candidate
+from rock2d_tracking.clock import EVEN, Clock
 
 Array = np.ndarray
 
@@ -22,7 +26,10 @@ FEWEST_TO_GROW, GROWN_AREA_RATIO = (
     8,
     2.5,
 )  # frames of a run that may be carried on, and areas of what is then added
-OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
+FALLS_PX = tuple(
+    0.5 * 2.0**k for k in range(8)
+)  # accelerations in px per frame squared that are tried, beside none
+SAME_BEND = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
 STEP_TOLERANCE = 0.04  # ... and share of the step to it
@@ -36,9 +43,11 @@ class Arc:
     Attributes
     ----------
     frames, places : (n,) frame numbers and (n, 2) centroids in px
-    curve : (3, 2) polynomial of u and v over (frame - `middle`), highest power first
+    curve : (3, 2) polynomial of u and v over (instant of the frame - `middle`), highest power first
+    clock : the instants of frames
     falls : whether its curvature is significant and about that of gravity
     other : whether its curvature is significant and not that of gravity
+    bend : its acceleration along v in px per usual time squared, with its standard error
     gravity_ratio : its acceleration over the gravity that scale and frame rate promise
     contrast : usual change in grey levels, of the colour that changes most
     shadow_share : share of its frames that look like a shadow
@@ -49,8 +58,10 @@ class Arc:
     areas: Array
     curve: Array
     middle: float
+    clock: Clock
     falls: bool
     other: bool
+    bend: Measured
     gravity_ratio: float
     contrast: float
     shadow_share: float
@@ -82,11 +93,19 @@ class Arc:
 
     def at(self, frame: float | Array) -> Array:
         """(..., 2) places in px."""
-        t = np.asarray(frame, float)[..., None] - self.middle
+        return self._at(self.clock(frame))
+
+    def pace(self, frame: float) -> Array:
+        """(2,) way in px in the usual time between two frames, about a frame."""
+        when = self.clock(frame)
+        return self._at(when + 0.5) - self._at(when - 0.5)
+
+    def _at(self, instant: Array) -> Array:
+        t = instant[..., None] - self.middle
         return np.asarray((self.curve[0] * t + self.curve[1]) * t + self.curve[2])
 
 
-def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
+def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
     """Parabolas through candidates, the longest runs of frames that keep to one; `fall_px` as in `motion_of`."""
     table = [np.array([(c.u_px, c.v_px, c.area_px2, *c.change, c.shadow) for c in own if c.whole]).reshape(-1, 7)
              for own in candidates]  # fmt: skip
@@ -96,10 +115,11 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
         for i in range(len(table[frame])):
             if used[frame][i]:
                 continue
-            best = _best_run(table, used, frame, i, fall_px)
+            best = _best_run(table, used, frame, i, fall_px, clock)
             if best is None:
                 continue
-            arc = _arc(table, _grown(table, best) if len(best) >= FEWEST_TO_GROW else best, fall_px)
+            run = _grown(table, best, clock) if len(best) >= FEWEST_TO_GROW else best
+            arc = _arc(table, run, fall_px, clock)
             if arc is not None:
                 arcs.append(arc)
                 for f, k in best:
@@ -107,18 +127,61 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
     return arcs
 
 
-def arcs_of_other_gravity(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
-    """The arcs that scale, frame rate or the direction `up` would have to be wrong for; the best such guess."""
+def common_fall(candidates: list[list[Candidate]], down: int = 1, clock: Clock = EVEN) -> Measured | None:
+    """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
+    nothing is bent. `down`: its sign.
+
+    Arcs are looked for with one acceleration after the other, because a strong one must be known to follow them.
+    """
     best: list[Arc] = []
-    for factor in OTHER_GRAVITIES:
-        arcs = [a for a in find_arcs(candidates, factor * fall_px) if a.falls]
-        if sum(len(a.frames) for a in arcs) > sum(len(a.frames) for a in best):
-            best = [replace(a, falls=False, other=True, gravity_ratio=factor * a.gravity_ratio) for a in arcs]
-    return best
+    for fall in (0.0, *FALLS_PX):
+        bent = [a for a in find_arcs(candidates, down * fall, clock) if _bent(a, down)]
+        if not bent:
+            continue
+        bends = np.array([a.bend.value for a in bent])
+        frames = np.array([len(a.frames) for a in bent])
+        near = np.abs(bends / weighted_median(bends, frames) - 1.0) < SAME_BEND
+        own = [a for a, agrees in zip(bent, near, strict=True) if agrees]
+        if sum(len(a.frames) for a in own) > sum(len(a.frames) for a in best):
+            best = own
+    if not best:
+        return None
+    middle = float(np.median([a.bend.value for a in best]))
+    falls = [a for a in find_arcs(candidates, middle, clock) if a.falls]
+    return mean_bend(falls or best)
+
+
+def _bent(arc: Arc, down: int) -> bool:
+    return down * arc.bend.value > GRAVITY_SIGMAS * arc.bend.error
+
+
+def mean_bend(arcs: Sequence[Arc]) -> Measured:
+    """Weighted mean of the accelerations of some arcs; where they disagree, its error is that of their scatter."""
+    bends, weights = (
+        np.array([a.bend.value for a in arcs]),
+        np.array([a.bend.error for a in arcs]) ** -2.0,
+    )
+    mean = float(np.average(bends, weights=weights))
+    squares = float((weights * (bends - mean) ** 2).sum()) / max(len(arcs) - 1, 1)
+    return Measured(mean, float((max(squares, 1.0) / weights.sum()) ** 0.5))
+
+
+def arcs_of_other_gravity(
+    candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN
+) -> list[Arc]:
+    """The arcs that scale, frame rate or the direction `up` would have to be wrong for."""
+    down = 1 if fall_px > 0 else -1
+    fall = common_fall(candidates, down, clock) or common_fall(candidates, -down, clock)
+    if fall is None:
+        return []
+    return [
+        replace(a, falls=False, other=True, gravity_ratio=a.bend.value / fall_px)
+        for a in find_arcs(candidates, fall.value, clock) if a.falls
+    ]  # fmt: skip
 
 
 def _best_run(
-    table: list[Array], used: list[Array], frame: int, i: int, fall_px: float
+    table: list[Array], used: list[Array], frame: int, i: int, fall_px: float, clock: Clock
 ) -> list[tuple[int, int]] | None:
     """The longest run of candidates that starts with candidate `i` of a frame."""
     start, best = table[frame][i], None
@@ -130,14 +193,14 @@ def _best_run(
             continue
         fits = np.flatnonzero(_alike(nxt, start) & ~used[frame + ahead])
         for k in fits.tolist():
-            run = _extended(table, used, [(frame, i), (frame + ahead, k)], fall_px)
+            run = _extended(table, used, [(frame, i), (frame + ahead, k)], fall_px, clock)
             if len(run) >= FEWEST_ARC_FRAMES and (best is None or len(run) > len(best)):
                 best = run
     return best
 
 
 def _extended(
-    table: list[Array], used: list[Array], run: list[tuple[int, int]], fall_px: float
+    table: list[Array], used: list[Array], run: list[tuple[int, int]], fall_px: float, clock: Clock
 ) -> list[tuple[int, int]]:
     """A run of two candidates, frame by frame as far as its parabola carries."""
     frame = run[-1][0] + 1
@@ -145,7 +208,7 @@ def _extended(
     radius = np.sqrt(usual[2] / np.pi)
     missed = 0
     while frame < len(table) and missed <= LONGEST_ARC_GAP:
-        at = _predicted(table, run, frame, fall_px)
+        at = _predicted(table, run, frame, fall_px, clock)
         own = table[frame]
         pick = -1
         if len(own):
@@ -175,7 +238,7 @@ def _extended(
     return run
 
 
-def _grown(table: list[Array], run: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _grown(table: list[Array], run: list[tuple[int, int]], clock: Clock) -> list[tuple[int, int]]:
     """A run carried on at both ends to candidates that lie on its parabola, whatever their colour: what is behind a
     block changes how it stands out."""
     area = float(np.median([table[f][k, 2] for f, k in run]))
@@ -184,7 +247,7 @@ def _grown(table: list[Array], run: list[tuple[int, int]]) -> list[tuple[int, in
         run = run[::step]
         frame, missed = run[-1][0] + step, 0
         while 0 <= frame < len(table) and missed <= LONGEST_ARC_GAP:
-            t = np.array([f for f, _ in run[-RECENT_FRAMES:]], float) - frame
+            t = clock(np.array([f for f, _ in run[-RECENT_FRAMES:]])) - clock(frame)
             places = np.array([table[f][k, :2] for f, k in run[-RECENT_FRAMES:]])
             at = np.linalg.lstsq(np.vander(t, 3), places, rcond=None)[0][-1]
             away = np.hypot(*(table[frame][:, :2] - at).T)
@@ -206,9 +269,11 @@ def _alike(rows: Array, one: Array) -> Array:
     return np.asarray((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most))
 
 
-def _predicted(table: list[Array], run: list[tuple[int, int]], frame: int, fall_px: float) -> Array:
+def _predicted(
+    table: list[Array], run: list[tuple[int, int]], frame: int, fall_px: float, clock: Clock
+) -> Array:
     recent = run[-RECENT_FRAMES:]
-    t = np.array([f for f, _ in recent], float) - frame
+    t = clock(np.array([f for f, _ in recent])) - clock(frame)
     at = np.array([table[f][k][:2] for f, k in recent])
     if len(recent) >= 6:
         return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
@@ -216,12 +281,13 @@ def _predicted(table: list[Array], run: list[tuple[int, int]], frame: int, fall_
     return np.asarray(line[-1])
 
 
-def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc | None:
+def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float, clock: Clock) -> Arc | None:
     """The arc of a run; None if it hardly moves."""
     frames = np.array([f for f, _ in run])
     rows = np.array([table[f][k] for f, k in run])
-    middle = float(frames.mean())
-    basis = np.vander(frames - middle, 3)
+    when = clock(frames)
+    middle = float(when.mean())
+    basis = np.vander(when - middle, 3)
     curve, *_ = np.linalg.lstsq(basis, rows[:, :2], rcond=None)
     left = rows[:, :2] - basis @ curve
     sigma = np.sqrt((left**2).sum(axis=0) / max(len(frames) - 3, 1)) + 0.05
@@ -242,8 +308,10 @@ def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc 
         rows[:, 2],
         curve,
         middle,
+        clock,
         falls,
         other,
+        Measured(float(bend), float(bend_error)),
         float(ratio),
         contrast,
         float(rows[:, 6].mean()),

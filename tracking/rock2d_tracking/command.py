@@ -14,7 +14,7 @@ from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.first_setup import FirstScale
+from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.setup_file import Setup
 
 if TYPE_CHECKING:
@@ -53,11 +53,12 @@ class TrackSettings:
     report: Report = print
 
 
-def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSettings) -> None:
+def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSettings) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
-    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Where nothing can be
-    tracked, what was seen of the film goes to `OUT_explained`. Raises `InputError` for input that cannot be used.
+    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Of the two, gravity gives
+    the one that is not known. Where nothing can be tracked, what was seen of the film goes to `OUT_explained`. Raises
+    `InputError` for input that cannot be used.
     """
     from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.film_track import SETUP, NotTrackedError, track_film
@@ -157,30 +158,29 @@ def import_files(
 
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
-    from rock2d.kinematics.film_findings import film_findings, write_film_findings
-    from rock2d.kinematics.film_segments import FilmSegments
-    from rock2d.kinematics.setup_world import setup_world
+    from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.setup_checks import check_sanity
-    from rock2d_tracking.tracked_film import film_of, with_measured_noise
+    from rock2d_tracking.tracked_film import film_of, findings_of, with_measured_noise
 
     setup = Setup(config)
+    if setup.from_gravity is not None:
+        raise InputError("import needs scale and frame rate: gravity gives them only of a film", config)
     check_folder(out)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
     camera = setup.keys.camera
     (u, v), (x_m, y_m) = camera.origin_px, camera.origin_m
-    scale = CameraScale(setup.metres_per_pixel, camera.fps, (u, v), (x_m, y_m))
+    scale = CameraScale(setup.metres_per_pixel, setup.fps, (u, v), (x_m, y_m))
     table = import_tracks(files, scale, setup.blocks[name], options, report=report)
     stated = Experiment(
-        setup.keys.name, setup.keys.gravity_m_s2, camera.fps, setup.metres_per_pixel, np.deg2rad(1.0),
+        setup.keys.name, setup.keys.gravity_m_s2, setup.fps, setup.metres_per_pixel, np.deg2rad(1.0),
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
     )  # fmt: skip
     found = with_measured_noise(film_of(stated, setup), stated)
     check_sanity(found, setup)
-    world = setup_world(found)
-    said = film_findings(FilmSegments.of(film_of(found, setup), world), world, found.fps)
+    said = findings_of(found, setup)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
         write_film_findings(folder, said)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +12,11 @@ import numpy as np
 
 from rock2d.files.folders import write_whole
 from rock2d.graphics.video_file import VideoWriter
+from rock2d.kinematics.film_findings import with_error
+from rock2d.kinematics.flight_gravity import Measured
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
+from rock2d_tracking.arcs import Arc, mean_bend
+from rock2d_tracking.film_scale import Proposal, proposal
 from rock2d_tracking.following import Followed
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
@@ -101,11 +105,15 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
         best = max(curved, key=lambda a: len(a.frames) * a.contrast)
         ratio = best.gravity_ratio
         if abs(ratio - 1.0) > GRAVITY_AGREES and ratio > 0:
+            would = proposed(motion, curved)
             found.append(
-                f"camera.fps: what falls accelerates {ratio:.3g} times as fast as gravity; at this scale, "
-                f"{1 / np.sqrt(ratio):.3g} times the frame rate would agree"
+                f"camera.fps: what falls accelerates {ratio:.3g} times as fast as gravity; if the scale is right, the "
+                f"frame rate is {with_error(would.fps)}, or write fps: gravity"
             )
-            found.append(f"camera.scale: or {1 / ratio:.3g} times the metres per pixel, at this frame rate")
+            found.append(
+                f"camera.scale: if the frame rate is right, a pixel is {would.metres_per_pixel.value:.4g} m, "
+                f"{1 / ratio:.3g} times as large as stated"
+            )
         elif ratio < 0:
             found.append("camera.up: what moves on parabolas falls toward the top of the picture")
     areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.falls]
@@ -126,6 +134,14 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
     found += [text.format(least=least) for text in dict.fromkeys(wanted)]
     first = {text.split(":")[0]: text for text in reversed(found)}
     return [text for text in found if first[text.split(":")[0]] is text][:3]
+
+
+def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
+    """Frame rate and scale with which some arcs fall as fast as gravity; both are known."""
+    fall = mean_bend(arcs)
+    return proposal(
+        motion.scale, Measured(abs(fall.value) / motion.scale.fall_px, fall.error / motion.scale.fall_px)
+    )
 
 
 def lost_frames(followed: Followed) -> Counter[str]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.errors import InputError, counted
+from rock2d_tracking.clock import EVEN, Clock
 from rock2d_tracking.steadying import steadied
 
 if TYPE_CHECKING:
@@ -26,6 +27,10 @@ FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 23
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
 # by which a time between frames may be off: share of the usual one, and ticks of the clock
 STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
+# of a frame rate that varies: shortest time between frames over the usual one (a shorter one is another pace of
+# playing), and stated frame rate over that of playing at its slowest and at its fastest (quantiles of the steps) for
+# which the film is played as it was filmed
+SHORTEST_STEP, AS_FILMED, USUAL_STEPS = 0.4, (0.8, 1.25), (0.1, 0.9)
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
 BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
 BEFORE_EDIT = "hidden by an edit list"
@@ -96,10 +101,12 @@ class Stamps(NamedTuple):
     Attributes
     ----------
     numbers : (n,) number of each frame as filmed; frames that are missing keep theirs to themselves
+    clock : when each frame was taken
     remark : for the user, "" if the frames follow one another at one rate
     """
 
     numbers: Array
+    clock: Clock
     remark: str
 
 
@@ -165,29 +172,48 @@ class Frames:
                 self._film.path,
             )
 
-    def stamps(self) -> Stamps:
-        """What the time stamps of the frames that were read say.
+    def stamps(self, fps: float | None) -> Stamps:
+        """What the time stamps of the frames that were read say; `fps`: frame rate of the recording, None
+        if it is not known.
 
         Between two frames lie one or more times the usual interval; more, where frames are missing. Where it is
-        otherwise, the frame rate varies, and the frames are counted.
+        otherwise, the frame rate varies: the stamps are the instants of the frames, drawn out if the film was filmed at
+        another rate than it is played. Stamps that no camera makes are left aside.
         """
         counted_on = np.arange(len(self.times_s))
         # frames come as they are shown; a container without instants of its own keeps those at which they are decoded
-        steps = np.diff(np.sort(self.times_s))
+        when_s = np.sort(self.times_s)
+        steps = np.diff(when_s)
         if len(steps) < 2 or not np.isfinite(steps).all() or np.median(steps) <= 0.0:
-            return Stamps(counted_on, "")
+            return Stamps(counted_on, EVEN, "")
         usual_s = float(np.median(steps))
         times = np.rint(steps / usual_s)
         off = np.abs(steps - times * usual_s)
         if times.min() < 1 or off.max() > max(STAMP_SHARE * usual_s, STAMP_TICKS * self._film.tick_s):
-            return Stamps(
-                counted_on,
-                f"the frame rate of this film varies: its time stamps are {1e3 * steps.min():.3g} to "
-                f"{1e3 * steps.max():.3g} ms apart. One rate is assumed, so times and speeds are rough",
-            )
+            return self._uneven(when_s, usual_s, fps)
         missing = int(times.sum()) - len(steps)
         said = f"{counted(missing, 'frame')} missing in the film by its time stamps" if missing else ""
-        return Stamps(np.concatenate([[0], np.cumsum(times)]).astype(int), said)
+        numbers = np.concatenate([[0], np.cumsum(times)]).astype(int)
+        return Stamps(numbers, Clock(numbers.astype(float)) if missing else EVEN, said)
+
+    def _uneven(self, when_s: Array, usual_s: float, fps: float | None) -> Stamps:
+        """The same of a frame rate that varies."""
+        steps, numbers = np.diff(when_s), np.arange(len(when_s))
+        said = (
+            f"the frame rate of this film varies: its time stamps are {1e3 * steps.min():.3g} to "
+            f"{1e3 * steps.max():.3g} ms apart"
+        )
+        if steps.min() < SHORTEST_STEP * usual_s:
+            pace = "no camera does that; was it cut, or is it played at several paces?"
+            return Stamps(numbers, EVEN, f"{said}; {pace} One rate is assumed, so times and speeds are rough")
+        fast_s, slow_s = np.quantile(steps, USUAL_STEPS)
+        if fps is not None and AS_FILMED[0] < fps * slow_s and fps * fast_s < AS_FILMED[1]:
+            clock, drawn_out = Clock((when_s - when_s[0]) * fps), ""
+        else:
+            rate = "that of the recording" if fps is None else f"{fps:g}"
+            clock = Clock((when_s - when_s[0]) / usual_s)
+            drawn_out = f", drawn out from {1 / usual_s:.4g} to {rate} frames/s"
+        return Stamps(numbers, clock, f"{said}. These are the times of the frames{drawn_out}")
 
 
 def _decoded(

@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,19 +15,36 @@ import numpy as np
 from rock2d.errors import InputError, counted
 from rock2d.files.experiment import write_experiment_files
 from rock2d.files.folders import atomic_folder, write_whole
+from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
-from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, why_not_tracked, write_explanation
+from rock2d_tracking.explanation import (
+    TrackingAttempt,
+    keys_to_try,
+    proposed,
+    why_not_tracked,
+    write_explanation,
+)
 from rock2d_tracking.film_reading import FilmFile, Frames
-from rock2d_tracking.first_setup import FirstScale, first_motion, first_setup, ground_of
-from rock2d_tracking.following import Followed, Prepared, follow, followed, prepared
+from rock2d_tracking.film_scale import FilmScale, proposal
+from rock2d_tracking.first_setup import SETUP, FirstSetup, first_motion, ground_of
+from rock2d_tracking.following import Followed, Prepared, followed, motion_in, prepared
+from rock2d_tracking.lens import lens_bend
 from rock2d_tracking.live_frames import SeenFrames, live_frames, seen_frames
 from rock2d_tracking.looks import ChannelMix, Looks
+from rock2d_tracking.motion import Motion
 from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_checks import check_sanity
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_ways
-from rock2d_tracking.tracked_film import TrackedFilm, film_of, moving_releases, tracked_film
+from rock2d_tracking.tracked_film import (
+    TrackedFilm,
+    film_of,
+    findings_of,
+    moving_releases,
+    rescaled,
+    tracked_film,
+)
 from rock2d_tracking.velocities import MID_AIR, flights_and_impacts
 
 if TYPE_CHECKING:
@@ -38,8 +55,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-PAGE, OVERLAY, SETUP = "tracking.html", "overlay.webm", "setup.yaml"
+PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()
+GRAVITY_ROUNDS = 2  # in which the scale that gravity gives changes what counts as a flight
 SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
 # why a film is read, with the time that this takes, relative to each other
 PASSES = {
@@ -158,19 +176,36 @@ class ShownFrames(Frames):
             yield from bar.counted(super().__iter__())
 
 
-class Guessed(NamedTuple):
-    """A film without a set-up file: what is known of it before the block is followed, and the set-up after that."""
+class TrackedSetup(NamedTuple):
+    """What is known of a film before its blocks are followed, and the set-up after that.
 
+    Attributes
+    ----------
+    setup : set-up with which they are followed
+    setup_of : the set-up of what was followed, with scale and frame rate
+    guessed : whether it is guessed from the film
+    """
+
+    setup: Setup
     prepared: Prepared
-    setup_of: Callable[[list[FollowedRelease]], Setup]
+    setup_of: Callable[[list[FollowedRelease], FilmScale], Setup]
+    guessed: bool = False
+
+    @property
+    def asked(self) -> FilmScale:
+        """Scale and frame rate without what gravity gives."""
+        given = self.setup.from_gravity.which if self.setup.from_gravity is not None else ""
+        scale, fps, gravity = self.setup.scale
+        return FilmScale(None if given == "scale" else scale, None if given == "fps" else fps, gravity)
 
 
 def track_film(
-    video: Path, known: Setup | FirstScale, last: int | None = None, *, progress: bool = False
+    video: Path, known: Setup | FilmScale, last: int | None = None, *, progress: bool = False
 ) -> tuple[FilmTrack, TrackingAttempt]:
     """Track a film; also gives what was seen of it, with which `explanation.write_explanation` explains the track.
 
-    known : the set-up, or scale and frame rate, from which one is written
+    known : the set-up, or scale and frame rate, from which one is written; of the two, gravity gives the one that is
+        not known
     last : number of frames after which to stop, None for all
 
     Raises `NotTrackedError` where nothing can be tracked, `InputError` for a file that is no film.
@@ -179,82 +214,144 @@ def track_film(
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.ways_px = camera_ways(frames, film.expected_frames)
     if isinstance(known, Setup):
-        return _tracked(film, frames, known)
-    motion, file = first_motion(film, frames, known), Path(SETUP)
-    text = first_setup(film, motion, known)
+        return _tracked(film, frames, _known_setup(film, frames, known))
+    return _tracked(film, frames, _first_setup(film, frames, known))
+
+
+def _known_setup(film: FilmFile, frames: Frames, setup: Setup) -> TrackedSetup:
+    motion = motion_in(frames, setup, film.expected_frames, frames.stamps(setup.scale.fps).clock)
+    if not motion.scale.fall_px:
+        raise NotTrackedError(_no_fall(film, motion), TrackingAttempt(frames, motion, None, None), setup.text)
+    whole = setup.with_scale(motion.scale)
+    ready = prepared(frames, whole, film.size_px, motion)
+    return TrackedSetup(whole, ready, lambda releases, scale: whole.with_scale(scale))
+
+
+def _first_setup(film: FilmFile, frames: Frames, asked: FilmScale) -> TrackedSetup:
+    """The same of a film without a set-up file."""
+    motion = first_motion(film, frames, asked)
+    if not motion.scale.fall_px:
+        raise _no_fall(film, motion)
+    first = FirstSetup(film, motion, asked, motion.scale)
     if not motion.chains:
-        scale, fps = known
-        error = InputError(
-            f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s",
-            film.path,
-        )
-        raise NotTrackedError(error, TrackingAttempt(frames, motion, None, None), text)
-    ready = prepared(frames, Setup(file, text), film.size_px, motion)
-    size = ready.looks["ball"].size
+        seen = TrackingAttempt(frames, motion, None, None)
+        raise NotTrackedError(_no_fall(film, motion), seen, first.setup().text)
+    ready = prepared(frames, first.setup(), film.size_px, motion)
+    sized = replace(first, size=ready.looks["ball"].size)
 
-    def with_ground(releases: list[FollowedRelease]) -> Setup:
-        return Setup(file, first_setup(film, motion, known, size, ground_of(releases, known)))
+    def with_ground(releases: list[FollowedRelease], scale: FilmScale) -> Setup:
+        return replace(sized, scale=scale, ground_px=ground_of(releases, scale.fall_px)).setup()
 
-    sized = Setup(file, first_setup(film, motion, known, size))
-    return _tracked(film, frames, sized, Guessed(ready, with_ground))
+    return TrackedSetup(sized.setup(), ready, with_ground, guessed=True)
 
 
-def _tracked(
-    film: FilmFile, frames: Frames, setup: Setup, guessed: Guessed | None = None
-) -> tuple[FilmTrack, TrackingAttempt]:
-    from rock2d.kinematics.film_findings import film_findings
-    from rock2d.kinematics.setup_world import setup_world
+def _no_fall(film: FilmFile, motion: Motion) -> InputError:
+    """That nothing falls, and what would let it fall."""
+    if not motion.scale.fall_px:
+        return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
+    scale, fps, _ = motion.scale
+    said = f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s"
+    bent = [arc for arc in motion.arcs if arc.other and arc.gravity_ratio > 0]
+    if bent:
+        said += f". Something falls otherwise: {proposed(motion, bent).sentence(options=True)}"
+    return InputError(said, film.path)
 
-    found_in_film, still, overlay = _followed(film, frames, setup, guessed)
+
+def _tracked(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTrack, TrackingAttempt]:
+    setup = known.setup
+    found_in_film, still, overlay = _followed(film, frames, known)
     seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
-    stamps = frames.stamps()
+    stamps = frames.stamps(known.asked.fps)
     for sight in (s for release in found_in_film.releases for s in release.sights):
+        sight.when = float(stamps.clock(sight.frame))
         sight.read, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
     try:
-        kept = moving_releases(found_in_film.releases, setup.fall_px(film.size_px))
-        if guessed is not None:
-            setup = guessed.setup_of(kept)
+        kept = moving_releases(found_in_film.releases, setup.fall_px)
         if not kept:
             raise InputError(why_not_tracked(found_in_film), film.path)
-        found = tracked_film(kept, len(found_in_film.releases), setup, film.size_px)
+        found, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
         found.remarks.extend([stamps.remark] if stamps.remark else [])
         if frames.ways_px is not None:
             found.remarks.append(
                 f"the camera moved by {np.sqrt(frames.ways_px.var(axis=0).sum()):.2g} px (root mean square): its "
                 "motion, read from the background, was taken out; places are those in the first frame"
             )
-        found.remarks.extend(_remarks_on_looks(found_in_film, sized=guessed is None))
-        found.remarks.extend(check_sanity(found.experiment, setup, guessed=guessed is not None))
+        found.remarks.extend(_remarks_on_looks(found_in_film, sized=not known.guessed))
+        found.remarks.extend(check_sanity(found.experiment, setup, guessed=known.guessed))
     except InputError as error:
         raise NotTrackedError(error, seen, setup.text, overlay) from None
     flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
-    said = film_findings(data, setup_world(found.experiment), found.experiment.fps)
+    found.remarks.extend(_remarks_on_scale(said, setup, options=known.guessed))
+    found.remarks.extend(_remarks_on_lens(data, setup, film.size_px))
     looks = found_in_film.looks
     read = np.array([sight.read for release in kept for sight in release.sights])
     pictured = seen_frames(frames, found.placed_frames(), read, looks, (flights, impacts), still)
     return FilmTrack(found, flights, impacts, data, said, looks, setup, overlay, still, pictured), seen
 
 
-def _followed(
-    film: FilmFile, frames: Frames, setup: Setup, guessed: Guessed | None
-) -> tuple[Followed, Array, bytes]:
+def _experiment_of(
+    film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
+) -> tuple[TrackedFilm, FilmFindings, Setup]:
+    """The experiment that a film shows, what it says of itself, and the set-up. Scale or frame rate are those with
+    which flights show gravity, if they are not stated.
+
+    Raises `InputError` if flights are to give them and none shows gravity clearly.
+    """
+    setup = known.setup_of(kept, known.prepared.motion.scale)
+    found = tracked_film(kept, followed, setup, film.size_px)
+    said, given = findings_of(found.experiment, setup), setup.from_gravity
+    if given is None:
+        return found, said, setup
+    for _ in range(GRAVITY_ROUNDS):
+        if said.ratio is None:
+            raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
+        scale, before = known.asked.given(setup.scale.fall_px * said.ratio.value), setup
+        error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
+        setup = known.setup_of(kept, scale).with_scale(scale, error)
+        found = rescaled(found, before, setup, film.size_px)
+        said = findings_of(found.experiment, setup)
+    return found, said, setup
+
+
+def _followed(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:
     """What was followed, the first frame in grey, and the overlay."""
     still: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / OVERLAY
-        with closing(Overlay(path, setup, film.size_px, film.expected_frames)) as overlay:
+        with closing(Overlay(path, known.setup, film.size_px, film.expected_frames)) as overlay:
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
                     still.append(GREY(frame))
                 overlay.draw(number, frame, release)
 
-            found = (
-                followed(frames, guessed.prepared, on_progress)
-                if guessed is not None
-                else follow(frames, setup, film.size_px, on_progress, film.expected_frames)
-            )
+            found = followed(frames, known.prepared, on_progress)
         return found, still[0], path.read_bytes()
+
+
+def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> list[str]:
+    """Which frame rate and which scale would be right, where one is wrong; the scale that gravity gave."""
+    if said.off and said.ratio is not None:
+        ratio = Measured(said.ratio.value, said.unexplained_error)
+        return [proposal(setup.scale, ratio).sentence(options=options)]
+    given = setup.from_gravity
+    if given is not None and given.which == "scale":
+        return [f"a pixel is {setup.metres_per_pixel:.6g} m, ± {100 * given.relative_error:.2g} %"]
+    return []
+
+
+def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int]) -> list[str]:
+    """That flights are bent as by a lens, if none is stated."""
+    if setup.keys.camera.distortion is not None:
+        return []
+    bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
+    if bend is None:
+        return []
+    return [
+        f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`, and measure the "
+        "scale near the middle of the picture. A rolling shutter, air or a camera at a slant may do the same"
+    ]
 
 
 def _remarks_on_looks(followed: Followed, *, sized: bool) -> list[str]:

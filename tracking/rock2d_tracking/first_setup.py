@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d_tracking.film_reading import FilmFile, Frames
+from rock2d_tracking.film_scale import FROM_GRAVITY, FilmScale
 from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion, motion_of
+from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
-GRAVITY_M_S2 = 9.81
+SETUP = "setup.yaml"  # its file
 GUESSED_DENSITY_KG_M3 = 1000.0
 BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
 UNSEEN_RADIUS_SHARE = 0.02  # of the width of the picture: radius of a ball of which nothing is known
@@ -21,10 +23,10 @@ RESTS_RADII = 2.0  # below the picture, where the ground is if it was not seen
 TEXT = """\
 # Written by `rock2d track` from the film alone. Lines with "guess" are to be replaced by what you know.
 name: {name}
-gravity_m_s2: 9.81
+gravity_m_s2: {gravity:g}
 camera:
-  fps: {fps:.9g}  # as stated: frames per second of the recording
-  scale: {{metres_per_pixel: {scale:.9g}}}  # as stated
+  fps: {fps}  # frames per second of the recording: {rate_from}
+  scale: {{metres_per_pixel: {scale}}}  # {scale_from}
   up: up
   origin_px: [0, {bottom}]  # lower left corner of the picture ...
   origin_m: [0.0, 0.0]  # ... is the origin
@@ -40,36 +42,50 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 """
 
 
-class FirstScale(NamedTuple):
-    """What must be known of a film without a set-up file: metres per pixel, and frames per second of the recording."""
+@dataclass(frozen=True)
+class FirstSetup:
+    """What the first set-up file of a film says.
 
-    metres_per_pixel: float
-    fps: float
-
-
-def first_motion(film: FilmFile, frames: Frames, first: FirstScale) -> Motion:
-    """What moves in the frames of a film whose blocks are not known."""
-    metres_per_pixel, fps = first
-    fall = GRAVITY_M_S2 / metres_per_pixel / fps**2
-    return motion_of(frames, film.expected_frames, [], fall, fps)
-
-
-def first_setup(
-    film: FilmFile, motion: Motion, first: FirstScale, size: float = 1.0, ground_px: float | None = None
-) -> str:
-    """The text of a set-up file with the size of what falls, and level ground.
-
-    size : factor on the size of its candidates
+    Attributes
+    ----------
+    asked : scale and frame rate as stated; one may be left to gravity
+    scale : the same, complete
+    size : factor on the size of the candidates
     ground_px : height of the ground in the picture; None if no bounce was seen
     """
-    metres_per_pixel, fps = first
+
+    film: FilmFile
+    motion: Motion
+    asked: FilmScale
+    scale: FilmScale
+    size: float = 1.0
+    ground_px: float | None = None
+
+    def setup(self) -> Setup:
+        """The set-up, as read from its text."""
+        return Setup(SETUP, _text(self)).with_scale(self.scale)
+
+
+def first_motion(film: FilmFile, frames: Frames, first: FilmScale) -> Motion:
+    """What moves in the frames of a film whose blocks are not known."""
+    return motion_of(frames, film.expected_frames, [], first, frames.stamps(first.fps).clock)
+
+
+def _text(first: FirstSetup) -> str:
+    film, motion, (metres_per_pixel, fps, gravity) = first.film, first.motion, first.scale
+    assert metres_per_pixel is not None and fps is not None
     width, height = film.size_px
     areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.other or a.falls]
-    radius = float(np.sqrt(np.median(areas) / np.pi)) * size if areas else UNSEEN_RADIUS_SHARE * width
-    seen = ground_px is not None
-    ground = ground_px if ground_px is not None else height - 1 + RESTS_RADII * radius
+    radius = float(np.sqrt(np.median(areas) / np.pi)) * first.size if areas else UNSEEN_RADIUS_SHARE * width
+    seen = first.ground_px is not None
+    ground = first.ground_px if first.ground_px is not None else height - 1 + RESTS_RADII * radius
     return TEXT.format(
-        name=_name(film.path.stem), fps=fps, scale=metres_per_pixel, bottom=height - 1,
+        name=_name(film.path.stem), gravity=gravity, bottom=height - 1,
+        fps=FROM_GRAVITY if first.asked.fps is None else f"{fps:.9g}",
+        scale=FROM_GRAVITY if first.asked.metres_per_pixel is None else f"{metres_per_pixel:.9g}",
+        rate_from=f"{fps:.6g}, as what falls gives" if first.asked.fps is None else "as stated",
+        scale_from=f"{metres_per_pixel:.6g} m, as what falls gives" if first.asked.metres_per_pixel is None
+        else "as stated",
         ground_from="guess: level, under the lowest bounce" if seen
         else "guess: level, below the picture, because no bounce was seen",
         left=-width * metres_per_pixel, right=2 * width * metres_per_pixel,
@@ -78,11 +94,10 @@ def first_setup(
     )  # fmt: skip
 
 
-def ground_of(releases: Sequence[FollowedRelease], first: FirstScale) -> float | None:
+def ground_of(releases: Sequence[FollowedRelease], fall_px: float) -> float | None:
     """Height in the picture of the ground under the lowest bounce of some releases; None if none bounced, or if the
-    block was seen below."""
-    fall = GRAVITY_M_S2 / first.metres_per_pixel / first.fps**2
-    feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, fall)]
+    block was seen below. `fall_px`: acceleration of gravity along v in px per frame squared."""
+    feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, fall_px)]
     if not feet:
         return None
     lowest = max(float(s.pose[1]) + BELOW_RADII * r.radius_px for r in releases for s in r.seen)

@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.clock import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import (
     FEWEST_BLOCK_FRAMES,
@@ -65,14 +66,16 @@ def follow(
     size_px: tuple[int, int],
     on_progress: OnProgress = lambda number, frame, release: None,
     expected_frames: int = 0,
+    clock: Clock = EVEN,
 ) -> Followed:
     """Every release of a film, in the order filmed.
 
     film : (height, width) or (height, width, 3) uint8; it is read two or three times, from the start
     expected_frames : about how many there are, 0 if nobody knows
     on_progress : called for every frame with its number, its picture and the release that is being followed, if any
+    clock : the instants of frames
     """
-    motion = motion_in(film, setup, size_px, expected_frames)
+    motion = motion_in(film, setup, expected_frames, clock)
     if not motion.candidates:
         return Followed([], motion, {})
     return followed(film, prepared(film, setup, size_px, motion), on_progress)
@@ -88,12 +91,12 @@ def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) ->
     return Followed(follower.releases, known.motion, follower.looks, follower.rejected)
 
 
-def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], expected_frames: int) -> Motion:
+def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
     """What moves in a film of which a set-up file is known."""
-    camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
-    outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
+    metres = setup.scale.metres_per_pixel
+    outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps)
+    return motion_of(film, expected_frames, radii, setup.scale, clock, setup.down)
 
 
 def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
@@ -133,7 +136,7 @@ class _Follower:
     ) -> None:
         self.setup, self.background, self.motion = setup, background, motion
         self.map: PixelMap = setup.pixel_map(size_px)
-        self.fall_px = setup.fall_px(size_px)
+        self.fall_px = setup.fall_px
         visible = above_ground(setup.cross_section, self.map, size_px)
         self.fitter = Fitter(background, visible, setup.keys.detection.least_seen)
         self.looks = {
@@ -141,7 +144,7 @@ class _Follower:
             for name, block in setup.blocks.items()
         }
         self._chain_blocks = self._blocks_of_chains()
-        self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
+        self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.fps))
         self.releases: list[FollowedRelease] = []
         self.release: FollowedRelease | None = None
         self.chain: Chain | None = None
@@ -212,7 +215,8 @@ class _Follower:
         radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
         # where only the lit part of a block is seen, it looks smaller and lies beside the middle
         beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
-        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, float(np.hypot(looks.bias_px, beside)), radius)
+        bias_px = float(np.hypot(looks.bias_px, beside))
+        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, bias_px, radius, looks.shutter)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""
@@ -237,11 +241,23 @@ class _Follower:
 
     def _distrust_shadow(self, release: FollowedRelease) -> None:
         """What darkens its background as a shadow does is a block only if its outline is sharp."""
-        if self.chain is None or self.chain.shadow_share < SHADOW_SHARE or not release.seen:
+        if not release.seen or self._shadow_share(release) < SHADOW_SHARE:
             return
         if np.median([s.confidence for s in release.seen]) < SURE_FIT:
             for sight in release.seen:
                 sight.reason, sight.confidence = "like a shadow", 0.0
+
+    def _shadow_share(self, release: FollowedRelease) -> float:
+        """Share of the candidates of a release that look like a shadow. Without arcs they are those at its places: the
+        shadow of a block that a hand holds may be found as an outline, while the block itself is hidden in the hand."""
+        if self.chain is not None:
+            return self.chain.shadow_share
+        reach_px = 0.5 * self.looks[release.block].outline.reach_px
+        near = [
+            c.shadow for s in release.seen for c in self.motion.candidates[s.frame]
+            if np.hypot(c.u_px - s.pose[0], c.v_px - s.pose[1]) < reach_px
+        ]  # fmt: skip
+        return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
         return self.setup.block_of(len(self.releases) + (self.release is not None))
@@ -316,12 +332,17 @@ class _Follower:
         return sight
 
     def _pace(self, number: int, seen: list[Sight]) -> Array:
-        """(2,) way of the block to the next frame, about."""
+        """(2,) way of the block in the usual time between two frames, about."""
         if self.chain is not None and self.chain.first <= number <= self.chain.last:
             return self.chain.pace(number)
         if len(seen) < 2:
             return np.zeros(2)
-        return np.asarray((seen[-1].pose - seen[-2].pose)[:2] / (seen[-1].frame - seen[-2].frame))
+        return np.asarray((seen[-1].pose - seen[-2].pose)[:2] / self._time(seen[-2].frame, seen[-1].frame))
+
+    def _time(self, first: int, last: int) -> float:
+        """Time from one frame to another, in units of the usual one."""
+        clock = self.motion.clock
+        return float(clock(last) - clock(first))
 
     def _place_on_arc(self, number: int, outline: Outline) -> Array | None:
         """Where the block's arc, or what moves there, says that it is."""
@@ -338,21 +359,21 @@ class _Follower:
         last, first = seen[-1], seen[0]
         if len(seen) < 2:
             return last.pose.copy()
-        pace = (last.pose - first.pose) / (last.frame - first.frame)
-        ahead = number - last.frame
+        since, ahead = self._time(first.frame, last.frame), self._time(last.frame, number)
+        pace = (last.pose - first.pose) / since
         expected = last.pose + pace * ahead
         g = self.fall_px
         if abs(g) > FAST_FALL_PX:
             # the pace is that of the middle of the frames it was read from
-            expected[1] += 0.5 * g * ahead * (ahead + last.frame - first.frame)
-        elif ahead > 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
+            expected[1] += 0.5 * g * ahead * (ahead + since)
+        elif number > last.frame + 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
             expected[1] += 0.5 * g * ahead**2
         return np.asarray(expected)
 
     def _fastest(self, outline: Outline) -> float:
         """Largest way in px per frame of the last frames: at an impact a step is shorter than those before."""
         seen = self.release.last_seen(4) if self.release is not None else []
-        steps = [np.hypot(*(b.pose - a.pose)[:2]) / (b.frame - a.frame) for a, b in pairwise(seen)]
+        steps = [np.hypot(*(b.pose - a.pose)[:2]) / self._time(a.frame, b.frame) for a, b in pairwise(seen)]
         return float(max(steps, default=outline.reach_px))
 
     def _jumped(self, pose: Array, expected: Array, outline: Outline) -> bool:

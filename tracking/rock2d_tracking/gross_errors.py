@@ -51,7 +51,7 @@ def _reject_frames(seen: list[Sight], fall_px: float) -> None:
     """Frames that jump out of the parabola through their neighbours."""
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
-    t = np.array([s.frame for s in seen], float)
+    t = np.array([s.when for s in seen])
     pose = np.array([s.pose for s in seen])
     # without the fall, so that a line can be compared with few frames
     pose[:, 1] -= 0.5 * fall_px * (t - t[0]) ** 2
@@ -103,16 +103,16 @@ def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
 
 def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: float) -> None:
     """Frames at the ends of flights, nearer to one that was rejected than to one that was not."""
-    inside = {s.frame for own in flights for s in own}
-    ends = np.array([[own[0].frame, own[-1].frame] for own in flights])
+    inside = {s.when for own in flights for s in own}
+    ends = np.array([[own[0].when, own[-1].when] for own in flights])
     for sight in seen:
-        if sight.frame in inside or sight.reason:
+        if sight.when in inside or sight.reason:
             continue
-        beside = np.argsort(np.abs(ends - sight.frame).min(axis=1))[:2].tolist()
+        beside = np.argsort(np.abs(ends - sight.when).min(axis=1))[:2].tolist()
         away = []
         for k in beside:
-            own = flights[k][-FLIGHT_ENDS:] if ends[k, 1] < sight.frame else flights[k][:FLIGHT_ENDS]
-            place = _carried(own, np.array([float(sight.frame)]), fall_px)[0]
+            own = flights[k][-FLIGHT_ENDS:] if ends[k, 1] < sight.when else flights[k][:FLIGHT_ENDS]
+            place = _carried(own, np.array([sight.when]), fall_px)[0]
             away.append(float(np.hypot(*(sight.pose[:2] - place))))
         if flights[beside[int(np.argmin(away))]][0].reason:
             _reject(sight, "jumps")
@@ -120,8 +120,8 @@ def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: floa
 
 def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float) -> bool:
     """Whether two flights, each carried on toward the other, come to the same place; true if nobody can know."""
-    before, after = (one, other) if one[0].frame < other[0].frame else (other, one)
-    if after[0].frame - before[-1].frame > LONGEST_CARRY or min(len(before), len(after)) < 2:
+    before, after = (one, other) if one[0].when < other[0].when else (other, one)
+    if after[0].when - before[-1].when > LONGEST_CARRY or min(len(before), len(after)) < 2:
         return True
     _, paths = _between(before, after, fall_px)
     step = max(float(np.hypot(*np.diff(path[:5:4], axis=0).T).max()) for path in paths)
@@ -134,7 +134,7 @@ def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
     flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
     found = []
     for before, after in pairwise(own for own in flights if len(own) >= FEWEST_BOUNCE_FRAMES):
-        if after[0].frame - before[-1].frame > LONGEST_CARRY:
+        if after[0].when - before[-1].when > LONGEST_CARRY:
             continue
         _, (coming, going) = _between(before, after, fall_px)
         if coming[-1, 1] > coming[-2, 1] and going[1, 1] < going[0, 1]:
@@ -145,15 +145,15 @@ def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
 
 def _between(before: list[Sight], after: list[Sight], fall_px: float) -> tuple[Array, tuple[Array, Array]]:
     """Four instants a frame between two flights, (n,), and the places (n, 2) to which each is carried on then."""
-    gap = after[0].frame - before[-1].frame
-    when = np.linspace(before[-1].frame, after[0].frame, 4 * gap + 1)
+    gap = after[0].when - before[-1].when
+    when = np.linspace(before[-1].when, after[0].when, 4 * int(np.ceil(gap)) + 1)
     one, other = (_carried(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS]))
     return when, (one, other)
 
 
 def _carried(sights: list[Sight], when: Array, fall_px: float) -> Array:
-    """(n, 2) places at the instants `when` (n,) in frames, on the parabola with gravity through some sights."""
-    t = np.array([s.frame for s in sights], float)
+    """(n, 2) places at the instants `when` (n,), on the parabola with gravity through some sights."""
+    t = np.array([s.when for s in sights])
     bend = np.array([0.0, 0.5 * fall_px])
     places = np.array([s.pose[:2] for s in sights]) - (t - t[0])[:, None] ** 2 * bend
     line = np.linalg.lstsq(np.vander(t - t[0], 2), places, rcond=None)[0]

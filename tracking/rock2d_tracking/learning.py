@@ -193,7 +193,8 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
         own = table[(table[:, 0] >= arc.first) & (table[:, 0] <= arc.last)]
         if len(own) < FEWEST_PAIRS_ON_ARC:
             continue
-        basis = np.linalg.qr(np.vander(own[:, 0] - own[:, 0].mean(), 3))[0]
+        when = motion.clock(own[:, 0])
+        basis = np.linalg.qr(np.vander(when - when.mean(), 3))[0]
         squares += ((own[:, 1:] - basis @ (basis.T @ own[:, 1:])) ** 2).sum(axis=0)
         count += len(own)
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart

@@ -18,9 +18,12 @@ from rock2d_tracking.arcs import (
     FEWEST_ARC_FRAMES,
     Arc,
     arcs_of_other_gravity,
+    common_fall,
     find_arcs,
 )
 from rock2d_tracking.candidates import Candidate, candidates_of, shrunk
+from rock2d_tracking.clock import EVEN, Clock
+from rock2d_tracking.film_scale import UNKNOWN, FilmScale
 
 Array = np.ndarray
 
@@ -79,9 +82,9 @@ class Chain:
         return sum(len(a.frames) for a in self.arcs)
 
     def pace(self, frame: int) -> Array:
-        """(2,) way in px from one frame to the next, about a frame."""
+        """(2,) way in px in the usual time between two frames, about a frame."""
         arc = min(self.arcs, key=lambda a: max(a.first - frame, frame - a.last, 0))
-        return np.asarray(arc.at(frame + 0.5) - arc.at(frame - 0.5))
+        return arc.pace(frame)
 
     def at(self, frame: int) -> Array | None:
         """(2,) place in px, bridged between two arcs by whichever is nearer in time; None before and after them."""
@@ -106,12 +109,16 @@ class Motion:
     chains : releases as their arcs show them, in the order filmed
     samples : pictures of full size, evenly over the film
     arcs : all arcs, of the blocks and of other things
+    clock : the instants of frames
+    scale : scale and frame rate; where one was not known, as the arcs give it
     """
 
     candidates: list[list[Candidate]] = field(default_factory=list)
     chains: list[Chain] = field(default_factory=list)
     samples: list[Array] = field(default_factory=list)
     arcs: list[Arc] = field(default_factory=list)
+    clock: Clock = EVEN
+    scale: FilmScale = UNKNOWN
 
     def chain_at(self, frame: int) -> Chain | None:
         """The chain that spans a frame."""
@@ -140,16 +147,23 @@ class Motion:
 
 
 def motion_of(
-    frames: Iterable[Array], expected_frames: int, radii_px: list[float], fall_px: float, fps: float
+    frames: Iterable[Array],
+    expected_frames: int,
+    radii_px: list[float],
+    scale: FilmScale,
+    clock: Clock = EVEN,
+    down: int = 1,
 ) -> Motion:
     """Read a film once and find what moves in it.
 
     frames : (height, width) or (height, width, 3) uint8
     expected_frames : about how many there are, 0 if nobody knows
     radii_px : radii of the blocks, [] if they are not known
-    fall_px : acceleration of gravity along v in px per frame squared; 0 if it is not known
+    scale : scale and frame rate; what is not known is found from what falls
+    clock : the instants of frames
+    down : the sign of gravity along v
     """
-    found, chunk = Motion(), []
+    found, chunk = Motion(clock=clock), []
     stride, number = max(1, expected_frames // FULL_SAMPLES), 0
     coarse = 1
     for number, frame in enumerate(frames):
@@ -165,10 +179,15 @@ def motion_of(
             chunk = []
     if chunk:
         found.candidates += candidates_of(chunk, len(found.candidates), coarse)
-    found.arcs = find_arcs(found.candidates, fall_px)
-    found.chains = find_chains(found.arcs, fps, radii_px)
+    if not scale.fall_px and (fall := common_fall(found.candidates, down, clock)) is not None:
+        scale = scale.given(abs(fall.value))
+    found.scale, fall_px = scale, down * scale.fall_px
+    if not fall_px:  # nothing falls
+        return found
+    found.arcs = find_arcs(found.candidates, fall_px, clock)
+    found.chains = find_chains(found.arcs, scale.fps or 0.0, radii_px)
     if not found.chains:
-        found.arcs += arcs_of_other_gravity(found.candidates, fall_px)
+        found.arcs += arcs_of_other_gravity(found.candidates, fall_px, clock)
     return found
 
 

@@ -50,7 +50,8 @@ def write_page(
          "that the tracker prefers some places.", _bias(film, data)),
         ("Trust", "Confidence of every frame, release after release; lost frames have 0.", _trust(frames)),
     ]  # fmt: skip
-    said = film_findings(data, setup_world(film.experiment), film.experiment.fps).sentences()
+    own = film.experiment
+    said = film_findings(data, setup_world(own), own.fps, own.from_gravity).sentences()
     rows = list(_summary(film, flights, impacts).items())
     above = [
         Section(items=film.remarks),

@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.experiment import FromGravity
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
 from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.checkerboard import scale_of_board
+from rock2d_tracking.film_scale import FROM_GRAVITY, FilmScale
 
+GravityWord = Literal["gravity"]
+
+
+def _number_or_gravity(value: Any) -> Any:
+    if value != FROM_GRAVITY and (isinstance(value, bool) or not isinstance(value, (int, float))):
+        raise mistake(f"expected a number or {FROM_GRAVITY}, found {shown(value)}")
+    return value
+
+
+Given = BeforeValidator(_number_or_gravity)
 Pixel = Annotated[list[float], Field(min_length=2, max_length=2, description="[u, v] in px: right, down")]
 
 
 class Scale(Checked):
     """Metres per pixel, in one of three ways."""
 
-    metres_per_pixel: float | None = Field(default=None, gt=0, le=10, description="Length of a pixel in m")
+    metres_per_pixel: Annotated[Annotated[float, Field(gt=0, le=10)] | GravityWord, Given] | None = Field(
+        default=None, description="Length of a pixel in m; gravity: what falls in the film gives it"
+    )
     points_px: list[Pixel] | None = Field(
         default=None, min_length=2, max_length=2, description="Two marked points"
     )
@@ -61,13 +76,21 @@ class Distortion(Checked):
 class CameraKeys(Checked):
     """How it was filmed. Nothing here is guessed from the file."""
 
-    fps: float = Field(gt=0, le=1.0e7, description="True frames per second of filming, not of playing")
+    fps: Annotated[Annotated[float, Field(gt=0, le=1.0e7)] | GravityWord, Given] = Field(
+        description="True frames per second of filming, not of playing; gravity: what falls in the film gives it"
+    )
     scale: Scale = Field(description="Metres per pixel, in one of three ways")
     up: Literal["up", "down"] = Field(description="Where the world's y grows to in the image")
     origin_px: Pixel = Field(description="A point of the image whose place is known ...")
     origin_m: Point = Field(default=[0.0, 0.0], description="... and where it is, [x, y] in m")
     tilt_deg: float = Field(default=0.0, ge=-45, le=45, description="A level line rises by this in the image")
     distortion: Distortion | None = Field(default=None, description="Radial distortion of the lens; none")
+
+    @model_validator(mode="after")
+    def _one_is_known(self) -> CameraKeys:
+        if self.fps == self.scale.metres_per_pixel == FROM_GRAVITY:
+            raise mistake("gravity gives the frame rate or the scale, not both: state one of them", "fps")
+        return self
 
 
 class DetectionKeys(Checked):
@@ -112,8 +135,14 @@ def setup_json_schema() -> dict[str, Any]:
 
 
 class Setup:
-    """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known; `path` and `text`
-    are those of its file."""
+    """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known.
+
+    Attributes
+    ----------
+    path, text : those of its file
+    scale : scale and frame rate; one may be unknown
+    from_gravity : which of them gravity gives, with its error as soon as it is known; None if both are stated
+    """
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
         """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
@@ -124,17 +153,44 @@ class Setup:
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
-        scale = camera.scale
+        fps = None if camera.fps == FROM_GRAVITY else float(camera.fps)
+        self.scale = FilmScale(self._metres_per_pixel(camera.scale), fps, self.keys.gravity_m_s2)
+        self.from_gravity: FromGravity | None = None
+        if self.scale.fps is None or self.scale.metres_per_pixel is None:
+            self.from_gravity = FromGravity(which="fps" if fps is None else "scale", relative_error=0.0)
+
+    def _metres_per_pixel(self, scale: Scale) -> float | None:
         if scale.metres_per_pixel is not None:
-            self.metres_per_pixel = scale.metres_per_pixel
-        elif scale.points_px is not None and scale.distance_m is not None:
+            return None if scale.metres_per_pixel == FROM_GRAVITY else float(scale.metres_per_pixel)
+        if scale.points_px is not None and scale.distance_m is not None:
             a, b = np.array(scale.points_px)
-            self.metres_per_pixel = float(scale.distance_m / np.hypot(*(b - a)))
-        else:
-            assert scale.checkerboard is not None and scale.square_m is not None
-            self.metres_per_pixel = scale_of_board(
-                self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m
+            return float(scale.distance_m / np.hypot(*(b - a)))
+        assert scale.checkerboard is not None and scale.square_m is not None
+        return scale_of_board(
+            self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m
+        )
+
+    @property
+    def metres_per_pixel(self) -> float:
+        """The scale; it must be known."""
+        assert self.scale.metres_per_pixel is not None
+        return self.scale.metres_per_pixel
+
+    @property
+    def fps(self) -> float:
+        """The frame rate of the recording; it must be known."""
+        assert self.scale.fps is not None
+        return self.scale.fps
+
+    def with_scale(self, scale: FilmScale, relative_error: float = 0.0) -> Setup:
+        """The same with scale and frame rate as gravity gives them; `relative_error`: standard error of that."""
+        own = copy.copy(self)
+        own.scale = scale
+        if own.from_gravity is not None:
+            own.from_gravity = own.from_gravity.model_copy(
+                update={"relative_error": min(relative_error, 1.0)}
             )
+        return own
 
     def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
         """The map for images of this size (width, height)."""
@@ -149,10 +205,15 @@ class Setup:
             bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
         )  # fmt: skip
 
-    def fall_px(self, size_px: tuple[int, int]) -> float:
+    @property
+    def fall_px(self) -> float:
         """Acceleration of gravity along v in px per frame squared."""
-        fall = self.keys.gravity_m_s2 / self.metres_per_pixel / self.keys.camera.fps**2
-        return -self.pixel_map(size_px).up * fall
+        return self.down * self.scale.fall_px
+
+    @property
+    def down(self) -> int:
+        """The sign of gravity along v."""
+        return 1 if self.keys.camera.up == "up" else -1
 
     def block_of(self, release: int) -> str:
         """Name of the block of a release, counted from 0."""

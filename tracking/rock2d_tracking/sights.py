@@ -32,6 +32,7 @@ class Sight:
     reason : why the frame is lost, "" if it is not
     covered : share of the outline's inside that differs from the background; NaN if nobody looked
     read : its number in the file, if `frame` is its number as filmed
+    when : its instant, in units of the usual time between two frames: the number of the frame, until it is set
     """
 
     frame: int
@@ -41,6 +42,10 @@ class Sight:
     reason: str = ""
     covered: float = np.nan
     read: int = -1
+    when: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.when = float(self.frame)
 
 
 @dataclass
@@ -54,6 +59,7 @@ class FollowedRelease:
     error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
     bias_px : 1 sigma by which a coordinate of all frames may be off alike; it is no part of the errors of frames
     radius_px : half the size of the block in the picture
+    shutter : share of the time between frames in which the block smears
     """
 
     block: str
@@ -61,6 +67,7 @@ class FollowedRelease:
     error_factor: float = 1.0
     bias_px: float = 0.0
     radius_px: float = 0.0
+    shutter: float = 0.0
 
     @property
     def seen(self) -> list[Sight]:
@@ -83,7 +90,7 @@ def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
 
     `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out.
     """
-    t = np.array([s.frame for s in sights], float)
+    t = np.array([s.when for s in sights])
     count, k = len(t), KINK_FRAMES
     places = np.array([s.pose[:2] for s in sights]).reshape(-1, 2)
     places[:, 1] -= 0.5 * fall_px * (t - t[:1]) ** 2
@@ -131,7 +138,7 @@ def state_errors(release: FollowedRelease, fall_px: float) -> None:
 
 def _scatter_ratios(seen: list[Sight], error: Array, flights: list[Array]) -> Array:
     """(n, 3) distances of frames from the parabolas through their neighbours, over the errors stated."""
-    t, pose = np.array([s.frame for s in seen], float), np.array([s.pose for s in seen])
+    t, pose = np.array([s.when for s in seen]), np.array([s.pose for s in seen])
     # a fit errs alike in two frames that show the block at nearly the same place within its pixels
     pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
     stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))

@@ -37,9 +37,10 @@ def flights_and_impacts(
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
     (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise), `gravity_m_s2` (size of the
-    acceleration of a flight that clearly falls, else NaN) and its standard error. Impacts: release, block, t_s and
-    zone of the contact, velocities just before and after it with standard errors, `restitution` (speed across the
-    ground after over before), `penetration_m`, `rebound_m`, `flag` (any of "deep", "low", "wide gap"; "mid-air" where
+    acceleration of a flight that clearly falls, else NaN, also where it gave scale or frame rate) and its standard
+    error. Impacts: release, block, t_s and zone of the contact, velocities just before and after it with standard
+    errors, `restitution` (speed across the ground after over before), `penetration_m`, `rebound_m`, `flag` (any of
+    "deep", "low", "wide gap"; "mid-air" where
     neither the ground is near nor the block turns round, which is no impact).
     """
     setup = setup_world(experiment)
@@ -64,7 +65,8 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
     for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
-    found = flight_gravity(film, flights, experiment.gravity_m_s2)
+    measured = experiment.from_gravity is None  # else it is no measurement
+    found = flight_gravity(film, flights, experiment.gravity_m_s2) if measured else None
     for name, values in (("gravity_m_s2", "each"), ("gravity_m_s2_se", "each_error")):
         table[name] = np.where(found.used, getattr(found, values), np.nan) if found is not None else np.nan
     return table

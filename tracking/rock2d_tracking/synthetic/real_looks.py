@@ -30,6 +30,9 @@ SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are b
 H264_SHARE, MILDEST_CRF = 0.5, 17.0  # share of the looks whose films are H.264, and its least rate factor
 LENGTH_RATIO = 0.6  # height of a rectangle over its length
 MOST_BOUNCES = 20
+# of a frame rate that varies: frames from one slow time to the next, lateness of a frame over what the rate varies by,
+# and share of the frames that are left out
+SLOWER_FRAMES, LATE_SHARE, LEFT_OUT_SHARE = 45, 0.2, 0.03
 REST_FRAMES = 6  # at the start, in which the hand holds the block
 SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall behind the block
 
@@ -50,6 +53,7 @@ class RealLook:
     room : share by which floor, furniture and a shadow on the floor stand out
     shake_px : root mean square way of a hand-held camera along each axis; `shake_frames`: its shortest period
     lens : share by which what is half a picture's width beside the middle is moved toward it
+    uneven : share by which the time between frames varies
     """
 
     kind: str
@@ -86,6 +90,7 @@ class RealLook:
     shake_px: float = 0.0
     shake_frames: float = 12.0
     lens: float = 0.0
+    uneven: float = 0.0
 
 
 class RealFrame(NamedTuple):
@@ -139,7 +144,20 @@ def drawn_look(index: int, severity: str, seed: int = 0) -> RealLook:
 
 def path_of(look: RealLook, frames: int, size_px: tuple[int, int]) -> Array:
     """(frames, 3) poses in the middle of the exposures at the top row: a throw, and bounces on a floor."""
-    return _path(look, np.arange(frames, dtype=float), size_px)
+    return _path(look, instants_of(look, frames), size_px)
+
+
+def instants_of(look: RealLook, frames: int) -> Array:
+    """(frames,) instants of the frames, in units of the usual time between two: a phone in changing light slows down
+    and hurries, is a little late now and then, and leaves a frame out."""
+    rng = np.random.default_rng(np.random.SeedSequence([look.seed, 3]))
+    slower = look.uneven * (
+        0.5 + 0.5 * np.sin(2 * np.pi * (np.arange(frames) / SLOWER_FRAMES + rng.random()))
+    )
+    late = LATE_SHARE * look.uneven * rng.standard_normal(frames)
+    left_out = (look.uneven > 0) * (rng.random(frames) < LEFT_OUT_SHARE)
+    steps = (1.0 + slower + np.clip(late, -0.3, 0.3)) * (1 + left_out)
+    return np.concatenate([[0.0], np.cumsum(steps[1:])])
 
 
 class Bounce(NamedTuple):
@@ -213,7 +231,7 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
     rng = np.random.default_rng(np.random.SeedSequence([look.seed, 1]))
     wall = _wall(look, size_px, rng)
     width, height = size_px
-    times = _times(look, np.arange(frames, dtype=float), size_px)
+    times = _times(look, instants_of(look, frames), size_px)
     poses = _path(look, times, size_px)
     for i in range(frames):
         if poses[i, 0] > width + 2 * look.radius_px:

@@ -20,12 +20,14 @@ from rock2d_tracking.synthetic.real_looks import (
     drawn_look,
     flights_of,
     floor_px,
+    instants_of,
     real_film,
 )  # fmt: skip
 
 Array = np.ndarray
 
 GRAVITY_M_S2 = 9.81
+TICKS = 90_000  # of the clock of a film at uneven times, in a second
 HIDDEN_FRAMES = 7  # frames before its beginning that a file with an edit list keeps
 
 
@@ -50,8 +52,11 @@ class FilmKind:
     shutter: float = 0.5
     shake_px: float = 0.0
     lens: float = 0.0
+    rolling: float = 0.0  # share of the time between frames in which the rows are read, one after the other
     room: float = 0.4
     falls_out: bool = False  # of the picture, before it meets the floor
+    uneven: float = 0.0  # share by which the time between frames varies
+    stated_fps: float = 0.0  # frame rate that its user states, if it is a wrong one
 
 
 PHONE_LOOKS = ("shaded", "coloured", "textured", "matte")
@@ -64,6 +69,12 @@ FILM_KINDS = {
     "edit list, wide angle": FilmKind(60.0, 8e-3, 50, PHONE_LOOKS, "edit list", lens=0.04, falls_out=True),
     "hand-held": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, shake_px=1.0),
     "cluttered room": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, room=1.0),
+    "rolling shutter": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, rolling=0.6),
+    "wide angle": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, lens=0.06),
+    "slow motion, wrong rate": FilmKind(
+        200.0, 1.5e-3, 240, ("shaded", "textured", "white"), "webm", 0.3, stated_fps=30.0
+    ),
+    "variable rate": FilmKind(30.0, 4e-3, 65, PHONE_LOOKS, uneven=0.5),
 }
 
 
@@ -86,7 +97,13 @@ class UserFilm:
         if self.camera.falls_out:
             return np.empty(0)
         hits = np.array([b.flown for b in flights_of(self.look, self.size_px)[1:]]) + REST_FRAMES
-        return np.asarray(hits[hits < self.camera.frames - 1])
+        frames = np.interp(hits, self.instants, np.arange(self.camera.frames), right=np.inf)
+        return np.asarray(frames[frames < self.camera.frames - 1])
+
+    @property
+    def instants(self) -> Array:
+        """(frames,) instants of its frames, in units of the usual time between two."""
+        return instants_of(self.look, self.camera.frames)
 
 
 def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] = (480, 270)) -> UserFilm:
@@ -115,10 +132,10 @@ def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] =
         ambient=0.7 if flat else rng.uniform(0.3, 0.5), diffuse=0.3 if flat else rng.uniform(0.5, 0.9),
         specular=rng.uniform(0.5, 1.2) if shiny else 0.2 * rng.random(), shine=rng.uniform(20, 60),
         texture=0.6 if like == "textured" else 0.05, opacity=1.0, untidy=0.3, shadow=rng.uniform(0.0, 0.2),
-        hand=bool(rng.random() < 0.7), moving=0.0, shutter=rng.uniform(0.3, 1.0) * own.shutter, rolling=0.0,
+        hand=bool(rng.random() < 0.7), moving=0.0, shutter=rng.uniform(0.3, 1.0) * own.shutter, rolling=own.rolling,
         exposure=rng.uniform(1.0, 1.3), noise=rng.uniform(1.0, 3.0), blur_px=rng.uniform(0.6, 1.1), quality=95, crf=0.0,
         restitution=rng.uniform(0.6, 0.85), room=own.room, shake_px=own.shake_px * rng.uniform(0.6, 1.6),
-        shake_frames=rng.uniform(6, 14), lens=own.lens * rng.uniform(0.5, 1.5),
+        shake_frames=rng.uniform(6, 14), lens=own.lens * rng.uniform(0.5, 1.5), uneven=own.uneven,
     )  # fmt: skip
     floor = 1e4 if own.falls_out else floor_px(drawn, size_px)
     start = (rng.uniform(0.15, 0.35) * width, rng.uniform(0.2, 0.35) * min(height, floor))
@@ -137,7 +154,8 @@ def write_user_film(path: Path, film: UserFilm) -> list[RealFrame]:
     shots = list(real_film(look, size_px, own.frames))
     pictures = [s.image for s in shots]
     if own.file == "edit list":
-        _encode(path, [pictures[0]] * HIDDEN_FRAMES + pictures, own, "libx264", {"crf": "25", "bf": "2"})
+        before = [pictures[0]] * HIDDEN_FRAMES
+        _encode(path, before + pictures, own, "libx264", {"crf": "25", "bf": "2"})
         hide_first_frames(path, HIDDEN_FRAMES, len(pictures), own.fps)
     elif own.file == "avi":
         _encode(path, pictures, own, "libx264", {"crf": "25", "bf": "2"})
@@ -150,7 +168,7 @@ def write_user_film(path: Path, film: UserFilm) -> list[RealFrame]:
             {"crf": "12", "b": "1500k", "deadline": "realtime", "cpu-used": "4"},
         )
     else:
-        _encode(path, pictures, own, "libx264", {"crf": "25"})
+        _encode(path, pictures, own, "libx264", {"crf": "25"}, film.instants if own.uneven else None)
     return shots
 
 
@@ -158,8 +176,14 @@ SUFFIXES = {"mp4": ".mp4", "edit list": ".mp4", "avi": ".avi", "webm": ".webm"}
 
 
 def _encode(
-    path: Path, pictures: Sequence[Array], kind: FilmKind, codec: str, options: dict[str, str]
+    path: Path,
+    pictures: Sequence[Array],
+    kind: FilmKind,
+    codec: str,
+    options: dict[str, str],
+    instants: Array | None = None,
 ) -> None:
+    """Write pictures as a film, at even times or at `instants`."""
     import av
 
     played = Fraction(min(kind.fps, 60.0)).limit_denominator(1000)
@@ -168,9 +192,16 @@ def _encode(
         assert isinstance(stream, av.VideoStream)
         stream.height, stream.width, stream.pix_fmt = *pictures[0].shape[:2], "yuv420p"
         stream.codec_context.thread_count = 1  # the pictures must not depend on the machine
+        if instants is not None:
+            stream.codec_context.time_base = Fraction(1, TICKS)
         for number, picture in enumerate(pictures):
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = number, 1 / played
+            if instants is not None:
+                frame.pts, frame.time_base = (
+                    round(float(instants[number] / played * TICKS)),
+                    Fraction(1, TICKS),
+                )
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
 

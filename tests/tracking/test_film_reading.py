@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from rock2d_tracking import film_reading
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.synthetic.user_films import hide_first_frames
 
@@ -157,3 +158,18 @@ def test_a_film_of_an_upright_phone_is_turned(tmp_path):
     assert first.shape == (WIDTH, HEIGHT)
     assert first[10, HEIGHT - 10] > 240  # from the left to the right upper corner
     assert first[10, 10] < 10 and first[WIDTH - 10, 10] < 10
+
+
+@pytest.mark.parametrize(("in_memory", "of_disk", "readings"), [(99, 0.5, 1), (4, 0.5, 1), (4, 0.0, 3)])
+def test_frames_are_kept_in_memory_and_on_disk_and_are_the_same_each_time(
+    tmp_path, monkeypatch, in_memory, of_disk, readings
+):
+    film = FilmFile(written(tmp_path / "a.mp4", grey(10), range(0, 330, 33)))
+    monkeypatch.setattr(film_reading, "KEPT_BYTES", in_memory * HEIGHT * WIDTH)
+    monkeypatch.setattr(film_reading, "MOST_OF_DISK", of_disk)
+    expected, frames, opened = list(film.frames()), film.frames(), []
+    monkeypatch.setattr(film, "_opened", lambda own=film._opened: opened.append(1) or own())
+    for _ in range(3):
+        seen = list(frames)
+        assert len(seen) == 10 and all((a == b).all() for a, b in zip(seen, expected, strict=True))
+    assert len(opened) == readings

@@ -1,15 +1,17 @@
 """A video file, read from its first frame to its last, never by seeking, in bounded memory; and its time stamps.
 
-A film is read several times. If its frames fit in `KEPT_BYTES`, they are decoded once and kept. FFmpeg decodes ahead in
-threads of its own. Of a film without colour only the brightness is read.
+A film is read several times, and decoded once: frames beyond `KEPT_BYTES` wait in a temporary file, if the disk has
+room for them. FFmpeg decodes ahead in threads of its own. Of a film without colour only the brightness is read.
 """
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +24,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-KEPT_BYTES = 2_000_000_000  # decoded frames that are kept; a longer film is decoded anew for each reading
+KEPT_BYTES = 2_000_000_000  # of decoded frames in memory
+MOST_OF_DISK = (
+    0.5  # share of the free disk that a temporary file may take; else the film is decoded for each reading
+)
 FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 235
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
 # by which a time between frames may be off: share of the usual one, and ticks of the clock
@@ -122,7 +127,7 @@ class Frames:
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
         self._film, self._last = film, last
-        self._kept: list[Array] | None = None
+        self._kept: _Kept | None = None
         self.ways_px: Array | None = None
         self.times_s: list[float] = []
 
@@ -141,16 +146,11 @@ class Frames:
         if self._kept is not None:
             yield from self._kept
             return
-        kept: list[Array] = []
-        fits = True
+        kept = _Kept(self._film.expected_frames if self._last is None else self._last)
         for frame in self._decoded():
             yield frame
-            fits = fits and frame.nbytes * (len(kept) + 1) <= KEPT_BYTES
-            if fits:
-                kept.append(frame)
-            else:
-                kept.clear()
-        if fits:
+            kept.add(frame)
+        if kept.whole:
             self._kept = kept
 
     def _decoded(self) -> Iterator[Array]:
@@ -214,6 +214,47 @@ class Frames:
             clock = Clock((when_s - when_s[0]) / usual_s)
             drawn_out = f", drawn out from {1 / usual_s:.4g} to {rate} frames/s"
         return Stamps(numbers, clock, f"{said}. These are the times of the frames{drawn_out}")
+
+
+class _Kept:
+    """Frames that were decoded: the first in memory, those beyond KEPT_BYTES in a temporary file without a name."""
+
+    def __init__(self, expected: int) -> None:
+        """`expected`: number of frames."""
+        self._expected = expected
+        self._first: list[Array] = []
+        self._file: IO[bytes] | None = None
+        self._filed = 0
+        self.whole = True  # whether nothing is missing
+
+    def add(self, frame: Array) -> None:
+        """Keep a frame, if there is room for all."""
+        if not self.whole:
+            return
+        if self._file is None and frame.nbytes * (len(self._first) + 1) <= KEPT_BYTES:
+            self._first.append(frame)
+            return
+        if self._file is None and self._has_room(frame.nbytes):
+            self._file = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as this object
+        try:
+            if self._file is None or frame.shape != self._first[0].shape:
+                raise OSError
+            self._file.write(frame.data)
+            self._filed += 1
+        except OSError:  # no room, or frames of several sizes
+            self.whole, self._file = False, None
+            self._first.clear()
+
+    def _has_room(self, frame_bytes: int) -> bool:
+        free = shutil.disk_usage(tempfile.gettempdir()).free
+        return bool(self._first) and frame_bytes * self._expected <= MOST_OF_DISK * free
+
+    def __iter__(self) -> Iterator[Array]:
+        yield from self._first
+        if self._file is not None:
+            self._file.flush()
+            shape = (self._filed, *self._first[0].shape)
+            yield from np.asarray(np.memmap(self._file, np.uint8, "r", shape=shape))
 
 
 def _decoded(

@@ -48,11 +48,16 @@ def test_what_falls_is_found_among_clutter_and_a_hand(seed):
     assert not hand
 
 
-def test_a_bounce_between_two_frames_joins_two_arcs():
+@pytest.mark.parametrize("shadow_px", [None, 15.0])
+def test_a_bounce_between_two_frames_joins_two_arcs(shadow_px):
+    """Also where the shadow of the ball lies before the bounce where the second arc would have been."""
     down = fallen(range(0, 12), 20.0, 50.0, (10.0, 0.0), FALL_PX)
     u, v = down[11]
     up = fallen(range(12, 24), u + 10.0, v - 4.0, (10.0, -18.0), FALL_PX)
     table = [[candidate(f, *p)] for f, p in sorted((down | up).items())]
+    if shadow_px is not None:
+        table[11].append(candidate(11, u, v + shadow_px))
+        assert [a.first for a in find_arcs(table, FALL_PX)].count(11) == 1
     (chain,) = find_chains(find_arcs(table, FALL_PX), 30.0, [])
     assert (chain.first, chain.last, len(chain.arcs)) == (0, 23, 2)
     bounce = chain.arcs[0].at(meeting(*chain.arcs))

@@ -199,9 +199,10 @@ def _coarseness(width: int, radii_px: list[float]) -> int:
 
 
 def meeting(before: Arc, after: Arc) -> float:
-    """The instant between two arcs, in frames, at which they are nearest to each other."""
+    """The instant between two arcs, or one frame beside, at which they are nearest to each other: where a shadow lies at
+    the continuation of an arc, the arc takes it for the block in a frame of the other one."""
     first, last = sorted((before.last, after.first))
-    when = np.linspace(first, last, 4 * (last - first) + 1)
+    when = np.linspace(first - 1, last + 1, 4 * (last - first) + 9)
     apart = before.at(when) - after.at(when)
     return float(when[int(np.argmin((apart**2).sum(axis=1)))])
 

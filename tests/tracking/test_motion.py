@@ -48,12 +48,12 @@ def test_what_falls_is_found_among_clutter_and_a_hand(seed):
     assert not hand
 
 
-@pytest.mark.parametrize("shadow_px", [None, 15.0])
-def test_a_bounce_between_two_frames_joins_two_arcs(shadow_px):
+@pytest.mark.parametrize(("down_px", "shadow_px"), [(-4.0, None), (16.0, 35.0)])
+def test_a_bounce_between_two_frames_joins_two_arcs(down_px, shadow_px):
     """Also where the shadow of the ball lies before the bounce where the second arc would have been."""
     down = fallen(range(0, 12), 20.0, 50.0, (10.0, 0.0), FALL_PX)
     u, v = down[11]
-    up = fallen(range(12, 24), u + 10.0, v - 4.0, (10.0, -18.0), FALL_PX)
+    up = fallen(range(12, 24), u + 10.0, v + down_px, (10.0, -18.0), FALL_PX)
     table = [[candidate(f, *p)] for f, p in sorted((down | up).items())]
     if shadow_px is not None:
         table[11].append(candidate(11, u, v + shadow_px))

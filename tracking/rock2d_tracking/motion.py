@@ -199,8 +199,8 @@ def _coarseness(width: int, radii_px: list[float]) -> int:
 
 
 def meeting(before: Arc, after: Arc) -> float:
-    """The instant between two arcs, or one frame beside, at which they are nearest to each other: where a shadow lies at
-    the continuation of an arc, the arc takes it for the block in a frame of the other one."""
+    """The instant between two arcs, or one frame beside, at which they are nearest to each other: a shadow on the
+    continuation of an arc can be taken for the block in a frame of the other one."""
     first, last = sorted((before.last, after.first))
     when = np.linspace(first - 1, last + 1, 4 * (last - first) + 9)
     apart = before.at(when) - after.at(when)

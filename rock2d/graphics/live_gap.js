@@ -4,7 +4,7 @@
   const { unpacked, starts, columns, cleared, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent), { blocks, causes, models, frames, items } = data;
-  const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, LEAST_ASPECT = 0.5, MOST_LISTED = 300, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
+  const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, LEAST_ASPECT = 0.5, MOST_LISTED = 300, NEIGHBOURS = 5, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
   const CHANGED = 7; // numbers of an item for each model: σ, two places in mm, angle in °, three velocities
 
   // ---- data -------------------------------------------------------------------------------------------------------
@@ -138,8 +138,9 @@
   }
   function fillItem() {
     const table = find("one"), i = state.item;
-    table.hidden = i === "";
+    table.hidden = find("neighbours").hidden = i === "";
     if (i === "") return;
+    fillNeighbours(i);
     table.caption.textContent = placed(i);
     const own = [...new Set([0, shown()])], digits = (v, n) => (Number.isFinite(v) ? v.toFixed(n) : "-");
     if (ofPhase[i] === IMPACT) {
@@ -154,6 +155,15 @@
     } else {
       emptied(table, ["bend of the flight that is left", "x (mm)", "y (mm)", "angle (°)", "residual"]);
       for (const m of own) row(table.tBodies[0], [data.labels[m], ...[1, 2, 3].map((c) => digits(left[m][c][i], 3)), sigma(i, m)]);
+    }
+  }
+  function fillNeighbours(i) { // is the gap of this place, or of this release?
+    const away = (k) => 1e3 * Math.hypot(ofX[k] - ofX[i], ofY[k] - ofY[i]), models = [...new Set([0, shown()])];
+    const alike = every.filter((k) => k !== i && ofPhase[k] === ofPhase[i] && ofBlock[k] === ofBlock[i]);
+    const body = emptied(find("neighbours"), ["", "away (mm)", ...models.map(short)]);
+    for (const k of alike.sort((a, b) => away(a) - away(b)).slice(0, NEIGHBOURS)) {
+      const made = row(body, ["", away(k).toFixed(1), ...models.map((m) => sigma(k, m))]);
+      pressed(made.cells[0], placed(k), false, () => choose(k));
     }
   }
   function itemNear([mx, my]) {

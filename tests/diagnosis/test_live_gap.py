@@ -476,3 +476,18 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
     least = live_gap.live_gap(diagnosed, content, [], {})
     assert len(json.loads(least.data)["frames"]["release"]) < len(held)
     assert diagnosed.data.impact_release[np.argmax(sizes)] in held and 0 in held
+
+
+def test_an_impact_lists_its_neighbours_and_each_can_be_chosen(page, diagnosed):
+    page.locator("#live-release").fill(str(diagnosed.data.film.release_names[5]))
+    page.keyboard.press("Enter")
+    page.locator("#live-own tbody tr", has_text="impact").first.locator("button").click()
+    rows = cells(page, "#live-neighbours tbody tr")
+    block = page.inner_text("#live-one caption").split(", ")[1]
+    assert len(rows) == 5 and all(f", {block}, impact, " in row[0] for row in rows)
+    away = [float(row[1]) for row in rows]
+    assert away == sorted(away) and away[0] >= 0.0
+    page.locator("#live-neighbours button").first.click()
+    assert page.inner_text("#live-one caption") == rows[0][0]
+    back = [float(row[1]) for row in cells(page, "#live-neighbours tbody tr")]
+    assert back[0] <= away[0]  # the nearest of the neighbour is no farther than the first impact is

@@ -32,7 +32,7 @@ ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # 
 
 
 @dataclass(frozen=True)
-class Estimate:
+class CountedEstimate:
     """A number with its 95 % interval; `count` values went into it."""
 
     value: float
@@ -47,7 +47,7 @@ class Row:
 
     block: str
     place: str
-    models: dict[str, list[Estimate]]
+    models: dict[str, list[CountedEstimate]]
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def _velocities(t: Array, pose: Array, at: Array, half: Array) -> Array:
     return np.einsum("nf,nfc->nc", centred, values) / np.maximum((centred**2).sum(axis=1), 1e-30)[:, None]
 
 
-def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
+def _frequency(values: Array, rng: np.random.Generator) -> list[CountedEstimate]:
     """Share in % of the releases that have a value, with Wilson's interval.
 
     Repetitions are not independent releases, so with several of them the interval is at least that of a bootstrap.
@@ -234,10 +234,10 @@ def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
     if len(values) > 1:
         draws = passed.mean(axis=0)[rng.integers(0, n, (INDICATOR_BOOTSTRAPS, n))].mean(axis=1)
         low, high = min(low, float(np.quantile(draws, 0.025))), max(high, float(np.quantile(draws, 0.975)))
-    return [Estimate(100 * float(passed.mean()), 100 * low, 100 * high, int(passed.sum()))]
+    return [CountedEstimate(100 * float(passed.mean()), 100 * low, 100 * high, int(passed.sum()))]
 
 
-def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
+def _percentiles(values: Array, rng: np.random.Generator) -> list[CountedEstimate]:
     """Percentiles of (repetitions, n) values with bootstrap intervals over releases; none of too few releases."""
     count = int(np.isfinite(values).any(axis=0).sum())
     if count < FEWEST_VALUES:
@@ -248,7 +248,10 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
     spread = _quantiles(np.sort(draws, axis=1))
     middle = _quantiles(np.sort(values.reshape(1, -1), axis=1))[0]
     low, high = np.nanquantile(spread, [0.025, 0.975], axis=0)
-    return [Estimate(float(v), float(a), float(b), count) for v, a, b in zip(middle, low, high, strict=True)]
+    return [
+        CountedEstimate(float(v), float(a), float(b), count)
+        for v, a, b in zip(middle, low, high, strict=True)
+    ]
 
 
 def _quantiles(ranked: Array) -> Array:
@@ -275,8 +278,8 @@ def _scaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str, l
     largest = max(values, default=1.0)
     size, unit = next((u for u in units if largest >= u[0]), units[-1])
 
-    def scaled(e: Estimate) -> Estimate:
-        return Estimate(e.value / size, e.low / size, e.high / size, e.count)
+    def scaled(e: CountedEstimate) -> CountedEstimate:
+        return CountedEstimate(e.value / size, e.low / size, e.high / size, e.count)
 
     return unit, [
         Row(row.block, row.place, {name: [scaled(e) for e in own] for name, own in row.models.items()})

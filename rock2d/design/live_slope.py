@@ -109,9 +109,9 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
     units = _units(collectors)
     found = []
     energies_J = [largest_energies(own) for own in runs]
-    for view, stations, energy_J in zip(views, collectors, energies_J, strict=True):
-        worst = worst_releases(view.run, energy_J)
-        impacts, of_impacts = _impacts(view.run, worst, MOST_IMPACTS // len(views))
+    worst = list(map(worst_releases, runs, energies_J))
+    for view, stations, first in zip(views, collectors, worst, strict=True):
+        impacts, of_impacts = _impacts(view.run, first, MOST_IMPACTS // len(views))
         found.append({
             "name": view.name, "note": view.note, "radius": [view.run.blocks[name].radius_m for name in names],
             "first_release": [min(t.release for t in view.run.tracks if t.block == name) for name in names],
@@ -124,33 +124,38 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         "blocks": [{"name": spoken(name), "colour": colour} for name, colour in block_colours(names).items()],
         "quantities": [LABELS[name] for name in QUANTITIES],
         "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
-        "energy_unit": units["kinetic_J"][1][8:-1],
-        "curve_labels": ["passing frequency (%)", *(label for _, label in units.values())],
+        "energy_unit": units["kinetic_J"][1],
+        "curve_labels": ["passing frequency (%)", *(f"{LABELS[q]} ({unit})" for q, (_, unit) in units.items())],
     }  # fmt: skip
-    room = MOST_BYTES - len(compact(data))
-    for i, (view, own, energy_J) in enumerate(zip(views, found, energies_J, strict=True)):
-        share = SHOWN_SHARE if i == shown else (1.0 - SHOWN_SHARE) / (len(views) - 1)
+    room, shown_share = MOST_BYTES - len(compact(data)), SHOWN_SHARE if len(views) > 1 else 1.0
+    for i, (view, own) in enumerate(zip(views, found, strict=True)):
+        share = shown_share if i == shown else (1.0 - shown_share) / (len(views) - 1)
         own["paths"], of_paths = _paths(
-            view.run, names, stops, energy_J, units["kinetic_J"][0], limits[1] - limits[0],
-            int(room * (share if len(views) > 1 else 1.0)),
+            view.run, names, stops, worst[i], units["kinetic_J"][0] * energies_J[i], limits[1] - limits[0],
+            int(room * share),
         )  # fmt: skip
         own["notes"] = of_paths + own["notes"]
+    return LiveSlope(
+        in_page(data), list(map(spoken, names)), data["stops"],
+        ["passing frequency", *data["quantities"]], [view.name for view in views], sizes,
+        _notes(run, released, len(views)),
+    )  # fmt: skip
+
+
+def _notes(run: Simulation, released: int, views: int) -> list[str]:
+    """What a reader must know of the view of a run, beside what each run left out."""
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
     others = (
         "The same release of a block starts alike in all of these runs; some of them may have fewer releases."
     )
-    notes = [
-        *([first] if len(run.tracks) < released else []), *([others] if len(views) > 1 else []),
+    return [
+        *([first] if len(run.tracks) < released else []), *([others] if views > 1 else []),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "
         "come past. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
         "that cross it; elsewhere they count the first passing of an upright line, in the direction of x. Heights are "
         "those of the centroid above the ground.",
     ]  # fmt: skip
-    return LiveSlope(
-        in_page(data), list(map(spoken, names)), data["stops"],
-        ["passing frequency", *data["quantities"]], [view.name for view in views], sizes, notes,
-    )  # fmt: skip
 
 
 def _limits(runs: Sequence[Simulation]) -> Limits:
@@ -185,11 +190,11 @@ def worst_releases(run: Simulation, energy_J: Array) -> list[int]:
 
 
 def _units(collectors: Sequence[Sequence[Station]]) -> dict[str, tuple[float, str]]:
-    """Factor and label of each of QUANTITIES, the same for all runs."""
+    """Factor and unit of each of QUANTITIES, the same for all runs."""
     estimates = (at.estimates["kinetic_J"] for own in collectors for s in own for at in s.of_block.values())
     energies = (e.value for own in estimates for e in own if math.isfinite(e.value))
     return {
-        "height_m": (1.0, "height (m)"), "speed_m_s": (1.0, "speed (m/s)"),
+        "height_m": (1.0, "m"), "speed_m_s": (1.0, "m/s"),
         "kinetic_J": energy_unit(max(energies, default=0.0)),
     }  # fmt: skip
 
@@ -246,13 +251,13 @@ def _paths(
     run: Simulation,
     names: Sequence[str],
     stops: Sequence[str],
-    energy_J: Array,
-    energy_factor: float,
+    worst: Sequence[int],
+    energy: Array,
     width_m: float,
     room: int,
 ) -> tuple[dict[str, Any], list[str]]:
-    """The paths that fit into `room` bytes."""
-    tracks, kept, worst = run.tracks, list(range(len(run.tracks))), worst_releases(run, energy_J)
+    """The paths that fit into `room` bytes; `energy`: the largest one of each, in the unit in which it is shown."""
+    tracks, kept = run.tracks, list(range(len(run.tracks)))
     tolerance_m = width_m / (FINE if len(tracks) <= FEW else COARSE)
     thinned = thinned_paths(tracks, tolerance_m)
     points, scales = thinned.packed()
@@ -268,7 +273,7 @@ def _paths(
         "counts": thinned.counts.tolist(), "release": [track.release for track in shown],
         "block": [names.index(track.block) for track in shown], "stop": [stops.index(track.stop) for track in shown],
         "worst": [int(i in chosen) for i in kept],
-        "energy": [float(f"{energy_factor * energy_J[i]:.3g}") for i in kept],
+        "energy": [float(f"{energy[i]:.3g}") for i in kept],
     }  # fmt: skip
     said = f"All {len(kept)} paths" if len(kept) == len(tracks) else (
         f"{len(kept)} of {len(tracks)} paths, the first ones and the worst 1 % of each block"

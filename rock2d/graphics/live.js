@@ -30,6 +30,7 @@ const live = (() => {
   }
   const every = (n) => new Set(Array(n).keys());
   const sorted = (set) => [...set].sort((a, b) => a - b);
+  const whole = (text, n) => (/^\d+$/.test(text ?? "") && +text < n ? +text : ""); // one of the numbers from 0 to n - 1
   const numbers = (text, n) => new Set(text.split(",").filter((i) => i !== "" && +i >= 0 && +i < n).map(Number));
 
   // ---- drawing ----------------------------------------------------------------------------------------------------
@@ -166,5 +167,5 @@ const live = (() => {
       this.playing = requestAnimationFrame(frame);
     }
   }
-  return { able, unpacked, starts, columns, address, writeAddress, every, sorted, numbers, cleared, ticks, View, whenResized, row, swatch, Player };
+  return { able, unpacked, starts, columns, address, writeAddress, every, sorted, whole, numbers, cleared, ticks, View, whenResized, row, swatch, Player };
 })();

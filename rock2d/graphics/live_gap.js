@@ -1,7 +1,7 @@
 // The live view of a diagnosis: shows what rock2d/diagnosis/report/live_gap.py has computed, and computes nothing itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  const { unpacked, starts, columns, cleared, row, swatch } = live;
+  const { unpacked, starts, columns, whole, cleared, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent), { blocks, causes, models, frames, items } = data;
   const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, LEAST_ASPECT = 0.5, MOST_LISTED = 300, NEIGHBOURS = 5, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
@@ -21,7 +21,6 @@
 
   // ---- state, also in the address ---------------------------------------------------------------------------------
   const state = {}, LEARNT = causes.indexOf("learnt");
-  const whole = (text, n) => (/^\d+$/.test(text ?? "") && +text < n ? +text : "");
   function readAddress() {
     const said = live.address(), chosen = said.get("causes");
     state.causes = new Set(causes.keys());
@@ -88,10 +87,11 @@
     button.setAttribute("aria-pressed", on);
     button.addEventListener("click", () => { press(); [...table.querySelectorAll("button")].find((own) => own.textContent === text)?.focus(); });
   }
+  const compared = () => [...new Set([0, shown()])]; // the base law, and the model of the ticked causes
   const short = (m) => (m ? "ticked causes" : data.labels[0]);
   function fillZones() { // typical residuals zone by zone
     const m = shown(), own = data.channels[state.block === "" ? 0 : 1 + state.block];
-    const models = m ? [0, m] : [0], head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map(short)]);
+    const models = compared(), head = data.phases.flatMap((phase) => [`${phase}s`, ...models.map(short)]);
     const body = emptied(find("zones"), ["", ...head]);
     data.zones.forEach((zone, z) => {
       const parts = own[1 + z];
@@ -142,7 +142,7 @@
     if (i === "") return;
     fillNeighbours(i);
     table.caption.textContent = placed(i);
-    const own = [...new Set([0, shown()])], digits = (v, n) => (Number.isFinite(v) ? v.toFixed(n) : "-");
+    const own = compared(), digits = (v, n) => (Number.isFinite(v) ? v.toFixed(n) : "-");
     if (ofPhase[i] === IMPACT) {
       emptied(table, ["", "along the ground (m/s)", "across (m/s)", "spin (rad/s)", "off along (mm)", "off across (mm)", "off in angle (°)", "residual"]);
       const speeds = (three) => three.map((v, c) => digits(v, c < 2 ? 3 : 2));
@@ -158,7 +158,7 @@
     }
   }
   function fillNeighbours(i) { // is the gap of this place, or of this release?
-    const away = (k) => 1e3 * Math.hypot(ofX[k] - ofX[i], ofY[k] - ofY[i]), models = [...new Set([0, shown()])];
+    const away = (k) => 1e3 * Math.hypot(ofX[k] - ofX[i], ofY[k] - ofY[i]), models = compared();
     const alike = every.filter((k) => k !== i && ofPhase[k] === ofPhase[i] && ofBlock[k] === ofBlock[i]);
     const body = emptied(find("neighbours"), ["", "away (mm)", ...models.map(short)]);
     for (const k of alike.sort((a, b) => away(a) - away(b)).slice(0, NEIGHBOURS)) {
@@ -252,7 +252,7 @@
     const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
     const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
     table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
-    const models = m ? [0, m] : [0], body = emptied(table, ["t (s)", "phase", "zone", ...models.map(short)]);
+    const models = compared(), body = emptied(table, ["t (s)", "phase", "zone", ...models.map(short)]);
     for (const i of own) {
       const made = row(body, ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...models.map((k) => missed(i, k))]);
       pressed(made.cells[0], ofTime[i].toFixed(3), i === state.item, () => choose(i));

@@ -1,7 +1,7 @@
 // The live view of a run: shows the numbers that rock2d/design/live_slope.py has computed, and computes none itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  const { unpacked, starts, columns, every, sorted, numbers, cleared, ticks, row, swatch } = live;
+  const { unpacked, starts, columns, every, sorted, whole, numbers, cleared, ticks, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent);
   const { limits, blocks } = data;
@@ -28,17 +28,16 @@
 
   // ---- state, also in the address ---------------------------------------------------------------------------------
   const state = {};
-  const chosen = (said, name, n) => (/^\d+$/.test(said.get(name)) && Number(said.get(name)) < n ? Number(said.get(name)) : -1);
   function readAddress() {
     const said = live.address();
-    run = runs[chosen(said, "view", runs.length)] ?? home;
-    beside = runs[chosen(said, "beside", runs.length)] ?? null;
+    run = runs[whole(said.get("view"), runs.length)] ?? home;
+    beside = runs[whole(said.get("beside"), runs.length)] ?? null;
     const at = said.has("x") ? Number(said.get("x")) : null;
     state.station = nearest(Number.isFinite(at) ? at : (limits[0] + limits[1]) / 2);
     state.block = said.has("block") ? numbers(said.get("block"), blocks.length) : every(blocks.length);
     state.stop = said.has("stop") ? numbers(said.get("stop"), data.stops.length) : every(data.stops.length);
     state.worst = said.get("worst") === "1";
-    state.quantity = Math.max(chosen(said, "quantity", data.curve_labels.length), 0);
+    state.quantity = whole(said.get("quantity"), data.curve_labels.length) || 0;
     state.path = said.has("release") ? run.paths.release.indexOf(Number(said.get("release"))) : -1;
   }
   const writeAddress = () => live.writeAddress(() => ({

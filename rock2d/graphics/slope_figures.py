@@ -32,7 +32,11 @@ def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Fi
     scale, unit = energy_unit(
         envelopes.loc[envelopes["quantity"] == "kinetic_J", "value"].max() if len(names) else 0.0
     )
-    panels = (("height_m", 1.0, "height (m)"), ("speed_m_s", 1.0, "speed (m/s)"), ("kinetic_J", scale, unit))
+    panels = (
+        ("height_m", 1.0, "height (m)"),
+        ("speed_m_s", 1.0, "speed (m/s)"),
+        ("kinetic_J", scale, f"energy ({unit})"),
+    )
     figure, axes, _ = _below_section(cross_section, len(panels))
     colours = block_colours(names)
     for axis, (quantity, factor, label) in zip(axes, panels, strict=True):
@@ -86,7 +90,8 @@ def distributions_figure(
     """Histograms of energy, passing height and speed of the blocks that pass each line, a row for each line."""
     scale, unit = energy_unit(crossings["kinetic_J"].max() if len(crossings) else 0.0)
     panels = (
-        ("kinetic_J", scale, unit), ("passing_height_m", 1.0, "passing height (m)"), ("speed_m_s", 1.0, "speed (m/s)"),
+        ("kinetic_J", scale, f"energy ({unit})"), ("passing_height_m", 1.0, "passing height (m)"),
+        ("speed_m_s", 1.0, "speed (m/s)"),
     )  # fmt: skip
     figure = blank_figure(WIDE_IN, 0.8 + PANEL_IN * len(lines))
     axes = figure.subplots(len(lines), len(panels), squeeze=False, sharex="col")
@@ -111,8 +116,8 @@ def distributions_figure(
 
 
 def energy_unit(largest_J: float) -> tuple[float, str]:
-    """Factor on energies in J and the label that goes with it: kJ where kJ are usual."""
-    return (1e-3, "energy (kJ)") if largest_J >= LARGE_ENERGY_J else (1.0, "energy (J)")
+    """Factor on energies in J and the unit that goes with it: kJ where kJ are usual."""
+    return (1e-3, "kJ") if largest_J >= LARGE_ENERGY_J else (1.0, "J")
 
 
 def _below_section(cross_section: CrossSection, panels: int) -> tuple[Figure, list[Any], tuple[float, float]]:

@@ -236,14 +236,20 @@ class _Kept:
             return
         if self._file is None and self._has_room(frame.nbytes):
             self._file = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as this object
+        self.whole = self._filed_away(frame)
+        if not self.whole:
+            self._first, self._file = [], None
+
+    def _filed_away(self, frame: Array) -> bool:
+        """Whether the frame is in the file: not without room, nor if it has another size than the others."""
+        if self._file is None or frame.shape != self._first[0].shape:
+            return False
         try:
-            if self._file is None or frame.shape != self._first[0].shape:
-                raise OSError
             self._file.write(frame.data)
-            self._filed += 1
-        except OSError:  # no room, or frames of several sizes
-            self.whole, self._file = False, None
-            self._first.clear()
+        except OSError:
+            return False
+        self._filed += 1
+        return True
 
     def _has_room(self, frame_bytes: int) -> bool:
         free = shutil.disk_usage(tempfile.gettempdir()).free

@@ -352,9 +352,8 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
     if scenario.diagnosed is not None:
         of_diagnosis = diagnosed_models(scenario, engine)
-        models += (
-            of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
-        )  # the last is the run itself
+        # if it is decided, the last is the run itself
+        models += of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
     if request.compare:
         models += alternatives(scenario, engine)
     first = min(SHOWN_OF_OTHERS, len(sample.tracks) // len(sample.blocks))

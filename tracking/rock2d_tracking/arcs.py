@@ -14,21 +14,17 @@ from rock2d_tracking.clock import EVEN, Clock
 
 Array = np.ndarray
 
-CHANGE_RATIO = (
-    0.6  # largest difference between the changes of two candidates that are the same block, over the larger
-)
+# largest difference between the changes of two candidates that are the same block, over the larger
+CHANGE_RATIO = 0.6
 AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
 RECENT_FRAMES = 24  # frames of an arc from which its next place is predicted
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
 GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
-FEWEST_TO_GROW, GROWN_AREA_RATIO = (
-    8,
-    2.5,
-)  # frames of a run that may be carried on, and areas of what is then added
-FALLS_PX = tuple(
-    0.5 * 2.0**k for k in range(8)
-)  # accelerations in px per frame squared that are tried, beside none
+# frames of a run that may be carried on, and areas of what is then added
+FEWEST_TO_GROW, GROWN_AREA_RATIO = 8, 2.5
+# accelerations in px per frame squared that are tried, beside none
+FALLS_PX = tuple(0.5 * 2.0**k for k in range(8))
 SAME_BEND = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc

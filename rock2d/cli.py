@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
@@ -16,8 +17,6 @@ from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
 from rock2d.compiling import COMPILING, heard
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
-
-GRAVITY = "gravity"  # gives scale or frame rate of a film
 
 
 class Commands(click.Group):
@@ -40,14 +39,14 @@ class Commands(click.Group):
 class NumberOrGravity(click.ParamType):
     """A positive number, or the word that leaves it to gravity."""
 
-    name = f"number or {GRAVITY}"
+    name = f"number or {FROM_GRAVITY}"
 
     def __init__(self, largest: float) -> None:
         self._number = click.FloatRange(0, largest, min_open=True)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
         """The number, or the word."""
-        return GRAVITY if value == GRAVITY else self._number.convert(value, param, ctx)
+        return FROM_GRAVITY if value == FROM_GRAVITY else self._number.convert(value, param, ctx)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -273,9 +272,9 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
     given = sum(value is not None for value in (metres_per_pixel, fps))
     if given != (2 if config is None else 0):
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
-    if metres_per_pixel == fps == GRAVITY:
+    if metres_per_pixel == fps == FROM_GRAVITY:
         raise click.UsageError("gravity gives the frame rate or the scale, not both: state one of them")
-    scale, rate = (None if own == GRAVITY else own for own in (metres_per_pixel, fps))
+    scale, rate = (None if own == FROM_GRAVITY else own for own in (metres_per_pixel, fps))
     known = config if config is not None else FilmScale(scale, rate)
     track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.files.experiment import Experiment
 
-GRAVITY = "gravity"  # gives scale or frame rate of a film
 IMPACTS_SHOWN = 8  # impacts that a notebook shows
 LIKELIEST_SHOWN = 5  # effects that a notebook shows
 
@@ -151,16 +150,18 @@ def track(
     >>> found.view()  # doctest: +SKIP
     >>> diagnosis = rock2d.diagnose(found.experiment)  # doctest: +SKIP
     """
+    from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_track import NotTrackedError, track_film
 
     scale = [value for value in (metres_per_pixel, fps) if value is not None]
     if len(scale) != (2 if setup is None else 0):
         raise InputError("expected either setup, or metres_per_pixel and fps", code="wrong_kind")
-    if scale == [GRAVITY, GRAVITY]:
+    if scale == [FROM_GRAVITY, FROM_GRAVITY]:
         raise InputError("gravity gives metres_per_pixel or fps, not both", code="bad_parameter", key="fps")
     for name, value in {"metres_per_pixel": metres_per_pixel, "fps": fps, "frames": frames}.items():
         number = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
-        if value not in (None, GRAVITY) and not number:
+        left_out = value is None or (value == FROM_GRAVITY and name != "frames")
+        if not (left_out or number):
             raise InputError(f"expected {name} > 0, found {value!r}", code="bad_parameter", key=name)
     try:
         return TrackResult(track_film(Path(film), _known(setup, scale), frames, progress=progress)[0])
@@ -172,19 +173,19 @@ def track(
 
 def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float | str]) -> Any:
     """What the tracker is given: the set-up, or scale and frame rate."""
+    from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_scale import FilmScale
     from rock2d_tracking.setup_file import Setup
     from rock2d_tracking.setup_writing import setup_text
 
     if setup is None:
-        metres_per_pixel, fps = (None if value == GRAVITY else float(value) for value in scale)
+        metres_per_pixel, fps = (None if value == FROM_GRAVITY else float(value) for value in scale)
         return FilmScale(metres_per_pixel, fps)
     if not isinstance(setup, Mapping):
         return Setup(setup)
     try:
-        plain = json.loads(
-            json.dumps(dict(setup), default=lambda value: value.tolist())
-        )  # arrays and their numbers
+        # arrays and their numbers become plain ones
+        plain = json.loads(json.dumps(dict(setup), default=lambda value: value.tolist()))
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"the set-up holds what a set-up file cannot hold: {error}", code="wrong_kind"

@@ -97,6 +97,8 @@ def test_what_cannot_be_tracked_is_refused_and_explained(film, tmp_path):
     with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):
         rock2d.track(film, metres_per_pixel=SCALE, fps=4 * FPS, explained=tmp_path / "why")
     assert "write fps: gravity" in (tmp_path / "why" / "explanation.txt").read_text()
+    count = refusal(rock2d.track, film, metres_per_pixel=SCALE, fps=FPS, frames="gravity")
+    assert count.message == "expected frames > 0, found 'gravity'"
     both = refusal(rock2d.track, film, metres_per_pixel="gravity", fps="gravity")
     assert "not both" in str(both)
     assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {

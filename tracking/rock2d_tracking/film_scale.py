@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from rock2d.kinematics.film_findings import with_error
 from rock2d.kinematics.flight_gravity import Measured
+from rock2d_tracking import FROM_GRAVITY
 
 GRAVITY_M_S2 = 9.81
-FROM_GRAVITY = "gravity"  # what stands for a number that gravity is to give
 USUAL_RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240, 480, 960, 1000)  # of cameras, in frames per second
 NEAR_ERRORS = 2.0  # standard errors within which a frame rate may be a usual one
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.film_reading import FilmFile, Frames
-from rock2d_tracking.film_scale import FROM_GRAVITY, FilmScale
+from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.setup_file import Setup

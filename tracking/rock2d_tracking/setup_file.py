@@ -15,9 +15,10 @@ from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
 from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.checkerboard import scale_of_board
-from rock2d_tracking.film_scale import FROM_GRAVITY, FilmScale
+from rock2d_tracking.film_scale import FilmScale
 
 GravityWord = Literal["gravity"]
 

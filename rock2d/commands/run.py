@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers
 from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
-from rock2d.files.folders import check_replaced, write_whole
+from rock2d.files.folders import check_output_folder, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
@@ -107,7 +107,7 @@ class RunRequest:
                 )
                 raise InputError(message, code="wrong_kind", option=option)
         for engine in () if large else self.engines_of(scenario):
-            check_replaced(self.folder(scenario, engine), self.overwrite)
+            check_output_folder(self.folder(scenario, engine), self.overwrite)
         for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
         if scenario.uncertainty is not None:

@@ -21,7 +21,7 @@ from rock2d.design.least_volume import (
     least_volume,
     volume_text,
 )
-from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
+from rock2d.files.folders import atomic_folder, check_output_folder, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import engine_remarks
@@ -74,7 +74,7 @@ def run_design(
     scenario = load_scenario(path)
     ranges = {name: (low, high) for name, low, high in over}
     check_varied(place, ranges)
-    check_replaced(out, overwrite)
+    check_output_folder(out, overwrite)
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed

@@ -18,7 +18,7 @@ from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown
-from rock2d.files.diagnosis import no_fitted_law, read_model
+from rock2d.files.diagnosis import no_fitted_law, read_fitted_diagnosis
 from rock2d.files.experiment import Experiment
 from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
@@ -95,7 +95,7 @@ def read_for_prediction(path: str | Path) -> dict[str, Any]:
 
     Raises InputError if it cannot be used; warns if it has keys with old names.
     """
-    document, read = read_model(path)
+    document, read = read_fitted_diagnosis(path)
     if read.model is not None and read.model.learnt is not None:
         for i, change in enumerate(read.model.learnt.changes):
             _check_change(document, i, change)

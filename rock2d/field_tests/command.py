@@ -26,7 +26,7 @@ from rock2d.field_tests.study import (
     study_forecasts,
 )
 from rock2d.files.field_releases import read_releases
-from rock2d.files.folders import atomic_folder, check_replaced, user_cache, write_whole
+from rock2d.files.folders import atomic_folder, check_output_folder, user_cache, write_whole
 from rock2d.files.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def run_field_test(
     Simulated soils are kept in the user's cache: an interrupted study goes on where it was, and a forecast starts from
     them. Raises InputError if the folder holds results already.
     """
-    check_replaced(folder, overwrite)
+    check_output_folder(folder, overwrite)
     seed = scenario.seed if seed is None else seed
     assert scenario.terrain is not None
     known = scenario.terrain.known
@@ -180,7 +180,7 @@ def _write_figures(
 
     assert scenario.terrain is not None
     known = scenario.terrain.known
-    measured = {block: known.distances_m[known.of(block)] for block in dict.fromkeys(known.blocks)}
+    measured = {block: known.distances_m[known.of_blocks(block)] for block in dict.fromkeys(known.blocks)}
     expected: dict[str, dict[str, Any]] = {block: {} for block in measured}
     for name, own in found.items():
         if "held out" in name:

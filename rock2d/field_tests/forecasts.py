@@ -84,7 +84,7 @@ def forecast(
     simulated = metres.copy()
     for i, row in enumerate(metres):
         missing = np.isnan(row)
-        others = row if not missing.all() else simulated[releases.of(releases.blocks[i])]
+        others = row if not missing.all() else simulated[releases.of_blocks(releases.blocks[i])]
         started = others[np.isfinite(others)]
         row[missing] = rng.choice(started, int(missing.sum())) if len(started) else 0.0
     kernel, caught = (
@@ -120,7 +120,7 @@ def folds(releases: FieldReleases, count: int, rng: np.random.Generator) -> list
     fold = np.empty(len(releases), int)
     place = 0
     for block in dict.fromkeys(releases.blocks):
-        own = rng.permutation(np.flatnonzero(releases.of(block)))
+        own = rng.permutation(np.flatnonzero(releases.of_blocks(block)))
         fold[own] = (place + np.arange(len(own))) % count
         place += len(own)
     return [np.flatnonzero(fold == k) for k in range(count)]

@@ -116,7 +116,7 @@ def log_density_by_block(releases: FieldReleases, metres: Array, sd_m: float, ca
     """(n,) `log_density` of each release among the descents (n, m) of its block."""
     found = np.empty(len(releases))
     for block in dict.fromkeys(releases.blocks):
-        own = releases.of(block)
+        own = releases.of_blocks(block)
         found[own] = log_density(releases.distances_m[own], metres[own].ravel(), sd_m, caught)
     return found
 

@@ -153,18 +153,18 @@ def study_forecasts(
     """Forecasts of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
-    source = known.of(*sources)
+    source = known.of_blocks(*sources)
     others, law = np.flatnonzero(~source), FORECAST_NAMES[calibration.engine]
     found = {}
     if len(others):
         name = f"{law}, from {' and '.join(sources)}"
         soils = calibration.posterior(np.flatnonzero(source), 0)
-        found[name] = Forecasts(others, calibration.forecast(known.part(others), soils, name, on_progress))
+        found[name] = Forecasts(others, calibration.forecast(known.subset(others), soils, name, on_progress))
     name, parts = f"{law}, held out", []
     for k, fold in enumerate(fold_indices(known, calibration.seed)):
         soils = calibration.posterior(np.setdiff1d(np.arange(len(known)), fold), 1 + k)
         parts.append(
-            (fold, calibration.forecast(known.part(fold), soils, f"{name}, fold {k + 1}", on_progress))
+            (fold, calibration.forecast(known.subset(fold), soils, f"{name}, fold {k + 1}", on_progress))
         )
     return found | {name: Forecasts(np.arange(len(known)), joined(parts, len(known)))}
 
@@ -173,7 +173,7 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
     """Without physics: the others stop like the blocks of `calibrate_on`; a block stops like the same block before."""
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
-    source, found = known.of(*sources), {}
+    source, found = known.of_blocks(*sources), {}
     others = np.flatnonzero(~source)
     if len(others):
         like = naive_forecast(known.distances_m[source], len(others))
@@ -183,7 +183,7 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FOLD_STREAM, 1)))
     for fold in fold_indices(known, seed):
         for i in fold:
-            same = np.setdiff1d(np.flatnonzero(known.of(known.blocks[i])), fold)
+            same = np.setdiff1d(np.flatnonzero(known.of_blocks(known.blocks[i])), fold)
             own = naive_forecast(known.distances_m[same], 1)
             picked = rng.permutation(np.resize(np.arange(len(same)), len(known)))
             samples[i] = own.samples_m[0, picked]

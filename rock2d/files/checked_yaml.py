@@ -1,7 +1,7 @@
-"""YAML to a checked model, with the place of every mistake.
+"""YAML files as checked models. An error names the line and column of the mistake.
 
-The file is composed to nodes only (no tag ever builds an object), so that each key and value keeps its line
-and column; pydantic checks the plain data, and its first complaint becomes one `InputError`.
+The parser builds nodes only: tags never construct objects, and each key and value keeps its line and column.
+Pydantic checks the plain data. The first mistake that it finds becomes one `InputError`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Checked(BaseModel):
-    """A mapping of known keys, others refused; booleans, texts, nan and inf are not numbers.
+    """A mapping with known keys. Other keys are refused; booleans, texts, nan and inf do not count as numbers.
 
     `old_keys`: former name of a key -> its name. A file with the former name is read with an `OldKeyWarning`.
     """
@@ -45,7 +45,7 @@ class Checked(BaseModel):
             if old in data:
                 if key in data:
                     raise mistake(
-                        f"the former name of {key!r}, which is given, too", old, at="key", code="duplicate"
+                        f"the former name of {key!r}, which is also given", old, at="key", code="duplicate"
                     )
                 data = _renamed(data, old, key, info.context)
         if cls.model_config.get("extra") != "forbid":
@@ -73,7 +73,7 @@ def json_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
 
 
 class Table(Checked):
-    """A mapping from names to values in which the name `default` must stand; every other name is free."""
+    """A mapping from names to values. It must contain the name `default`; every other name is free."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -102,7 +102,7 @@ def mistake(
 
 
 def _renamed(data: dict[str, Any], old: str, key: str, document: Document | None) -> dict[str, Any]:
-    """The mapping with a former key under its present name, in its former place; warns."""
+    """The mapping with a key renamed and the order of the keys kept; warns."""
     file, line = document.rename(data, old, key) if document is not None else (None, None)
     place = "".join(f"{part}:" for part in (file, line) if part is not None)
     message = f"{place} the key {old!r} is called {key!r}; please rename it".lstrip()
@@ -111,7 +111,7 @@ def _renamed(data: dict[str, Any], old: str, key: str, document: Document | None
 
 
 def did_you_mean(word: object, choices: Iterable[str]) -> str:
-    """ " (did you mean 'x'?)" for the choice closest to `word`, or an empty text if none is close."""
+    """The text " (did you mean 'x'?)" with the choice closest to `word`; empty if none is close."""
     from rapidfuzz import fuzz, process
 
     best = process.extract(
@@ -168,9 +168,9 @@ class Document:
     ) -> InputError:
         """An `InputError` at the value (or the key, `at="key"`) under `path`, or its nearest parent."""
         for n in range(len(path), -1, -1):
-            own = path[:n]
-            place = self._keys.get(own) if at == "key" else self._values.get(own)
-            place = place or self._values.get(own)
+            parent = path[:n]
+            place = self._keys.get(parent) if at == "key" else self._values.get(parent)
+            place = place or self._values.get(parent)
             if place:
                 break
         dotted = ".".join(map(key_shown, path))
@@ -184,7 +184,7 @@ class Document:
         return other
 
     def rename(self, mapping: dict[str, Any], old: str, key: str) -> tuple[Path, int | None]:
-        """Give the recorded places of a former key to its present name; returns file and line of the key."""
+        """Rename a key of a mapping and its recorded places; returns file and line of the key."""
         if id(mapping) not in self._mappings:
             return self.file, None
         parent = self._mappings[id(mapping)]
@@ -201,10 +201,10 @@ class Document:
         try:
             return model.model_validate(self.data, context=self)
         except ValidationError as error:
-            raise self._first(error) from None
+            raise self._first_mistake(error) from None
 
-    def _first(self, error: ValidationError) -> InputError:
-        found = []
+    def _first_mistake(self, error: ValidationError) -> InputError:
+        mistakes = []
         for item in error.errors(include_url=False):
             path, value = self._locate(item["loc"])
             context = item.get("ctx", {})
@@ -218,8 +218,8 @@ class Document:
                 problem = self.error(f"missing key {key!r}", *path, at="key", code="missing_key", key=key)
             else:
                 problem = self.error(mistake_in_words(item["type"], item["msg"], context, value), *path)
-            found.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
-        return min(found, key=lambda entry: entry[:3])[3]
+            mistakes.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
+        return min(mistakes, key=lambda entry: entry[:3])[3]
 
     def _locate(self, loc: DataPath) -> tuple[DataPath, Any]:
         """Path into the data for a pydantic location, which also holds the tags of unions."""
@@ -265,11 +265,11 @@ class Document:
             TypeError,
             ValueError,
         ):
-            # the parser's own slips on garbage
+            # the parser raises these on malformed input
             raise InputError("not YAML that can be read", self.file, 1, 1, code="not_yaml") from None
 
     def _check_aliases(self, root: Any) -> None:
-        """Refuse aliases that repeat too many values, before they are repeated."""
+        """Refuse aliases that would repeat too many values."""
         values: dict[int, int] = {}  # identity of a node -> values in it, 0 while they are counted
 
         def count(node: Any) -> int:
@@ -346,12 +346,12 @@ def _mappings(data: Any, path: DataPath = ()) -> Iterator[tuple[int, DataPath]]:
         parts = data.items()
     elif isinstance(data, list):
         parts = enumerate(data)
-    for key, own in parts:
-        yield from _mappings(own, (*path, key))
+    for key, value in parts:
+        yield from _mappings(value, (*path, key))
 
 
 def mistake_in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
-    """Pydantic's complaint in the form "expected ..., found ..."."""
+    """An error of pydantic in the form "expected ..., found ..."."""
     found = shown(value)
     if kind == "float_type":
         hint = "; write it without quotes" if isinstance(value, str) and is_number(value) else ""

@@ -1,6 +1,6 @@
-"""What a diagnosis says about the law of a scenario: the soil as it was fitted, and the effects that were found.
+"""The contact law that a scenario takes from a diagnosis: the fitted soil and the effects that were found.
 
-`rock2d.files.diagnosis_reading` says which of its answers a scenario uses.
+`rock2d.files.diagnosis_reading` chooses what a scenario uses of a diagnosis.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 
 Array = np.ndarray
 
-PLACE = "diagnosis"  # first word of the places of what a diagnosis leaves open
+PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{PLACE}.cause"
 Z95 = 1.959963984540054  # standard normal quantile of 0.975
 
 
 @dataclass(frozen=True)
 class FittedValue:
-    """A fitted value, its 95 % interval, and the bounds of what the effect allows."""
+    """A fitted value, its 95 % interval, and the bounds of the parameter."""
 
     value: float
     low95: float
@@ -31,27 +31,28 @@ class FittedValue:
 
     @property
     def known(self) -> bool:
-        """Whether the diagnosis gives no interval."""
+        """Whether the value has no uncertainty: its interval has no width."""
         return self.low95 == self.high95
 
     def quantiles(self, u: Array | float) -> Array:
-        """Values at the shares `u` in (0, 1) of a distribution with this median and this 95 % interval, truncated.
+        """Quantiles `u` in (0, 1) of a distribution with this median and this 95 % interval, truncated at the bounds.
 
-        It is lognormal where the value lies nearer to the geometric middle of a positive interval, as factors do.
-        Otherwise it is normal; if the interval is not symmetric, each side has its own standard deviation.
+        The distribution is lognormal if the value lies nearer to the geometric than to the arithmetic mean of a
+        positive interval. Otherwise it is normal. If the interval is not symmetric, each side has its own standard
+        deviation (split normal distribution).
         """
         from scipy import stats
 
         if self.known:
             return np.full(np.shape(u), self.value)
-        first, last = (self._share(bound) for bound in (self.lowest, self.highest))
+        first, last = (self._probability_below(bound) for bound in (self.lowest, self.highest))
         z: Array = np.asarray(stats.norm.ppf(first + (last - first) * np.asarray(u, float)))
         if self._lognormal:
             below, above = float(np.log(self.value / self.low95)), float(np.log(self.high95 / self.value))
-            found = self.value * np.exp(_sided(z, below, above))
+            values = self.value * np.exp(_split_normal(z, below, above))
         else:
-            found = self.value + _sided(z, self.value - self.low95, self.high95 - self.value)
-        return np.asarray(np.clip(found, self.lowest, self.highest))
+            values = self.value + _split_normal(z, self.value - self.low95, self.high95 - self.value)
+        return np.asarray(np.clip(values, self.lowest, self.highest))
 
     @property
     def _lognormal(self) -> bool:
@@ -60,8 +61,8 @@ class FittedValue:
         geometric, arithmetic = np.sqrt(self.low95 * self.high95), 0.5 * (self.low95 + self.high95)
         return bool(abs(self.value - geometric) < abs(self.value - arithmetic))
 
-    def _share(self, bound: float) -> float:
-        """Share of the distribution, before it is truncated, below a bound."""
+    def _probability_below(self, bound: float) -> float:
+        """Probability of a value below a bound, before truncation."""
         from scipy import stats
 
         if not np.isfinite(bound):
@@ -69,17 +70,17 @@ class FittedValue:
         if self._lognormal:
             if bound <= 0.0:
                 return 0.0
-            way, low, high = (np.log(x / self.value) for x in (bound, self.low95, self.high95))
+            distance, low, high = (np.log(x / self.value) for x in (bound, self.low95, self.high95))
         else:
-            way, low, high = (x - self.value for x in (bound, self.low95, self.high95))
-        side = -low if way < 0 else high
+            distance, low, high = (x - self.value for x in (bound, self.low95, self.high95))
+        side = -low if distance < 0 else high
         if side <= 0.0:
             return 0.5
-        return float(stats.norm.cdf(Z95 * way / side))
+        return float(stats.norm.cdf(Z95 * distance / side))
 
 
-def _sided(z: Array, below: float, above: float) -> Array:
-    """Distances from the median at normal scores z; 95 % lie within `below` and `above`."""
+def _split_normal(z: Array, below: float, above: float) -> Array:
+    """Distances from the median at standard normal quantiles z; 95 % lie between -`below` and `above`."""
     return (below * np.minimum(z, 0.0) + above * np.maximum(z, 0.0)) / Z95
 
 
@@ -88,7 +89,7 @@ class FittedModel(NamedTuple):
 
     Attributes
     ----------
-    name : what it is called in tables
+    name : name in tables
     soil : parameters of the contact law
     effects : effect -> parameter -> value; empty for the paper's law
     p : its probability among the alternatives
@@ -120,12 +121,15 @@ class DiagnosedModel:
     Attributes
     ----------
     given : path as the scenario gives it
+    file : path of the diagnosis
     fingerprint : SHA-256 of the file
+    schema : version of its format
+    experiment, verdict : as the file gives them
     before : the paper's law, refitted
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
-    model : what the releases of a run meet
-    blocks : of the experiment; empty where the file does not name them
-    learnt : what was learnt without a name, with the share of the gap that it closes; empty if nothing was
+    model : the model that a run uses
+    blocks : blocks of the experiment; empty if the file does not name them
+    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none
     """
 
     given: str
@@ -142,7 +146,7 @@ class DiagnosedModel:
 
     @property
     def left_out(self) -> str:
-        """What every table of a run must say of the changes that it leaves out; empty if it leaves out nothing."""
+        """Note for every table of a run: the run leaves out the learnt changes. Empty if there are none."""
         return f"without the learnt changes of {self.given}" if self.learnt else ""
 
     @property
@@ -151,21 +155,20 @@ class DiagnosedModel:
         return len(self.alternatives) > 1
 
     def using(self, model: FittedModel) -> DiagnosedModel:
-        """The diagnosis with another of its models in use."""
+        """The diagnosis with `model` as the model that a run uses."""
         return replace(self, model=model)
 
     def unknown(self) -> dict[str, FittedValue | CauseDraw]:
-        """Place -> distribution, of everything that the diagnosis leaves open about what moves a block."""
+        """Place -> distribution, of every uncertain value that influences the motion of a block."""
         from rock2d.effects import catalogue
 
         out: dict[str, FittedValue | CauseDraw] = {}
         if self.undecided:
-            out[CAUSE] = CauseDraw(tuple(own.p for own in self.alternatives))
+            out[CAUSE] = CauseDraw(tuple(model.p for model in self.alternatives))
         for model in self.alternatives:
             for effect, values in model.effects.items():
                 if not catalogue()[effect].camera:
-                    own = {k: v for k, v in values.items() if not v.known}
-                    out |= {f"{PLACE}.{effect}.{name}": value for name, value in own.items()}
+                    out |= {f"{PLACE}.{effect}.{name}": v for name, v in values.items() if not v.known}
         return out
 
     def with_values(self, values: Mapping[str, float]) -> DiagnosedModel:
@@ -187,11 +190,11 @@ class DiagnosedModel:
 
 
 class CauseDraw(NamedTuple):
-    """Which of the alternatives acts: their probabilities."""
+    """Random choice of the alternative that acts, with these probabilities."""
 
     p: tuple[float, ...]
 
     def quantiles(self, u: Array | float) -> Array:
-        """Indices of alternatives at the shares `u` in (0, 1)."""
+        """Indices of alternatives, as floats, at quantiles `u` in (0, 1)."""
         edges = np.cumsum(self.p) / np.sum(self.p)
         return np.minimum(np.searchsorted(edges, u, side="right"), len(self.p) - 1).astype(float)

@@ -1,4 +1,4 @@
-"""diagnosis.json, written and read. Its keys: `diagnosis_keys`."""
+"""Write and read diagnosis.json. Its keys stand in `diagnosis_keys`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rock2d.files.places import DataPath
 
 DIAGNOSIS = "diagnosis.json"
 NOT_EFFECTS = ("none", "unknown")
-KNOWN_SCHEMAS = (1, 2, 3)  # whose keys are known; of a later one only these are read
+KNOWN_SCHEMAS = (1, 2, 3)  # all their keys are known; unknown keys of a later schema are ignored
 IDENTIFYING_KEYS = {"schema", "verdict", "probabilities"}
 
 
@@ -35,7 +35,7 @@ def is_diagnosis(content: Any) -> bool:
 
 
 def read_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
-    """A diagnosis, of any schema; raises `InputError` with file, line and column of the first mistake."""
+    """Read a diagnosis of any schema; raises `InputError` with file, line and column of the first mistake."""
     document = JsonDocument(file)
     if not is_diagnosis(document.data):
         message = "expected a diagnosis.json: an object with schema, verdict and probabilities"
@@ -43,8 +43,8 @@ def read_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
     return document, document.check(DiagnosisFile)
 
 
-def read_model(file: str | Path) -> tuple[Document, DiagnosisFile]:
-    """A diagnosis with a fitted law, whose effects the catalogue has: one to simulate with.
+def read_fitted_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
+    """Read a diagnosis that a simulation can use: it has a fitted law, and all its effects are in the catalogue.
 
     Raises `InputError` with file, line and column of the first mistake.
     """
@@ -59,23 +59,23 @@ def read_model(file: str | Path) -> tuple[Document, DiagnosisFile]:
 
 
 def no_fitted_law(faults: Sequence[str]) -> str:
-    """Why nothing can be simulated with a diagnosis of an experiment with these faults."""
+    """Message: a diagnosis without a fitted law cannot be simulated, because its experiment has these faults."""
     return f"this diagnosis has no fitted law: {'; '.join(faults) or 'its experiment was not diagnosed'}"
 
 
 def _check_effects(document: Document, read: DiagnosisFile) -> None:
-    """Refuse effects that may act and are not in the catalogue, or lack parameters."""
+    """Refuse effects that are not in the catalogue or lack parameters."""
     from rock2d.effects import catalogue
 
     known = catalogue()
-    for name, place in _named(read):
+    for name, place in _named_effects(read):
         if name not in known:
             message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
             raise document.error(message, *place, code="unknown_name", name=name)
         if place[0] in ("verdict", "group") and name not in read.effects:
             message = f"the effect {name} of the verdict is missing"
             raise document.error(message, "effects", at="key", code="missing_key", key=name)
-    for name, parameters, place in _fitted(read):
+    for name, parameters, place in _fitted_effects(read):
         if name not in known:
             message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
             raise document.error(message, *place, at="key", code="unknown_name", name=name)
@@ -85,23 +85,23 @@ def _check_effects(document: Document, read: DiagnosisFile) -> None:
                 raise document.error(message, *place, at="key", code="missing_key", key=parameter.name)
 
 
-def _named(read: DiagnosisFile) -> Iterator[tuple[str, DataPath]]:
-    """Effects that the answer names, and where."""
+def _named_effects(read: DiagnosisFile) -> Iterator[tuple[str, DataPath]]:
+    """Effects that the verdict, the group or the causes name, and their paths in the file."""
     if read.verdict not in NOT_EFFECTS:
         yield read.verdict, ("verdict",)
     for i, name in enumerate(read.group):
         yield name, ("group", i)
-    for i, own in enumerate(read.causes):
-        yield own.effect, ("causes", i, "effect")
+    for i, cause in enumerate(read.causes):
+        yield cause.effect, ("causes", i, "effect")
 
 
-def _fitted(read: DiagnosisFile) -> Iterator[tuple[str, Mapping[str, FittedParameter], DataPath]]:
-    """Effects that may act, with their parameters, and where."""
+def _fitted_effects(read: DiagnosisFile) -> Iterator[tuple[str, Mapping[str, FittedParameter], DataPath]]:
+    """Fitted effects with their parameters, and their paths in the file."""
     for name in dict.fromkeys([*([] if read.verdict in NOT_EFFECTS else [read.verdict]), *read.group]):
         yield name, read.effects[name].parameters, ("effects", name, "parameters")
     for i, cause in enumerate(read.causes):
         yield cause.effect, cause.parameters, ("causes", i, "parameters")
-    fits: list[tuple[Any, DataPath]] = [(own, ("beside", i)) for i, own in enumerate(read.beside)]
+    fits: list[tuple[Any, DataPath]] = [(fit, ("beside", i)) for i, fit in enumerate(read.beside)]
     if read.model is not None:
         fits.append((read.model, ("model",)))
         if read.model.learnt is not None:

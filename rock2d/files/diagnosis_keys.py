@@ -1,7 +1,7 @@
-"""The keys of diagnosis.json: `DiagnosisFile` describes all that `rock2d diagnose` writes.
+"""The keys of diagnosis.json. `DiagnosisFile` describes everything that `rock2d diagnose` writes.
 
-What is written is checked with it, all readers read with it, and the JSON Schema follows from it. Keys that came after
-schema 1 are optional, so that older files stay readable.
+It checks what is written and what is read, and gives the JSON Schema. Keys that are newer than schema 1 are optional,
+so that older files stay readable.
 """
 
 from __future__ import annotations
@@ -390,18 +390,18 @@ class DiagnosisFile(Part):
     )
 
     @model_validator(mode="after")
-    def _whole(self) -> DiagnosisFile:
+    def _has_probability_of_verdict(self) -> DiagnosisFile:
         if self.verdict not in self.probabilities:
-            message = f"that of the verdict, {key_shown(self.verdict)}, is missing"
+            message = f"the probability of the verdict {key_shown(self.verdict)} is missing"
             raise mistake(message, "probabilities", at="key", code="missing_key", key=self.verdict)
-        for own in self.effects.values():
-            if own.base is None and self.fitted_law is not None:
-                own.base = self.fitted_law  # files of schema 1 may have the law of no effect
+        for effect in self.effects.values():
+            if effect.base is None and self.fitted_law is not None:
+                effect.base = self.fitted_law  # in files of schema 1, effects may lack a law
         return self
 
     @property
     def fitted_law(self) -> FittedLaw | None:
-        """The refitted law; None of an experiment that could not be diagnosed."""
+        """The refitted law; None if the experiment could not be diagnosed."""
         return self.base if isinstance(self.base, FittedLaw) else None
 
     def content(self) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = "") -> Any:
-    """The value, if it is a mapping with one of these words as its only key."""
+    """The value, if it is a mapping with one of these words as its only key; else raises a `mistake`."""
     if isinstance(value, Checked) or (
         isinstance(value, dict) and len(value) == 1 and value.keys() <= set(words)
     ):
@@ -126,7 +126,8 @@ Variation = Annotated[
 
 
 def quantiles(draw: Any, u: Array | float, value: float) -> Array:
-    """Values at the shares `u` in (0, 1) of the distribution of a quantity that the scenario gives as `value`."""
+    """Quantiles `u` in (0, 1) of the distribution `draw`. A `Times` distribution multiplies `value`, which the scenario
+    gives."""
     from scipy import stats
 
     if _is_number(draw):
@@ -150,8 +151,8 @@ def bounds(draw: Any) -> tuple[float, float]:
     return (0.0, np.inf) if isinstance(draw, Lognormal) else (float(draw), float(draw))
 
 
-def farthest(draw: Any) -> float:
-    """Size of the number, or of the bound, mean or median of the distribution that lies farthest from 0."""
+def largest_magnitude(draw: Any) -> float:
+    """Largest absolute value among the numbers of a draw: bounds, mean, standard deviation or median."""
     if not isinstance(draw, Checked):
         return abs(float(draw))
     numbers = next(iter(draw.model_dump().values()))

@@ -1,7 +1,7 @@
-"""The experiment folder: releases and what was measured of them, filmed or simulated. Read, check, write.
+"""Experiment folders: releases, filmed or simulated, with their trajectories or impacts.
 
-A folder holds `experiment.yaml` and one CSV, trajectories or impacts. Reading refuses what cannot be true,
-with file and line; a frame that the camera lost is a missing row or empty cells, which become NaN.
+A folder holds `experiment.yaml` and one CSV, trajectories or impacts. Reading refuses values that cannot be true and
+names file and line. A frame that the camera lost is a missing row or has empty cells, which become NaN.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ REQUIRED_IMPACT_COLUMNS = (
     "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
 )  # fmt: skip
 EXPERIMENT = "experiment.yaml"
-MOST_NAMED = 5  # folders in a message
+MOST_NAMED = 5  # folders that a message names
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -45,7 +45,7 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 class FromGravity(Checked):
     """What the fall of the blocks gave: their gravity is then no measurement."""
 
-    which: Literal["fps", "scale"] = Field(description="Frame rate or scale")
+    which: Literal["fps", "scale"] = Field(description="Quantity that was computed: frame rate or scale")
     relative_error: float = Field(
         ge=0, le=1, description="Its standard error over its value; all speeds may be off alike by as much"
     )
@@ -145,17 +145,17 @@ class Experiment:
 
 
 def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFrame:
-    """The rows of an experiment with trajectories that were not lost.
+    """The rows of the trajectories without lost frames.
 
-    A release of a circle may have no angle at all: then its angle is unknown, and 0 here; with `corners` that of any
-    block. Raises `InputError` if every frame is lost.
+    If a release of a circle has no angle in any frame, its angles are set to 0. With `corners`, this holds for blocks
+    of all shapes. Raises `InputError` if every frame is lost.
     """
     table = experiment.trajectories
     assert table is not None
-    may = [name for name, block in experiment.blocks.items() if corners or block.shape == "circle"]
+    blocks = [name for name, block in experiment.blocks.items() if corners or block.shape == "circle"]
     if table["theta_rad"].isna().any():
         without = table["theta_rad"].isna().groupby(table["release"]).transform("all")
-        table = table.assign(theta_rad=table["theta_rad"].mask(without & table["block"].isin(may), 0.0))
+        table = table.assign(theta_rad=table["theta_rad"].mask(without & table["block"].isin(blocks), 0.0))
     table = table.dropna()
     if table.empty:
         raise InputError(
@@ -167,7 +167,7 @@ def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFram
 
 
 def load_experiment(folder: str | Path) -> Experiment:
-    """Read and check an experiment folder; raises `InputError` on the first thing that cannot be right."""
+    """Read and check an experiment folder; raises `InputError` for the first mistake."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
@@ -210,7 +210,7 @@ def load_experiment(folder: str | Path) -> Experiment:
 
 
 def _no_experiment(folder: Path) -> str:
-    """What to say of a folder without an experiment: which folders below it hold one."""
+    """Message for a folder without an experiment; it names folders below that hold one."""
     try:
         found = sorted(file for depth in ("*", "*/*") for file in folder.glob(f"{depth}/{EXPERIMENT}"))
     except OSError:
@@ -312,7 +312,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
 def _read_table(
     path: str | Path, required: Sequence[str], optional: Sequence[str], texts: Collection[str]
 ) -> tuple[list[int], dict[str, list[str]]]:
-    """Line number of each row and the cells of each column, as text. One line is one row."""
+    """Line number of each row, and column name -> cells as text. One line is one row."""
     text = read_text(path).replace("\r\n", "\n").replace("\r", "\n")
     rows = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
     if not rows:
@@ -373,7 +373,7 @@ def _typed(
     texts: Mapping[str, Collection[str]],
     may_be_empty: Collection[str],
 ) -> dict[str, object]:
-    """Columns as int, float and checked text; `texts` names the allowed words of each text column."""
+    """Columns as int, float and checked text; `texts` gives the allowed words of each text column."""
     import numpy as np
 
     columns: dict[str, object] = {}
@@ -389,9 +389,9 @@ def _typed(
                 raise InputError(message, path, lines[cells.index(word)], code="unknown_name", name=word)
             columns[name] = cells
         elif name == "release":
-            columns[name] = np.array(_numbers(path, lines, name, cells, _release), np.int64)
+            columns[name] = np.array(_numbers(path, lines, name, cells, _release_number), np.int64)
         else:
-            columns[name] = np.array(_numbers(path, lines, name, cells, _real), float)
+            columns[name] = np.array(_numbers(path, lines, name, cells, _finite_number), float)
     block_of: dict[int, str] = {}
     for line, release, block in zip(lines, map(int, table["release"]), table["block"], strict=True):
         before = block_of.setdefault(release, block)
@@ -412,19 +412,19 @@ def _numbers(
         try:
             convert(cell)
         except ValueError:
-            expected = "a whole number >= 0" if convert is _release else "a finite number"
+            expected = "a whole number >= 0" if convert is _release_number else "a finite number"
             message = f"column {name}: expected {expected}, found {shown(cell)}"
             raise InputError(message, path, number, key=name) from None
     raise AssertionError("unreachable")
 
 
-def _release(cell: str) -> int:
+def _release_number(cell: str) -> int:
     if not (cell.isascii() and cell.isdigit() and len(cell) <= 10 and int(cell) <= LARGEST_RELEASE):
         raise ValueError
     return int(cell)
 
 
-def _real(cell: str) -> float:
+def _finite_number(cell: str) -> float:
     if not cell:
         return math.nan  # a frame that was lost
     value = float(cell)

@@ -22,7 +22,7 @@ FARTHEST_M = 1e6
 
 
 class FieldTestKeys(Checked):
-    """Releases of real blocks of which starts and stops were measured. The ground is the terrain along their ways."""
+    """Releases of real blocks with measured starts and stops. The ground is the terrain along their paths."""
 
     folder: str = Field(
         description="Folder of the data, relative to the data root (--data or ROCK2D_DATA); the root may also be that "
@@ -85,22 +85,22 @@ class FieldReleases:
         """(n,) horizontal distance from start to stop."""
         return np.hypot(*(self.stops_m - self.starts_m).T)
 
-    def part(self, some: Array) -> FieldReleases:
-        """Some of the releases: (n,) bool or indices."""
-        index = np.arange(len(self))[some]
+    def subset(self, chosen: Array) -> FieldReleases:
+        """The chosen releases: (n,) bool or indices."""
+        index = np.arange(len(self))[chosen]
         return FieldReleases(
             tuple(self.names[i] for i in index), tuple(self.blocks[i] for i in index),
             self.starts_m[index], self.stops_m[index],
         )  # fmt: skip
 
-    def of(self, *blocks: str) -> Array:
-        """(n,) bool, which releases are of these blocks."""
+    def of_blocks(self, *blocks: str) -> Array:
+        """(n,) bool: whether a release is one of these blocks."""
         return np.isin(self.blocks, blocks)
 
 
 def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) -> FieldReleases:
     """Read a table (CSV) with the columns release, block_id, release_x_m, release_y_m and, with `stops`, stop_x_m and
-    stop_y_m. Further columns do not count. The same release twice, number for number, counts once.
+    stop_y_m. Further columns are ignored. Of releases with identical numbers only the first is kept.
 
     Raises InputError with the line of the first mistake.
     """
@@ -120,10 +120,14 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
         if block not in names:
             known = ", ".join(map(str, sorted(names)))
             raise InputError(
-                f"unknown block_id {block}, the scenario knows {known}", path, n, 1, code="unknown_name"
+                f"unknown block_id {block}; block_ids of the scenario: {known}",
+                path,
+                n,
+                1,
+                code="unknown_name",
             )
         if release in found:
-            raise InputError(f"release {release} is there twice", path, n, 1, code="bad_table")
+            raise InputError(f"release {release} stands twice", path, n, 1, code="bad_table")
         found[release] = names[block], numbers
     if not found:
         raise InputError("there are no releases", path, 1, 1, code="empty")
@@ -131,11 +135,11 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
     stop = values[:, 2:] if stops else np.full((len(values), 2), np.nan)
     blocks = tuple(block for block, _ in found.values())
     releases = FieldReleases(tuple(found), blocks, values[:, :2], stop)
-    return releases.part(_once(blocks, values)) if stops else releases
+    return releases.subset(_without_repeats(blocks, values)) if stops else releases
 
 
-def _once(blocks: tuple[str, ...], values: Array) -> Array:
-    """Indices of the releases without those that repeat an earlier one: two tests never agree in every digit."""
+def _without_repeats(blocks: tuple[str, ...], values: Array) -> Array:
+    """Indices of the releases that repeat no earlier one: two measured releases never agree in every digit."""
     first: dict[tuple[str, bytes], int] = {}
     for i, block in enumerate(blocks):
         first.setdefault((block, values[i].tobytes()), i)

@@ -1,4 +1,4 @@
-"""Folders: results that are either whole or not there, and paths that stay inside."""
+"""Output files and folders, which are written completely or not at all, and paths that must stay inside a folder."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rock2d.errors import InputError
 
 
 class OutsideFolderError(ValueError):
-    """A path that is not one inside a folder. `message` says why."""
+    """A path that does not stay inside a folder. `message` gives the reason."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.message = message
 
 
-FAULTS_OF_THE_MACHINE = (
+MACHINE_ERRORS = (
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
 )  # fmt: skip
 RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be replaced
@@ -35,16 +35,16 @@ RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary sibling folder to write into; it becomes `path` only if the block ends without error.
 
-    An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else
-    is refused with `InputError` at once. After an error or an interrupt `path` is as it was. What a process that was
-    killed has left there is removed. Raises OSError, which names `path`, if the machine fails.
+    An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else raises
+    `InputError` at once. After an error or an interrupt `path` is unchanged. Temporary folders of killed processes are
+    removed. Raises OSError, which names `path`, if the machine fails (for example a full disk).
     """
     target = check_folder(path)
     process = os.getpid()
     with temporary_folder(path) as partial:
         yield partial
         if os.getpid() != process:
-            return  # a copy of this process, which another one made in the block
+            return  # in a process that was forked in the block
         (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
         replaced = _hidden(target, "replaced")
         if target.exists():
@@ -61,21 +61,21 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def temporary_folder(path: str | Path) -> Iterator[Path]:
-    """Give a hidden folder beside `path`, which is gone after the block. What killed processes left there is removed.
+    """Give a hidden folder beside `path`, and remove it after the block. Folders of killed processes are also removed.
 
-    Folders that are missing are made. Raises as `atomic_file` does.
+    Missing parent folders are created. Raises the errors of `atomic_file`.
     """
     target = Path(os.path.abspath(path))
     partial, unlocked = _hidden(target, "partial"), _hidden(target, "new")
     process = os.getpid()
     try:
-        with _errors_of(path, partial), _errors_of(path, unlocked), ExitStack() as held:
+        with _errors_name(path, partial), _errors_name(path, unlocked), ExitStack() as locks:
             _remove_abandoned(target)
-            with _errors_of(path, Path(target.anchor)):
+            with _errors_name(path, Path(target.anchor)):
                 target.parent.mkdir(parents=True, exist_ok=True)
             unlocked.mkdir()
-            held.enter_context(_lock(unlocked))
-            unlocked.rename(partial)  # not before: without its lock it would be taken for abandoned
+            locks.enter_context(_lock(unlocked))
+            unlocked.rename(partial)  # only now: another process removes a partial folder without a lock
             yield partial
     finally:
         if os.getpid() == process:
@@ -89,8 +89,8 @@ def _hidden(target: Path, what: str) -> Path:
 
 @contextmanager
 def _lock(folder: Path) -> Iterator[bool]:
-    """Hold the lock of a folder; gives False where another process holds it, or where folders have no locks. It ends
-    with the process, however that ends."""
+    """Hold the lock of a folder; gives False if another process holds it or if folders have no locks. The system
+    releases the lock when the process ends."""
     try:
         import fcntl
     except ImportError:  # no POSIX system
@@ -117,7 +117,7 @@ def _remove_abandoned(target: Path) -> None:
 
 
 def check_folder(path: str | Path) -> Path:
-    """The absolute path; InputError if `atomic_folder` would refuse it."""
+    """The absolute path; raises InputError if `atomic_folder` would refuse it."""
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise InputError(
@@ -125,14 +125,14 @@ def check_folder(path: str | Path) -> Path:
         )
     if target.is_dir() and any(target.iterdir()) and not (target / RESULT_MARKER).is_file():
         raise InputError(
-            "exists and is no rock2d result; choose another output folder", path, code="not_a_result"
+            "exists and is not a rock2d result; choose another output folder", path, code="not_a_result"
         )
     _check_parent(target, path)
     return target
 
 
-def check_replaced(path: str | Path, overwrite: bool) -> None:
-    """InputError if `atomic_folder` would refuse the folder, or if it holds results and `overwrite` is not set."""
+def check_output_folder(path: str | Path, overwrite: bool) -> None:
+    """Raise InputError if `atomic_folder` would refuse the folder, or if it holds results and `overwrite` is false."""
     target = check_folder(path)
     if target.is_dir() and any(target.iterdir()) and not overwrite:
         message = (
@@ -142,21 +142,21 @@ def check_replaced(path: str | Path, overwrite: bool) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """InputError if `atomic_file` could not write there."""
+    """Raise InputError if `atomic_file` could not write there."""
     if Path(path).is_dir():
         raise InputError("is a folder; choose another output file", path, code="not_writable")
     _check_parent(Path(os.path.abspath(path)), path)
 
 
 def _check_parent(target: Path, path: str | Path) -> None:
-    """Try to write where `target` will be, or where its first folder that is missing will be."""
-    place = next(parent for parent in target.parents if parent.exists())
-    with _errors_of(path, place), tempfile.TemporaryFile(dir=place):
+    """Try to write into the nearest existing parent of `target`."""
+    parent = next(parent for parent in target.parents if parent.exists())
+    with _errors_name(path, parent), tempfile.TemporaryFile(dir=parent):
         pass
 
 
 def user_cache(name: str) -> Path | None:
-    """A folder of the cache, which this user alone can read and write; None where there can be none."""
+    """A folder in the cache that only this user can read and write; None if it cannot be created."""
     folder = cache_root() / name
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -167,10 +167,10 @@ def user_cache(name: str) -> Path | None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder to write into; InputError where that cannot be."""
-    with _errors_of(path, path):
+    """Create a folder and check that it is writable; raises InputError if it is not."""
+    with _errors_name(path, path):
         path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):  # asks whether it can be written into
+        with tempfile.TemporaryFile(dir=path):
             pass
 
 
@@ -178,33 +178,33 @@ def make_folder(path: Path) -> None:
 def atomic_file(path: Path) -> Iterator[Path]:
     """Give a temporary sibling path with the same suffix; it becomes `path` only if the block ends without error.
 
-    Folders that are missing are made. After an error or an interrupt `path` is as it was. Raises InputError where no
-    file can be written, and OSError, which names `path`, if the machine fails.
+    Missing parent folders are created. After an error or an interrupt `path` is unchanged. Raises InputError if no
+    file can be written there, and OSError, which names `path`, if the machine fails (for example a full disk).
     """
     process = os.getpid()
     with temporary_folder(path) as folder:
         partial = folder / path.name
         yield partial
-        if os.getpid() == process:  # not in a copy of this process, which another one made in the block
+        if os.getpid() == process:  # not in a process that was forked in the block
             os.replace(partial, path)
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file under another name and rename it: never half there; see `atomic_file`."""
+    """Write a text file completely or not at all; see `atomic_file`."""
     with atomic_file(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
 def unwritable(error: OSError, path: str | Path) -> InputError | OSError:
-    """What to raise for `error` where `path` cannot be written: InputError if another path may do."""
-    if error.errno in FAULTS_OF_THE_MACHINE or error.errno is None:
+    """The error to raise if `path` cannot be written: InputError if another path may work, else OSError."""
+    if error.errno in MACHINE_ERRORS or error.errno is None:
         return OSError(error.errno, error.strerror or str(error), str(path))
     return InputError(f"cannot be written: {error.strerror}", path, code="not_writable")
 
 
 @contextmanager
-def _errors_of(path: str | Path, partial: Path) -> Iterator[None]:
-    """Let errors that name no file, or one at or below `partial`, name `path`."""
+def _errors_name(path: str | Path, partial: Path) -> Iterator[None]:
+    """Make errors name `path` if they name no file, or one at or below `partial`."""
     try:
         yield
     except OSError as error:
@@ -214,7 +214,7 @@ def _errors_of(path: str | Path, partial: Path) -> Iterator[None]:
 
 
 def path_inside(folder: str | Path, relative: str) -> Path:
-    """`folder`/`relative`; OutsideFolderError if that leaves `folder` (by "..", an absolute path or a link)."""
+    """`folder`/`relative`; raises OutsideFolderError if that leaves `folder` (by "..", an absolute path or a link)."""
     pure, windows = PurePosixPath(relative), PureWindowsPath(relative)
     if not relative.strip() or "\0" in relative:
         raise OutsideFolderError(f"expected a path inside {folder}, found {relative!r}")

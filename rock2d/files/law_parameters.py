@@ -1,7 +1,7 @@
-"""Parameters of the impact laws for a block: from the soil classes and the numbers of a scenario file.
+"""Parameters of the impact laws for a block, from the soil classes and the numbers of a scenario file.
 
-What the file says of a zone comes before what it says of all zones. Where it says both a class and numbers of the same
-zone, the numbers come before the class. The soil of a diagnosis serves where neither says anything.
+Values of a zone take precedence over values of all zones. For the same zone, numbers take precedence over a soil class.
+Parameters that the file does not give come from the diagnosis, if there is one.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactPar
     if model.deterministic is None and model.soils is None and scenario.diagnosed is None:
         message = "missing key 'deterministic', which the engines pymunk and batch need"
         raise scenario.error(message, "model", code="missing_key", key="deterministic")
-    start: Values = {"rolling_cap": False, "rolling_in_indentation": False}
+    defaults: Values = {"rolling_cap": False, "rolling_in_indentation": False}
     if scenario.diagnosed is not None:
-        start |= scenario.diagnosed.model.soil
+        defaults |= scenario.diagnosed.model.soil
     classes = _classes(scenario, soil_contact, block)
     numbers = _numbers(model.deterministic)
-    common = start | classes.get("default", {}) | numbers.get("default", {})
+    common = defaults | classes.get("default", {}) | numbers.get("default", {})
     out = {}
-    for zone in _served(scenario, ContactParameters, common, classes, numbers):
+    for zone in _zones(scenario, ContactParameters, common, classes, numbers):
         values = common | classes.get(zone, {}) | numbers.get(zone, {}) if zone != "default" else common
         out[zone] = _checked(scenario, ContactParameters, values, ("model", "deterministic", zone))
     return out
@@ -56,26 +56,26 @@ def rebound_parameters(scenario: Scenario, block: Block) -> dict[str, ReboundPar
         message = "missing key 'probabilistic', which engine point_mass needs"
         raise scenario.error(message, "model", code="missing_key", key="probabilistic")
     blocks = model.probabilistic.named() if model.probabilistic is not None else {}
-    start: Values = {"slope_reduction_deg": 0.0, "slope_reduction": "constant"}
+    defaults: Values = {"slope_reduction_deg": 0.0, "slope_reduction": "constant"}
     classes = _classes(scenario, soil_rebound, block)
-    numbers, own = _numbers(blocks.get("default")), _numbers(blocks.get(block.name))
-    base = start | classes.get("default", {}) | numbers.get("default", {})
-    common = base | own.get("default", {})
+    numbers, of_block = _numbers(blocks.get("default")), _numbers(blocks.get(block.name))
+    base = defaults | classes.get("default", {}) | numbers.get("default", {})
+    common = base | of_block.get("default", {})
     out = {}
-    for zone in _served(scenario, ReboundParameters, common, classes, {**numbers, **own}):
+    for zone in _zones(scenario, ReboundParameters, common, classes, {**numbers, **of_block}):
         values = common
-        if zone != "default":  # what the file says of a block comes before what it says of a zone
+        if zone != "default":  # values of a block take precedence over values of a zone
             values = base | classes.get(zone, {}) | numbers.get(zone, {})
-            values = values | own.get("default", {}) | own.get(zone, {})
-        path = (block.name, zone) if zone in own else ("default", zone)
+            values = values | of_block.get("default", {}) | of_block.get(zone, {})
+        path = (block.name, zone) if zone in of_block else ("default", zone)
         out[zone] = _checked(scenario, ReboundParameters, values, ("model", "probabilistic", *path))
     return out
 
 
 def _classes(scenario: Scenario, law: Any, block: Block) -> dict[str, Values]:
-    """Zone name, or default -> what its class gives for the block."""
+    """Zone name, or default -> parameters that the soil class gives for the block."""
     soils = scenario.model.soils or {}
-    return {zone: asdict(law(_soil(own), block.mass_kg, block.size_m)) for zone, own in soils.items()}
+    return {zone: asdict(law(_soil(soil), block.mass_kg, block.size_m)) for zone, soil in soils.items()}
 
 
 def _soil(given: str | SoilKeys) -> SoilClass:
@@ -85,16 +85,15 @@ def _soil(given: str | SoilKeys) -> SoilClass:
 
 
 def _numbers(table: Table | None) -> dict[str, Values]:
-    """Zone name, or default -> what the file gives as numbers."""
+    """Zone name, or default -> parameters that the file gives as numbers."""
     named = table.named() if table is not None else {}
     return {zone: keys.model_dump(exclude_none=True) for zone, keys in named.items()}
 
 
-def _served(
+def _zones(
     scenario: Scenario, kind: Any, common: Values, classes: Iterable[str], numbers: Iterable[str]
 ) -> list[str]:
-    """The zones that the result names. Without a default class it may lack "default", if every zone has its own class
-    or numbers."""
+    """The zones that the result names. "default" may be missing if every zone has its own class or numbers."""
     zones = list(dict.fromkeys(("default", *numbers, *classes)))
     soils = scenario.model.soils
     if soils is None or "default" in soils or not _missing(kind, common):

@@ -1,4 +1,4 @@
-"""Places of numbers in the data of a file: keys and list indices with dots between them, `embankment.height_m`."""
+"""Places of numbers in the data of a file: keys and list indices joined by dots, such as `embankment.height_m`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DataPath = tuple[str | int, ...]  # keys and list indices from the top of the da
 def place_of(data: Any, place: str) -> DataPath | None:
     """The keys and list indices that lead to a place in the data of a file; None if there is no such place.
 
-    A key may have dots itself: of the keys that fit, the longest counts.
+    A key may contain dots: of the keys that fit, the longest is taken.
     """
     path: list[str | int] = []
     here, rest = data, place
@@ -37,7 +37,7 @@ def place_of(data: Any, place: str) -> DataPath | None:
 
 
 def value_at(data: Any, path: DataPath) -> Any:
-    """What stands at the end of a path that `place_of` gave."""
+    """The value at a path that `place_of` gave."""
     for step in path:
         data = data[step]
     return data

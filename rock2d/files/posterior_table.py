@@ -1,4 +1,4 @@
-"""A calibration's posterior as a table: equally likely draws of numbers of a scenario file."""
+"""The posterior of a calibration as a table: equally likely draws of numbers of a scenario file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rock2d.files.text_files import read_text
 
 Array = np.ndarray
 
-FACTOR = "posterior"  # its name among what is not known
+FACTOR = "posterior"  # name of the row number among the unknown values of a site
 FEWEST_DRAWS, MOST_DRAWS = 10, 100_000
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of several numbers, whose dependence on each other they keep.
+    """Joint draws of several numbers.
 
     Attributes
     ----------
@@ -33,12 +33,12 @@ class Posterior:
     places: tuple[str, ...]
     draws: Array
 
-    def row(self, share: Array) -> Array:
-        """The numbers of the draws at shares in (0, 1), by the order of the table."""
-        return np.floor(np.asarray(share) * len(self.draws))
+    def row(self, u: Array) -> Array:
+        """Row numbers, as floats, at quantiles `u` in (0, 1) of a uniform choice of rows."""
+        return np.floor(np.asarray(u) * len(self.draws))
 
     def values(self, row: float) -> dict[str, float]:
-        """Place -> value of a draw."""
+        """Place -> value in a row."""
         return dict(zip(self.places, self.draws[int(row)].tolist(), strict=True))
 
 

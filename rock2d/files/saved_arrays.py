@@ -1,4 +1,4 @@
-"""Arrays on disk: written whole or not at all, with a fingerprint of the data and the code that they belong to."""
+"""Arrays in .npz files, and a fingerprint of the data and the code that they were computed from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = np.ndarray
 
 
 def fingerprint(*arrays: Array) -> str:
-    """16 hexadecimal digits that change with the arrays and with the source of rock2d."""
+    """16 hexadecimal digits of a hash of the arrays and of the source of rock2d."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -30,7 +30,7 @@ def save_arrays(path: Path, **arrays: Array) -> None:
 
 
 def load_arrays(path: Path) -> dict[str, Array] | None:
-    """What `save_arrays` wrote; None if there is no file that can be read."""
+    """The arrays that `save_arrays` wrote; None if there is no readable file."""
     try:
         with np.load(path, allow_pickle=False) as found:
             return dict(found)

@@ -1,8 +1,5 @@
-"""The keys of a scenario for what varies from release to release, populations of blocks and rough ground, and for what
-is not known about the site.
-
-Scattered numbers stand under `scatter`, a mapping from places of the file to distributions.
-"""
+"""The keys of a scenario for what varies from release to release (populations of blocks, rough ground) and for what is
+not known about the site."""
 
 from __future__ import annotations
 
@@ -78,7 +75,7 @@ class Population(Checked):
         return self
 
     def block(self, name: str, u: Array) -> Block:
-        """The block at the shares u (4,) in (0, 1) of the distributions of size, density, family and aspect."""
+        """The block at the quantiles u (4,) in (0, 1) of size, density, family and aspect."""
         weights = np.cumsum([family.weight for family in self.families])
         family = self.families[int(np.searchsorted(weights, u[2] * weights[-1], side="right"))]
         size, density, aspect = (
@@ -97,7 +94,7 @@ def block_of_size(name: str, shape: str, size_m: float, aspect: float, density_k
 
     Parameters
     ----------
-    shape : one of those of `Family`
+    shape : a shape of `Family`
     size_m : diameter of the circle of equal area; the block has the volume of a ball of this diameter
     aspect : length over height, of a rectangle or an ellipse
 

@@ -1,6 +1,6 @@
-"""Scenario YAML: what to release, onto what, with which laws and parameters. Loaded, checked, completed.
+"""Scenario files: blocks, ground, impact laws and their parameters, number of releases.
 
-`load_scenario` returns a `Scenario` whose names all resolve; a mistake raises `InputError` with its place.
+`load_scenario` reads and checks a file. A mistake raises `InputError` with its place.
 """
 
 from __future__ import annotations
@@ -94,7 +94,9 @@ class Scenario(Checked):
         description="A ditch before the embankment; of several embankments: number of the embankment -> ditch",
     )
     blocks: dict[Name, BlockKeys] | None = Field(
-        default=None, min_length=1, description="Block name -> its profile; may be left out likewise"
+        default=None,
+        min_length=1,
+        description="Block name -> its profile; may be left out when the incident states come from an experiment",
     )
     populations: dict[Name, Population] = Field(
         default={},
@@ -162,14 +164,14 @@ class Scenario(Checked):
         return self._posterior
 
     def with_diagnosed(self, diagnosed: DiagnosedModel) -> Scenario:
-        """The scenario with another diagnosis, or another of its models in use."""
+        """The scenario with another diagnosis."""
         other = self.model_copy()
         other._diagnosed = diagnosed
         return other
 
     def unknown(self) -> dict[str, Callable[[Any], Any]]:
-        """Place of each value that is not known about the site -> shares in (0, 1) to its quantiles; empty without the
-        key `uncertainty`."""
+        """Place of each value that is not known about the site -> its quantile function, of arguments in (0, 1). Empty
+        without the key `uncertainty`."""
         if self.uncertainty is None or self._document is None:
             return {}
         out: dict[str, Callable[[Any], Any]] = {}
@@ -183,16 +185,16 @@ class Scenario(Checked):
         return out
 
     def longest_release_s(self) -> float:
-        """The time after which a release ends: the scenario's own, else what follows from the cross-section."""
+        """The time limit of a release in s: that of the file, else one that follows from the cross-section."""
         if self.time_limit_s is not None:
             return self.time_limit_s
         if self.gravity_m_s2 == 0.0:
-            message = "without gravity nothing says how long a release lasts: missing key 'time_limit_s'"
+            message = "without gravity there is no default time limit: missing key 'time_limit_s'"
             raise self.error(message, "gravity_m_s2", code="missing_key", key="time_limit_s")
         return site_time_limit_s(self.make_cross_section(), self.gravity_m_s2)
 
     def make_cross_section(self) -> CrossSection:
-        """The cross-section: the scenario's own, else the experiment's; with the embankments and the ditches."""
+        """The cross-section of the file, else that of the experiment, with embankments and ditches."""
         ground = self.natural_ground()
         if self.embankment is None:
             return ground
@@ -219,7 +221,7 @@ class Scenario(Checked):
         return self._experiment.cross_section
 
     def make_blocks(self) -> dict[str, Block]:
-        """Name -> block: the scenario's own, else the experiment's; of a population the one of median size."""
+        """Name -> block of the file, else of the experiment; of a population the block of median size."""
         if self.blocks is not None or self.populations:
             made = {name: keys.make(name) for name, keys in (self.blocks or {}).items()}
             return made | {name: own.median_block(name) for name, own in self.populations.items()}
@@ -228,7 +230,7 @@ class Scenario(Checked):
         return dict(self._experiment.blocks)
 
     def design_block(self, name: str) -> Block:
-        """The block of that name; of a population the one that is larger than 95 % of them."""
+        """The block of that name; of a population the 95th percentile of size."""
         if name in self.populations:
             return self.populations[name].block(name, np.array([0.95, 0.5, 0.0, 0.5]))
         return self.make_blocks()[name]
@@ -261,8 +263,8 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     """Load and check a scenario file.
 
     `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
-    Raises `InputError` with file, line and column of the first mistake. An `UnusualWarning` tells of each number
-    that is possible, but unusual.
+    Raises `InputError` with file, line and column of the first mistake. Warns with `UnusualWarning` of each number
+    that is possible but unusual.
     """
     scenario = checked_scenario(Document(path), None, data_root)
     for doubt in doubts(scenario):
@@ -277,31 +279,31 @@ def checked_scenario(
     diagnosed: DiagnosedModel | None = None,
     terrain: TerrainSections | None = None,
 ) -> Scenario:
-    """Check the data of a scenario file; see `load_scenario`. An `experiment`, a diagnosis or the terrain of a field
-    test that is given is not loaded again."""
+    """Check the data of a scenario file; see `load_scenario`. An experiment, a diagnosis or a terrain that is given is
+    not loaded again."""
     scenario = document.check(Scenario)
     scenario._document = document
     _load_experiment(scenario, data_root, experiment)
     if scenario.field_test is not None:
-        found = terrain or _found_terrain(scenario, scenario.field_test, data_root)
+        found = terrain or _load_terrain(scenario, scenario.field_test, data_root)
         scenario._terrain = replace(found, beyond_deg=scenario.field_test.beyond_deg)
     if scenario.model.diagnosis is not None:
         root = data_root or os.environ.get(DATA_VARIABLE)
         scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
     if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
-        scenario._posterior = _found_posterior(scenario, scenario.uncertainty.posterior)
-    for key, given in (
+        scenario._posterior = _load_posterior(scenario, scenario.uncertainty.posterior)
+    for key, value in (
         ("cross_section", scenario.cross_section or scenario.field_test),
         ("blocks", scenario.blocks or scenario.populations),
     ):
-        if not given and scenario.experiment is None:
+        if not value and scenario.experiment is None:
             raise document.error(f"missing key {key!r}", code="missing_key", key=key)
     check_scenario(scenario)
     scenario.longest_release_s()
     return scenario
 
 
-def _found_posterior(scenario: Scenario, given: str) -> Posterior:
+def _load_posterior(scenario: Scenario, given: str) -> Posterior:
     """The table beside the scenario file."""
     assert scenario.document is not None
     try:
@@ -342,20 +344,22 @@ def _load_experiment(
     scenario._experiment = experiment
 
 
-def _found_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:
-    """Terrain and releases under the data root, which may also be the folder itself or one between."""
+def _load_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:
+    """Terrain and releases. The data root may be any folder of the path `keys.folder`."""
     from rock2d.files.field_releases import read_releases
     from rock2d.files.surveys.terrain import read_terrain
     from rock2d.files.surveys.terrain_sections import TerrainSections
 
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:
-        message = f"the data are not here: say where {shown(keys.folder)} lies with --data or {DATA_VARIABLE}"
+        message = (
+            f"no data root: give the folder that contains {shown(keys.folder)} with --data or {DATA_VARIABLE}"
+        )
         raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
     steps = Path(keys.folder).parts
     try:
-        inside = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
-        table = next((file for file in inside if file.is_file()), None)
+        files = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
+        table = next((file for file in files if file.is_file()), None)
         if table is None:
             message = (
                 f"no {keys.releases} in {shown(keys.folder)} under the data root {str(root)!r} (--data or "
@@ -375,9 +379,7 @@ def _found_experiment(
     """The experiment under the data root."""
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:
-        message = (
-            f"the data are not here: say where {shown(source.folder)} lies with --data or {DATA_VARIABLE}"
-        )
+        message = f"no data root: give the folder that contains {shown(source.folder)} with --data or {DATA_VARIABLE}"
         raise scenario.error(message, *where, code="missing_data", folder=source.folder)
     try:
         folder = path_inside(root, source.folder)
@@ -392,5 +394,5 @@ def _found_experiment(
 
 
 def scenario_json_schema() -> dict[str, Any]:
-    """JSON Schema of a scenario file, for editors: every key with its description and unit."""
+    """JSON Schema of a scenario file: every key with its description and unit."""
     return json_schema(Scenario, "rock2d scenario")

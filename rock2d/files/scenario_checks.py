@@ -1,4 +1,4 @@
-"""What must be true of a scenario beyond its single keys: names that resolve, parameters that make sense."""
+"""Checks of a scenario that involve several keys: names, parameters, plausible values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-POSSIBLE_STARTS = 200  # drawn starts of a block whose plausibility is judged
+POSSIBLE_STARTS = 200  # drawn starts of a block that are checked for plausibility
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -64,7 +64,7 @@ def _check_earthworks(scenario: Scenario) -> None:
 
 
 def _check_ditches(scenario: Scenario) -> None:
-    """Refuse a ditch that lies before no embankment."""
+    """Refuse a ditch without an embankment."""
     embankment, ditch = scenario.embankment, scenario.ditch
     if ditch is None:
         return
@@ -72,11 +72,11 @@ def _check_ditches(scenario: Scenario) -> None:
         message = "a ditch lies before an embankment: missing key 'embankment'"
         raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
     if isinstance(embankment, dict) and not isinstance(ditch, dict):
-        message = "before which of the embankments? Write {1: {width_m: ...}} before number 1"
+        message = "before which of the embankments? Write {1: {width_m: ...}} for a ditch before embankment 1"
         raise scenario.error(message, "ditch", at="key", code="wrong_kind")
     for number in ditch if isinstance(ditch, dict) else ():
         if not isinstance(embankment, dict) or number not in embankment:
-            message = f"there is no embankment {shown(number)} before which it could lie"
+            message = f"there is no embankment {shown(number)}"
             raise scenario.error(message, "ditch", number, at="key", code="unknown_name", name=number)
 
 
@@ -88,15 +88,15 @@ def _check_plausible(scenario: Scenario) -> None:
 
 
 def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt]:
-    """All that may be impossible; every variant of a site passes here, so it is cheap."""
+    """Doubts about site and blocks, which may be impossible. Cheap, because every variant of a site is checked."""
     yield from site_doubts(ground, scenario.gravity_m_s2)
     for block in scenario.make_blocks().values():
         yield from block_doubts(block, ground)
 
 
 def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
-    """What is unusual in a scenario: its site, its blocks, its starts, and what the law of an engine (default: the
-    scenario's own) meets, the contacts of its fastest blocks or its roughness."""
+    """Unusual values of a scenario: site, blocks, starts, and contacts or roughness for the law of `engine` (default:
+    the engine of the scenario)."""
     engine = engine or scenario.engine
     ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
     found = list(_site_and_blocks(scenario, ground))
@@ -110,42 +110,44 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
         found += start_doubts(block, states, ground, gravity, key)
         if engine != "point_mass":
             soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
-            stiffness = {zone: own.k_l_N_m for zone, own in zip(ground.zone_names, soils, strict=True)}
+            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, soils, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
             friction = {
-                zone: own.friction_angle_deg for zone, own in zip(ground.zone_names, soils, strict=True)
+                zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)
             }
             found += friction_doubts(friction)
-    if engine == "point_mass" and scenario.field_test is None:  # whose points take a smooth ground
-        found += rough_point_doubts(_rough_alone(scenario))
+    if (
+        engine == "point_mass" and scenario.field_test is None
+    ):  # point masses of a field test use smooth ground
+        found += rough_point_doubts(_rough_without_slope_reduction(scenario))
     return found
 
 
 def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
-    """Warnings of what is unusual with an engine other than the scenario's own, which loading did not tell; none if
-    the file lacks the law of that engine."""
+    """Warnings that hold for another engine than that of the scenario; none if the file lacks the law of that
+    engine."""
     if engine is None:
         return []
     try:
-        told = doubts(scenario)
-        found = [doubt for doubt in doubts(scenario, engine) if doubt not in told]
+        known = doubts(scenario)
+        found = [doubt for doubt in doubts(scenario, engine) if doubt not in known]
     except InputError:
         return []
     return [f"warning: {engine}: {doubt.text}" for doubt in found]
 
 
-def _rough_alone(scenario: Scenario) -> list[str]:
-    """Zones that are rough, and have no slope reduction of the rebound law for some block."""
+def _rough_without_slope_reduction(scenario: Scenario) -> list[str]:
+    """Rough zones without slope reduction of the rebound law for some block."""
     laws = [scenario.rebound_parameters(block) for block in scenario.make_blocks().values()]
     return [
         zone
         for zone in scenario.roughness
-        if any((own.get(zone) or own["default"]).slope_reduction_deg == 0.0 for own in laws)
+        if any((law.get(zone) or law["default"]).slope_reduction_deg == 0.0 for law in laws)
     ]
 
 
 def _possible_starts(incident: Incident, ground: CrossSection) -> Array:
-    """(n, 6) drawn starts; those above the ground at their height."""
+    """(n, 6) drawn states at the start."""
     states = np.array(incident.draw(np.random.default_rng(0), POSSIBLE_STARTS), float)
     if incident.above_ground is not None:
         x = ground.points_m[:, 0]
@@ -199,14 +201,14 @@ def _check_diagnosis(scenario: Scenario) -> None:
         return
     if scenario.model.soils is not None and "default" in scenario.model.soils:
         message = (
-            "the diagnosis gives the soil of all zones that have no class of their own: take one of them away"
+            "the diagnosis gives the soil of all zones that have no class of their own: remove one of the two"
         )
         raise scenario.error(message, "model", "soils", "default", at="key", code="wrong_kind")
     check_engine(scenario, scenario.engine)
 
 
 def check_engine(scenario: Scenario, engine: str) -> None:
-    """Refuse an engine that knows no contact law where the law is that of a diagnosis."""
+    """Refuse the point-mass engine if the contact law comes from a diagnosis."""
     if scenario.diagnosed is not None and engine == "point_mass":
         message = (
             "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
@@ -227,7 +229,7 @@ def _check_field_test(scenario: Scenario) -> None:
                 )
                 raise scenario.error(message, "field_test", place, code="unknown_name", name=name)
     if scenario.cross_section is not None:
-        message = "the ground is the terrain of the field test: take cross_section away"
+        message = "the ground is the terrain of the field test: remove cross_section"
         raise scenario.error(message, "cross_section", at="key", code="wrong_kind")
     for name, incident in scenario.incident.items():
         if incident.above_ground is None:
@@ -263,7 +265,7 @@ def _check_incident(scenario: Scenario) -> None:
 def _check_scatter(scenario: Scenario) -> None:
     for name in scenario.populations:
         if scenario.blocks is not None and name in scenario.blocks:
-            raise scenario.error(f"{name} stands under blocks, too", "populations", name, at="key")
+            raise scenario.error(f"{name} is also under blocks", "populations", name, at="key")
         if scenario.experiment is not None:
             message = "the blocks of a filmed experiment are known"
             raise scenario.error(message, "populations", at="key", code="wrong_kind")
@@ -283,7 +285,7 @@ def _check_scatter(scenario: Scenario) -> None:
 
 
 def _no_number(scenario: Scenario, place: str) -> str:
-    """Why a place cannot vary, and what to write where a soil class stands."""
+    """Message: there is no number at a place; for a soil class, it says what to write instead."""
     data = scenario.document.data if scenario.document is not None else {}
     path = place_of(data, place)
     found = None if path is None else value_at(data, path)
@@ -301,23 +303,21 @@ def _check_uncertainty(scenario: Scenario) -> None:
         message = "releases that restart a film have no other possible sites"
         raise scenario.error(message, "uncertainty", at="key", code="wrong_kind")
     if not scenario.make_cross_section().measure_lines:
-        message = (
-            "nothing is uncertain without a measure line: passing frequencies are what is told of the sites"
-        )
+        message = "possible sites are compared by their passing frequencies: missing key 'measure_lines'"
         raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="measure_lines")
 
     if not scenario.unknown():
-        message = "nothing is said to be uncertain: missing key 'site'"
+        message = "no value is uncertain: missing key 'site'"
         if scenario.diagnosed is not None:
-            message += "; the diagnosis leaves no value open that moves a block"
+            message += "; the diagnosis has no uncertain value that influences the motion of a block"
         raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="site")
     if scenario.posterior is not None:
         for place in scenario.posterior.places:
             if number_at(scenario.document.data, place) is None or place in scenario.uncertainty.site:
                 why = (
-                    "stands under site, too"
+                    "is also under site"
                     if place in scenario.uncertainty.site
-                    else "is no number of this file"
+                    else "is not the place of a number in this file"
                 )
                 message = f"column {shown(place)} {why}"
                 raise scenario.error(message, "uncertainty", "posterior", code="unknown_name", name=place)

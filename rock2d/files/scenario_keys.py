@@ -9,13 +9,13 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from rock2d.files.checked_yaml import Checked, Table, mistake, shown
-from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, farthest
+from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, largest_magnitude
 from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Name, Point
 from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
-LONGEST_VIDEO_S = 20.0  # longest video of a release, if the file does not say how slow it is shown
-LONGEST_TEXT = 200  # of a line in the head of a report
+LONGEST_VIDEO_S = 20.0  # longest video of a release, unless the file gives slow_motion
+LONGEST_TEXT = 200  # characters of a line in the head of a report
 SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
@@ -135,8 +135,8 @@ Soil = Annotated[
 
 
 class Laws(Checked):
-    """Soil classes, a diagnosis, or parameters of either impact law, or of both. A file's numbers come before its
-    classes and its diagnosis."""
+    """Soil classes, a diagnosis, or parameters of one or both impact laws. Numbers take precedence over classes and
+    over the diagnosis."""
 
     soils: dict[Name, Soil] | None = Field(
         default=None,
@@ -195,8 +195,8 @@ class _Motion(Checked):
     @model_validator(mode="after")
     def _within_reach(self) -> _Motion:
         for key, value in self:
-            if key != "points_m" and farthest(value) > FARTHEST_M:
-                raise mistake(f"expected numbers up to {FARTHEST_M:g}, found {farthest(value):g}", key)
+            if key != "points_m" and (found := largest_magnitude(value)) > FARTHEST_M:
+                raise mistake(f"expected numbers up to {FARTHEST_M:g}, found {found:g}", key)
         return self
 
 
@@ -268,7 +268,7 @@ class Incident(Checked):
     def draw(self, generator: Any, count: int) -> Any:
         """(count, 6) states in the order of `STATE_KEYS`, drawn with a numpy Generator.
 
-        Of `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
+        With `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
         """
         import numpy as np
 
@@ -296,7 +296,7 @@ def _drawn(value: Any, generator: Any, count: int) -> Any:
 
 
 def _points_along(points_m: Any, share: Any) -> Any:
-    """(n, 2) points at shares (n,) of the length of a polyline."""
+    """(n, 2) points at fractions (n,) of the length of a polyline."""
     import numpy as np
 
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
@@ -362,7 +362,7 @@ class Outputs(Checked):
     video_releases: int = Field(default=3, ge=1, le=1000, description="Releases of each block in the video")
 
     def slowed(self, longest_s: float) -> float:
-        """Factor by which a video is slowed down whose longest release lasts `longest_s`."""
+        """Slow-motion factor of a video whose longest release lasts `longest_s`."""
         if self.slow_motion is not None:
             return self.slow_motion
         return next(

@@ -1,4 +1,4 @@
-"""Scenarios that differ from a given one in single numbers, each named by its place: `embankment.height_m`."""
+"""Scenarios that differ from a given one in some numbers. Places such as `embankment.height_m` name the numbers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from rock2d.files.scenario import Scenario, checked_scenario
 
 
 def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool = False) -> Scenario:
-    """The scenario with other numbers at these places, checked; without what is not known, unless `uncertain`.
+    """The scenario with other numbers at these places, checked.
 
     Parameters
     ----------
     values : place -> number, for example ``{"embankment.height_m": 4.0}``
-    uncertain : whether the scenario keeps its key ``uncertainty``
+    uncertain : keep the key ``uncertainty``; by default it is removed
 
     Raises
     ------
     InputError
-        Where there is no number, or where a value makes no sense.
+        If there is no number at a place, or if a value makes no sense.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     except InputError as error:
         drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
         raise InputError(
-            f"{error.message}; that is with {drawn}", error.file, error.line, error.column, code=error.code
+            f"{error.message}; with {drawn}", error.file, error.line, error.column, code=error.code
         ) from None
 
 
@@ -79,10 +79,8 @@ def with_data(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Sc
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
-    """The scenario with other numbers at these places under `model` and `blocks`, unchecked: for one release of many.
-
-    Parameters and blocks that are made from it are checked as always.
-    """
+    """The scenario with other numbers at these places under `model` and `blocks`, for one release. The scenario is not
+    checked again; parameters and blocks that are made from it are."""
     assert scenario.document is not None
     changed = scenario
     for place, value in values.items():

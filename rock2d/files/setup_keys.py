@@ -24,11 +24,11 @@ from rock2d.scene.shapes.shape import BlockError, Shape
 FARTHEST_M = 1.0e6
 MOST_CORNERS = 200
 LONGEST_NAME = 100
-WORDS = inertia_words()
+INERTIA_WORDS = inertia_words()
 
 
 def plain_name(name: str) -> str:
-    """The name of a zone, a block, a line, ...; raises a `mistake` for one that tables and messages cannot hold."""
+    """The name of a zone, a block or a line; raises a `mistake` for a name that tables and messages cannot hold."""
     if len(name) > LONGEST_NAME:
         raise mistake(f"expected a name of at most {LONGEST_NAME} characters, found {shown(name)}")
     if not name.strip() or name != name.strip() or not name.isprintable() or "," in name or '"' in name:
@@ -45,9 +45,9 @@ Steepness = Annotated[float, Field(ge=1.0, le=90.0)]
 
 def _inertia(value: Any) -> Any:
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not (number and 0 < value < 1e30) and value not in WORDS:
-        found = shown(value) + (did_you_mean(value, WORDS) if isinstance(value, str) else "")
-        raise mistake(f"expected {', '.join(WORDS)} or a positive number in kg m², found {found}")
+    if not (number and 0 < value < 1e30) and value not in INERTIA_WORDS:
+        found = shown(value) + (did_you_mean(value, INERTIA_WORDS) if isinstance(value, str) else "")
+        raise mistake(f"expected {', '.join(INERTIA_WORDS)} or a positive number in kg m², found {found}")
     return value
 
 
@@ -111,7 +111,7 @@ class DitchKeys(Checked):
 
 
 def _one_or_several(value: Any) -> str:
-    """Which form of `embankment` or `ditch` stands in a file: the sizes of one, or number -> sizes."""
+    """Tag of the form of `embankment` or `ditch` in a file: the sizes of one, or number -> sizes."""
     several = isinstance(value, dict) and any(isinstance(own, (dict, Checked)) for own in value.values())
     return "<several>" if several else "<one>"
 
@@ -140,7 +140,7 @@ class _BlockModel(Checked):
     """The keys of every block; those of its shape come from `rock2d.scene.shapes`."""
 
     mass_kg: float = Field(ge=1.0e-9, le=1.0e12, description="Mass in kg")
-    inertia: Annotated[Literal[WORDS] | float, BeforeValidator(_inertia)] = Field(  # type: ignore[valid-type]
+    inertia: Annotated[Literal[INERTIA_WORDS] | float, BeforeValidator(_inertia)] = Field(  # type: ignore[valid-type]
         default="uniform",
         description="Moment of inertia about the centroid: solid_sphere (2/5 m r²), uniform (prism of the "
         "profile), or a number in kg m²",
@@ -196,7 +196,7 @@ def _tag(value: Any) -> str:
 
 
 _MODELS = {name: _model(shape) for name, shape in shapes().items()}
-globals().update({model.__name__: model for model in _MODELS.values()})  # where pickle looks for them
+globals().update({model.__name__: model for model in _MODELS.values()})  # pickle looks for them here
 
 if TYPE_CHECKING:
     BlockKeys = _BlockModel
@@ -209,7 +209,7 @@ else:
 
 
 def block_keys(block: Block) -> dict[str, Any]:
-    """The keys from which `make_block` makes this block again."""
+    """The keys of a block in a file; `make_block` makes the same block from them."""
     shape = shapes()[block.shape]
     keys: dict[str, Any] = {"shape": block.shape, **shape.sizes_of(block.semi_axes_m, block.corners_m)}
     keys["mass_kg"] = float(block.mass_kg)

@@ -1,4 +1,4 @@
-"""Text files that a user gives: only regular files of UTF-8 are read."""
+"""Text files of the user: only regular files in UTF-8 are read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rock2d.errors import InputError
 
 
 def require_regular(file: str | Path) -> None:
-    """Raise `InputError` for what is no regular file: a pipe never ends to wait, a device never ends to give."""
+    """Raise `InputError` if this is not a regular file: reading a pipe or a device may never end."""
     try:
         mode = Path(file).stat().st_mode
     except (OSError, ValueError) as error:
@@ -22,7 +22,7 @@ def require_regular(file: str | Path) -> None:
 
 
 def read_text(file: str | Path) -> str:
-    """The text of a UTF-8 file; raises `InputError` if it is absent, no regular file or not UTF-8."""
+    """The text of a UTF-8 file; raises `InputError` if it is missing, not a regular file or not UTF-8."""
     require_regular(file)
     try:
         raw = Path(file).read_bytes()
@@ -38,19 +38,19 @@ def read_text(file: str | Path) -> str:
 
 
 def read_json(file: str | Path) -> Any:
-    """The content of a JSON file; raises `InputError` if there is none."""
+    """The content of a JSON file; raises `InputError` if it is not JSON."""
     return json_content(read_text(file), file)
 
 
 def json_content(text: str, file: str | Path) -> Any:
-    """The content of the text of a JSON file; raises `InputError` if there is none."""
+    """The content of a JSON text; raises `InputError`, which names `file`, if it is not JSON."""
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"not JSON: {error.msg}", file, error.lineno, error.colno, code="not_json") from None
     except RecursionError:
         raise InputError("not JSON: nested too deeply", file, 1, 1, code="not_json") from None
-    except ValueError:  # Python converts no integer of thousands of digits
+    except ValueError:  # Python refuses integers with thousands of digits
         raise InputError("not JSON: a number that is too long", file, 1, 1, code="not_json") from None
 
 

@@ -14,7 +14,7 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import diagnosed_world
 from rock2d.effects import catalogue
 from rock2d.effects.air_drag import coefficient
-from rock2d.files.diagnosis import diagnosis_text, read_model
+from rock2d.files.diagnosis import diagnosis_text, read_fitted_diagnosis
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.blocks import Block, make_block
@@ -99,7 +99,7 @@ def test_the_law_of_the_ground_is_not_called_fitted(drops, content):
 def test_a_prediction_takes_the_drag_of_each_ball(drops, content, tmp_path):
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(content), encoding="utf-8")
-    read_model(file)
+    read_fitted_diagnosis(file)
     setup = setup_world(drops.experiment)
     world = diagnosed_world(content, setup, setup.order, base_only=False)
     each = content["model"]["parameters"]["air_drag"]["drag_per_mass_1_m"]["by_block"]

@@ -109,7 +109,7 @@ def field(tmp_path_factory):
     metres = Descents(scenario, asked, 1, 99).simulated(scenario).metres[:, 0]
     started = np.isfinite(metres)
     assert started.mean() > 0.8
-    of = {block: list(metres[asked.of(block) & started]) for block in ("cube", "box")}
+    of = {block: list(metres[asked.of_blocks(block) & started]) for block in ("cube", "box")}
     return write_field(root, of)
 
 

@@ -24,7 +24,7 @@ def field(tmp_path):
 def test_distances_are_those_of_the_table(field):
     known = field.terrain.known
     assert known.distances_m == pytest.approx([60, 70, 80, 55, 65], abs=1e-4)
-    assert known.of("box").tolist() == [False, False, False, True, True]
+    assert known.of_blocks("box").tolist() == [False, False, False, True, True]
 
 
 def test_a_release_that_repeats_another_in_every_digit_counts_once(put):

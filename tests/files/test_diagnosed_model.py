@@ -179,7 +179,7 @@ def test_a_diagnosis_is_found_under_the_data_root(tmp_path, monkeypatch):
 
 
 def test_uncertainty_needs_something_uncertain(tmp_path):
-    with pytest.raises(InputError, match="the diagnosis leaves no value open that moves a block"):
+    with pytest.raises(InputError, match="the diagnosis has no uncertain value that influences"):
         diagnosed(tmp_path, content(), more=UNCERTAIN)
     with pytest.raises(InputError, match="missing key 'site'"):
         undiagnosed(tmp_path, numbers(SOIL), more=UNCERTAIN)

@@ -11,7 +11,7 @@ import pytest
 from rock2d.commands.profile import ProfileOptions, write_profile
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.files.surveys.profile import checked, simplified
+from rock2d.files.surveys.profile import checked_profile, simplified
 from rock2d.files.surveys.release_area import release_area
 from rock2d.files.surveys.table import read_table
 from rock2d.runs.run import run
@@ -57,18 +57,18 @@ def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
 
 
 def test_what_was_changed_is_said():
-    profile = checked(np.array([[5.0, 0.0], [5.0, 0.0], [9.0, 3.0]]), "it")
+    profile = checked_profile(np.array([[5.0, 0.0], [5.0, 0.0], [9.0, 3.0]]), "it")
     assert profile.points_m.tolist() == [[0.0, 3.0], [4.0, 0.0]]
     assert profile.remarks == (
         "1 repeated points left out",
-        "turned round, so that it falls to the right: x = 9 m - station",
+        "mirrored, so that it falls to the right: x = 9 m - station",
     )
 
 
 def test_simplification_keeps_to_its_tolerance():
     x = np.linspace(0, 100, 401)
     rough = np.random.default_rng(1).normal(0, 0.05, len(x))
-    full = checked(np.column_stack([x, 50 - 0.5 * x + 2 * np.sin(x / 15) + rough]), "it")
+    full = checked_profile(np.column_stack([x, 50 - 0.5 * x + 2 * np.sin(x / 15) + rough]), "it")
     few = simplified(full, 0.3)
     assert len(few.points_m) < 60 and f"401 points simplified to {len(few.points_m)}" in few.remarks[-1]
     off = np.interp(x, *few.points_m.T) - full.points_m[:, 1]
@@ -313,7 +313,7 @@ CLIFF = np.array([[0, 62], [14, 60.5], [20, 37], [30, 30], [52, 15], [55, 11], [
     ],
 )
 def test_blocks_start_on_the_upper_half_of_the_highest_steep_face(points, low, high, said):
-    area = release_area(checked(points, "it"), 1.0)
+    area = release_area(checked_profile(points, "it"), 1.0)
     assert (area.low_m, area.high_m) == pytest.approx((low, high), abs=1e-9)
     assert re.search(said, area.why)
 
@@ -322,7 +322,7 @@ def test_small_steps_are_no_face():
     x = np.linspace(0, 100, 401)
     steps = np.where(np.arange(401) % 8 < 4, 0.3, 0.0)  # 50° on a slope of 20° that steepens to 40°
     slope = np.where(x < 60, 70 - 0.36 * x, 70 - 0.36 * 60 - 0.84 * (x - 60))
-    area = release_area(checked(np.column_stack([x, slope + steps]), "it"), 1.0)
+    area = release_area(checked_profile(np.column_stack([x, slope + steps]), "it"), 1.0)
     assert 55 < area.low_m < 65 and "no ground is as steep" in area.why
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.surveys.profile import EXTRA, Profile, along_way, checked
+from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
 
 Array = np.ndarray
@@ -18,12 +18,12 @@ POLYLINES = "LWPOLYLINE POLYLINE"
 
 
 def read_drawing(path: Path, layer: str | None = None) -> Profile:
-    """The longest polyline of a DXF file, or row of lines that meet end to end.
+    """The longest polyline of a DXF file, or chain of lines that meet end to end.
 
-    One in a plane is read as drawn: x is the station, y the height. One whose points differ in z is a line on a map:
-    the station is the way along it, z the height.
+    If all points have the same z, x is the station and y the height. Otherwise it is a line on a map: the station is
+    the distance along it, z the height.
 
-    Raises InputError if the file is no DXF, or if there is no polyline (on this layer).
+    Raises InputError if the file is not DXF, or if there is no polyline (on this layer).
     """
     try:
         import ezdxf  # noqa: F401
@@ -39,20 +39,20 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     wanted = {layer} if layer is not None else set(layers)
     found = [points for e in polylines if e.dxf.layer in wanted and len(points := _points(e)) > 1]
     for name in wanted:
-        found += _rows([_points(entity) for entity in lines if entity.dxf.layer == name])
+        found += _chains([_points(entity) for entity in lines if entity.dxf.layer == name])
     if not found:
         there = f"; layers with lines: {', '.join(layers)}" if layers else ""
         where = f" on layer {layer!r}" if layer is not None else ""
         raise InputError(f"no polyline{where}{there}", path, code="empty")
     longest = max(found, key=lambda points: float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()))
     flat = np.ptp(longest[:, 2]) == 0.0
-    found_profile = checked(longest[:, :2] if flat else along_way(longest), f"drawing {path.name}")
-    said = ("the drawing is damaged; this is what could be recovered",) if damaged else ()
-    return replace(found_profile, remarks=(*said, *found_profile.remarks))
+    profile = checked_profile(longest[:, :2] if flat else station_and_height(longest), f"drawing {path.name}")
+    remark = ("the drawing is damaged; this is what could be recovered",) if damaged else ()
+    return replace(profile, remarks=(*remark, *profile.remarks))
 
 
 def _document(path: Path) -> tuple[Any, bool]:
-    """The drawing, and whether it is damaged: then as far as it can be recovered."""
+    """The drawing, and whether it is damaged. Of a damaged drawing what can be recovered."""
     import logging
 
     import ezdxf
@@ -71,8 +71,8 @@ def _document(path: Path) -> tuple[Any, bool]:
         raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
 
 
-def _rows(lines: list[Array]) -> list[Array]:
-    """Rows (n, 3) of lines (2, 3) that meet end to end."""
+def _chains(lines: list[Array]) -> list[Array]:
+    """Polylines (n, 3) of lines (2, 3) that meet end to end."""
     import shapely
 
     merged = shapely.line_merge(

@@ -27,8 +27,8 @@ class Stations(NamedTuple):
         """x of a station of the survey."""
         return self.origin_m + self.direction * station_m
 
-    def own(self, x_m: Any) -> Any:
-        """The survey's own station of an x."""
+    def station_m(self, x_m: Any) -> Any:
+        """Station of the survey at an x."""
         return (x_m - self.origin_m) * self.direction
 
 
@@ -42,9 +42,9 @@ class Profile:
     Attributes
     ----------
     points_m : (n, 2) station and height in m, left to right
-    source : what it was read from, in words
-    remarks : what was changed or is worth knowing
-    stations : the survey's own stations, which zones and release areas are given in
+    source : origin in words
+    remarks : changes and hints in words
+    stations : conversion to the stations of the survey, in which zones and release areas are given
     """
 
     points_m: Array
@@ -53,10 +53,10 @@ class Profile:
     stations: Stations = AS_SURVEYED
 
 
-def checked(points_m: Array, source: str) -> Profile:
-    """The profile of these points: repeated points left out, falling to the right, its first station 0.
+def checked_profile(points_m: Array, source: str) -> Profile:
+    """The profile of these points (n, 2) without repeated points; it falls to the right and starts at x = 0.
 
-    Raises InputError if there are too few or too many points, if one is not finite, or if they make no surface.
+    Raises InputError if there are too few or too many points, if one is not finite, or if they form no surface.
     """
     points = np.asarray(points_m, float)
     if points.ndim != 2 or points.shape[1:] != (2,) or not FEWEST_POINTS <= len(points) <= MOST_POINTS:
@@ -77,9 +77,7 @@ def checked(points_m: Array, source: str) -> Profile:
     if points[0, 1] < points[-1, 1]:
         stations = Stations(float(points[-1, 0]), -1.0)
         points = points[::-1]
-        remarks.append(
-            f"turned round, so that it falls to the right: x = {stations.origin_m:.6g} m - station"
-        )
+        remarks.append(f"mirrored, so that it falls to the right: x = {stations.origin_m:.6g} m - station")
     elif points[0, 0] != 0.0:
         remarks.append(f"stations reduced by {points[0, 0]:.6g} m, so that they begin at 0")
     shifted = np.column_stack([stations.x_m(points[:, 0]), points[:, 1]])
@@ -90,9 +88,9 @@ def checked(points_m: Array, source: str) -> Profile:
     return Profile(shifted, source, tuple(remarks), stations)
 
 
-def along_way(points_m: Array) -> Array:
-    """(n, 2) station and height of points on a map (n, 3: x, y, height): the station is the way along them. Points
-    (n, 2) are returned as they are."""
+def station_and_height(points_m: Array) -> Array:
+    """(n, 2) station and height of points on a map (n, 3: x, y, height): the station is the distance along them. Points
+    (n, 2) are returned unchanged."""
     if points_m.shape[1] == 2:
         return points_m
     way = np.concatenate([[0.0], np.hypot(*np.diff(points_m[:, :2], axis=0).T).cumsum()])
@@ -100,12 +98,12 @@ def along_way(points_m: Array) -> Array:
 
 
 def simplified(profile: Profile, tolerance_m: float) -> Profile:
-    """Without the points that change the surface by less than the tolerance (Douglas and Peucker 1973)."""
+    """The profile without points that change the surface by less than the tolerance (Douglas and Peucker 1973)."""
     import shapely
 
     line = shapely.LineString(profile.points_m).simplify(tolerance_m, preserve_topology=True)
     points = np.asarray(line.coords)
     if len(points) == len(profile.points_m):
         return profile
-    said = f"{len(profile.points_m)} points simplified to {len(points)}, within {tolerance_m:g} m"
-    return replace(profile, points_m=points, remarks=(*profile.remarks, said))
+    remark = f"{len(profile.points_m)} points simplified to {len(points)}, within {tolerance_m:g} m"
+    return replace(profile, points_m=points, remarks=(*profile.remarks, remark))

@@ -1,4 +1,4 @@
-"""Where blocks start: the upper half of the highest stretch of a profile that is steep enough to lose blocks."""
+"""Release areas: the upper half of the highest stretch of a profile that is steep enough to be a rockfall source."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from rock2d.files.surveys.profile import Profile, simplified
 
 Array = np.ndarray
 
-STEEP_DEG = 45.0  # the slope from which GNS Science takes ground as a source (Otago rockfall study, 2022)
-ALIKE_DEG = 5.0  # facets beside the steepest one that belong to its stretch
-LEAST_DROP_M, LEAST_DROP = 2.0, 0.05  # height of a stretch, also as a share of the relief: less is a step
-NEGLIGIBLE = (
-    0.02  # share of the relief; points closer to the line than this, or than half a block, are roughness
-)
-EDGE = 0.4  # shortest release area in sizes of the block: over an edge it lets blocks tip
+STEEP_DEG = 45.0  # least slope of a rockfall source (GNS Science, Otago rockfall study, 2022)
+SIMILAR_DEG = 5.0  # facets that are flatter than the steepest one by at most this belong to its stretch
+LEAST_DROP_M, LEAST_DROP = 2.0, 0.05  # least height of a stretch, also as a share of the relief
+# Share of the relief: points closer to the line than this, or than half a block, are roughness.
+NEGLIGIBLE = 0.02
+EDGE = 0.4  # length of the shortest release area over the size of the block: blocks tip over an edge
 
 
 class Stretch(NamedTuple):
@@ -39,7 +38,7 @@ class Stretch(NamedTuple):
 
 
 class ReleaseArea(NamedTuple):
-    """The stations at which blocks start, and why there."""
+    """Range of x in which blocks start, and the reason in words."""
 
     low_m: float
     high_m: float
@@ -52,8 +51,8 @@ class ReleaseArea(NamedTuple):
 def release_area(profile: Profile, block_m: float) -> ReleaseArea:
     """The upper half of the highest stretch that is steeper than STEEP_DEG, else of the steepest stretch.
 
-    `block_m` is the size of the block. Half the height, because a block from the foot of a face falls less far than
-    the design must reckon with.
+    `block_m` is the size of the block. Only the upper half, because a block from the foot of a face has a shorter fall
+    than the design must consider.
     """
     relief = float(np.ptp(profile.points_m[:, 1]))
     points = simplified(profile, min(0.5 * block_m, NEGLIGIBLE * relief)).points_m
@@ -68,19 +67,20 @@ def release_area(profile: Profile, block_m: float) -> ReleaseArea:
     else:
         drops = -np.diff(points[:, 1])
         steepest = int(np.argmax(np.where(drops >= min(least, drops.max()), slopes, -np.inf)))
-        alike = _stretches(points, slopes >= slopes[steepest] - ALIKE_DEG)
-        chosen = next(s for s in alike if (s.points_m[:-1] == points[steepest]).all(axis=1).any())
+        similar = _stretches(points, slopes >= slopes[steepest] - SIMILAR_DEG)
+        chosen = next(s for s in similar if (s.points_m[:-1] == points[steepest]).all(axis=1).any())
         why = f"the steepest stretch; no ground is as steep as {STEEP_DEG:g}°"
     low, high = _upper_half(chosen, profile.points_m[0, 0], profile.points_m[-1, 0], block_m)
-    said = f"upper half of {chosen}, {chosen.slope_deg:.0f}° and {chosen.drop_m:.3g} m high: {why}"
-    return ReleaseArea(low, high, said)
+    return ReleaseArea(
+        low, high, f"upper half of {chosen}, {chosen.slope_deg:.0f}° and {chosen.drop_m:.3g} m high: {why}"
+    )
 
 
 def given_area(profile: Profile, bounds: tuple[float, float]) -> ReleaseArea:
     """The release area between two stations of the survey. Raises InputError if it lies beside the profile."""
     low, high = sorted(profile.stations.x_m(station) for station in bounds)
     if not profile.points_m[0, 0] <= low < high <= profile.points_m[-1, 0]:
-        ends = sorted(profile.stations.own(profile.points_m[[0, -1], 0]))
+        ends = sorted(profile.stations.station_m(profile.points_m[[0, -1], 0]))
         raise InputError(
             f"--release {bounds[0]:g} {bounds[1]:g}: expected two stations of the survey, which reaches from "
             f"{ends[0]:g} to {ends[1]:g} m",
@@ -96,7 +96,7 @@ def _stretches(points: Array, steep: Array) -> list[Stretch]:
 
 
 def _upper_half(stretch: Stretch, left: float, right: float, block_m: float) -> tuple[float, float]:
-    """Stations of its upper half, at least EDGE blocks long, and half a block away from the ends of the profile."""
+    """Range of x of the upper half, at least EDGE blocks long and half a block away from the ends of the profile."""
     x, y = stretch.points_m.T
     middle = float(np.interp(0.5 * stretch.drop_m, y[0] - y, x))
     low = min(max(float(x[0]), left + 0.5 * block_m), right - block_m)

@@ -1,4 +1,4 @@
-"""The scenario that starts from a profile: complete, so that it runs, and with everything marked that is assumed."""
+"""A scenario file for a profile. It is complete and runs; comments mark everything that is assumed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DIAMETER_M, DENSITY_KG_M3, DROP_M = 1.0, 2700.0, 1.0
 
 
 def _likely_class(zone: str) -> str:
-    """The soil class that the name of a zone suggests, else the default."""
+    """The soil class that the name of a zone suggests, else the default class."""
     if zone in SOIL_CLASSES:
         return zone
     return next((soil for word, soil in CLASS_OF_WORD.items() if word in zone.lower()), DEFAULT_CLASS)
@@ -45,8 +45,8 @@ def scenario_of(
     start: ReleaseArea,
     smooth: bool = False,
 ) -> str:
-    """The text of a scenario file on this profile: a ball of 1 m from the release area, on rough ground unless
-    `smooth`. `ground` is the points and the zone of each facet."""
+    """The text of a scenario file for this profile: a ball of 1 m starts in the release area `start`, on rough ground
+    unless `smooth`. `ground` is the points (n, 2) in m and the zones (n - 1) of the facets."""
     points, names = ground
     left, right = points[0, 0], points[-1, 0]
     mass = DENSITY_KG_M3 * np.pi / 6.0 * DIAMETER_M**3
@@ -55,7 +55,7 @@ def scenario_of(
     classes = {zone: _likely_class(zone) for zone in dict.fromkeys(names)}
     return f"""# Profile from {profile.source}.
 {remarks}name: {_key(name)}
-about: A ball of 1 m on a profile; everything but the profile is a first guess.
+about: A ball of 1 m on a profile; everything except the profile is a first guess.
 assumed:
   - "Blocks, soil and start are first guesses: replace them."
   - "Soil classes by the names of the zones; rock2d soils lists them."
@@ -66,7 +66,7 @@ seed: 1
 cross_section:
   points_m: [{pairs}]
   zones: [{", ".join(map(_key, names))}]
-# An embankment: remove the signs at the beginning of the lines, and set the sizes.
+# An embankment: remove the # at the beginning of the lines, and set the sizes.
 # embankment: {{x_m: {left + 0.8 * (right - left):.1f}, height_m: 4, crest_m: 3, uphill_deg: 60, downhill_deg: 34}}
 # ditch: {{width_m: 5, depth_m: 0.5, uphill_deg: 45}}
 blocks:

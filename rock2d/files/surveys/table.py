@@ -1,4 +1,4 @@
-"""Profiles from tables of text: a column of stations and one of heights."""
+"""Profiles from text tables: a column of stations and a column of heights."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.surveys.profile import Profile, along_way, checked
+from rock2d.files.surveys.profile import Profile, checked_profile, station_and_height
 from rock2d.files.text_files import is_number, read_text
 
-# names of columns, those that say most first
+# Names of columns, the most specific first.
 STATION_COLUMNS = ("station", "chainage", "distance", "x")
 HEIGHT_COLUMNS = ("height", "elevation", "z", "y")
 MAP_COLUMNS = ("x", "y", "z")  # a line on a map with heights
@@ -27,9 +27,10 @@ METRES = ("", "m")  # units that a header may state
 def read_table(path: Path) -> Profile:
     """The profile of a text file with one point a line.
 
-    Two numbers, or columns that a header names: a station and a height, in m, or x, y and z along a line on a map.
-    Columns are separated by commas, semicolons, tabs or spaces; `#` begins a comment. A header may state the unit,
-    as in "station [m]". A remark names the columns that are not read; `zones.zones_of_points` reads that of zones.
+    A point is a station and a height in m, or x, y and z along a line on a map. Without a header, the first two columns
+    are station and height. Columns are separated by commas, semicolons, tabs or spaces; `#` begins a comment. A header
+    may give the unit, as in "station [m]". A remark names the columns that are not read; `zones.zones_of_points` reads
+    the column of zones.
 
     Raises InputError with the line of the first mistake.
     """
@@ -39,8 +40,8 @@ def read_table(path: Path) -> Profile:
     if not all(map(is_number, rows[0][1])):
         line, header = rows.pop(0)
         columns = profile_columns(header, path, line)
-        own = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
-        unread = [name for i, name in enumerate(header) if i not in own]
+        read = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
+        unread = [name for i, name in enumerate(header) if i not in read]
     elif len(rows[0][1]) > len(columns):
         message = f"{len(rows[0][1])} columns without names: begin the file with a line that names them, for example "
         raise InputError(f"{message}station,height or x,y,z", path, rows[0][0], 1, code="bad_table")
@@ -50,7 +51,8 @@ def read_table(path: Path) -> Profile:
             found = separator.join(cells)[:60]
             raise InputError(f"expected numbers, found {found!r}", path, line, 1, code="bad_table")
         points.append([number(cells[column], path, line) for column in columns])
-    profile = checked(along_way(np.array(points).reshape(-1, len(columns))), f"table {path.name}")
+    points_m = station_and_height(np.array(points).reshape(-1, len(columns)))
+    profile = checked_profile(points_m, f"table {path.name}")
     if unread:
         profile = replace(
             profile, remarks=(*profile.remarks, f"columns that are not read: {', '.join(unread)}")
@@ -59,8 +61,8 @@ def read_table(path: Path) -> Profile:
 
 
 def text_rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
-    """Line and cells of each line that is not empty, without comments, and what separates the cells. Raises
-    InputError if there is none."""
+    """Line number and cells of each line that is not empty, without comments, and the separator of the cells. Raises
+    InputError if the file is empty."""
     lines = [(n, line.split("#")[0].strip()) for n, line in enumerate(read_text(path).splitlines(), 1)]
     lines = [(n, line) for n, line in lines if line]
     if not lines:
@@ -70,7 +72,7 @@ def text_rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
 
 
 def number(cell: str, path: Path, line: int) -> float:
-    """The finite number in a cell. Raises InputError with its line."""
+    """The finite number in a cell. Raises InputError with the line if there is none."""
     if is_number(cell) and math.isfinite(float(cell)):
         return float(cell)
     comma = "," in cell and is_number(cell.replace(",", ".", 1))
@@ -79,7 +81,8 @@ def number(cell: str, path: Path, line: int) -> float:
 
 
 def column_of(header: Sequence[str], choices: Sequence[str]) -> int | None:
-    """Index of the first of the names that a header has, with or without the unit m."""
+    """Index of the column named by the first of the choices that the header has, with or without the unit m; None if
+    there is none."""
     names = [name.partition("[")[0].partition("(")[0].strip().lower() for name in header]
     names = [name.removesuffix("_m") for name in names]
     return next((names.index(name) for name in choices if name in names), None)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.surveys.profile import EXTRA, Profile, along_way, checked
+from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
 
 Array = np.ndarray
 
-# by suffix, so that no file calls another of the many drivers
+# The suffix chooses the driver, so that no file can call another of the many drivers.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}
 STEP_CELLS = 0.5  # distance of profile points, in cells
 MOST_STEPS = 20_000
@@ -32,8 +32,8 @@ class Terrain:
     ----------
     x_m, y_m : ascending coordinates of the cell centres
     height_m : (y, x), NaN where nothing is known
-    from_file : takes points (n, 2) in the file's coordinates to x and y in m; None if they are the same
-    remarks : what was changed
+    from_file : converts points (n, 2) from the coordinates of the file to x and y in m; None if they are the same
+    remarks : changes in words
     """
 
     x_m: Array
@@ -43,7 +43,7 @@ class Terrain:
     remarks: tuple[str, ...] = ()
 
     def metric(self, points: Array) -> Array:
-        """(n, 2) x and y in m of points in the file's coordinates."""
+        """(n, 2) x and y in m of points in the coordinates of the file."""
         points = np.atleast_2d(np.asarray(points, float))
         return points if self.from_file is None else self.from_file(points)
 
@@ -65,7 +65,7 @@ class Terrain:
         return np.asarray(self._bilinear(np.atleast_2d(points_m)[:, ::-1]))
 
     def known_heights_m(self, points_m: Array, source: str) -> Array:
-        """`heights_m`; InputError, which names the `source`, where nothing is known."""
+        """`heights_m`; raises InputError, which names the `source`, if a height is not known."""
         points, heights = np.atleast_2d(points_m), self.heights_m(points_m)
         if not np.isfinite(heights).all():
             x, y = points[np.flatnonzero(~np.isfinite(heights))[0]]
@@ -74,9 +74,10 @@ class Terrain:
 
 
 def read_terrain(path: Path) -> Terrain:
-    """A terrain model whose first band is the height in m. One in degrees is projected to the UTM zone of its centre.
+    """A terrain model whose first band is the height in m. If it is in degrees, it is projected to the UTM zone of its
+    centre.
 
-    Raises InputError if it cannot be read, or is turned against the axes.
+    Raises InputError if it cannot be read, or is rotated against the axes.
     """
     try:
         import rasterio
@@ -99,13 +100,13 @@ def read_terrain(path: Path) -> Terrain:
 def _terrain(grid: Any, path: Path) -> Terrain:
     if grid.crs is not None and grid.crs.is_geographic:
         return _projected(grid, path)
-    across = grid.transform
-    if across.b != 0.0 or across.d != 0.0:
-        raise InputError("the grid is turned against its axes", path, code="bad_value")
+    affine = grid.transform
+    if affine.b != 0.0 or affine.d != 0.0:
+        raise InputError("the grid is rotated against the axes", path, code="bad_value")
     heights = grid.read(1, masked=True).astype(float).filled(np.nan)
-    x = across.c + across.a * (np.arange(grid.width) + 0.5)
-    y = across.f + across.e * (np.arange(grid.height) + 0.5)
-    if across.e < 0.0:
+    x = affine.c + affine.a * (np.arange(grid.width) + 0.5)
+    y = affine.f + affine.e * (np.arange(grid.height) + 0.5)
+    if affine.e < 0.0:
         y, heights = y[::-1], heights[::-1]
     return Terrain(x, y, np.ascontiguousarray(heights))
 
@@ -144,11 +145,11 @@ def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> P
     way = np.linspace(0.0, length, int(np.ceil(length / (STEP_CELLS * terrain.cell_m))) + 1)
     points = np.asarray(start_m) + (way / length)[:, None] * (np.asarray(end_m) - start_m)
     heights = terrain.known_heights_m(points, source)
-    return checked(np.column_stack([way, heights]), source)
+    return checked_profile(np.column_stack([way, heights]), source)
 
 
 def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
-    """The profile down the steepest slope from a point (2,) to where the ground is level or no longer known.
+    """The profile down the steepest slope from a point (2,) until the ground is level or no longer known.
 
     Raises InputError if the point is not on the terrain, or on level ground.
     """
@@ -169,5 +170,7 @@ def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
         points.append(onward)
         heights.append(height)
     if len(points) < 3:
-        raise InputError(f"{source}: no fall line begins there, the ground is level", code="bad_value")
-    return checked(along_way(np.column_stack([points, heights])), source)
+        raise InputError(
+            f"{source}: no fall line starts there, because the ground is level", code="bad_value"
+        )
+    return checked_profile(station_and_height(np.column_stack([points, heights])), source)

@@ -1,7 +1,7 @@
-"""Cross-sections of the terrain along the ways of releases: straight, from a start in the direction of the stops.
+"""Straight cross-sections of the terrain along the paths of releases, from a start towards the stops.
 
-Heights are trusted near the known starts and stops alone: beyond them a terrain model that was made from tracks is a
-guess. There the ground goes on with one inclination.
+The heights of the terrain model are used only near the known starts and stops: elsewhere, a terrain model that was made
+from tracks is a guess. There the ground continues with one inclination.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ EDGE = "edge"  # zone of the ground at the start
 BEHIND_M, LENGTH_M = 5.0, 250.0  # extent of a section behind the start and ahead of it
 TRUSTED_CELLS = 1.0  # cells around the known starts and stops within which heights are trusted
 LINE_STEP_M, LINE_HEIGHT_M = 10.0, 50.0  # spacing and length of measure lines
-NEARBY_M = 10.0  # starts so close to each other have the same direction
+NEARBY_M = 10.0  # standard deviation of the weights by which starts nearby determine a direction
 
 
 @dataclass(frozen=True)
 class TerrainSections:
-    """The terrain of a field test, and the releases whose ways are known.
+    """The terrain of a field test, and the releases with known starts and stops.
 
     Attributes
     ----------
@@ -49,7 +49,8 @@ class TerrainSections:
     beyond_deg: float = 0.0
 
     def direction_rad(self, start_m: Array) -> float:
-        """From a start (2,) towards the mean stop of the known releases, those that start nearby counting most."""
+        """Direction from a start (2,) to the stops: the weighted mean of the known releases, of which those that start
+        nearby have the largest weights."""
         apart = np.hypot(*(self.known.starts_m - start_m).T)
         nearest = apart.min()
         weight = np.exp(-0.5 * ((apart - nearest) / NEARBY_M) ** 2)
@@ -66,9 +67,9 @@ class TerrainSections:
         return float(np.sqrt(np.mean(turn**2)))
 
     def section(self, start_m: Array, direction_rad: float) -> CrossSection:
-        """The ground from a start (2,) on; x is the horizontal distance from it.
+        """The ground along a straight line through a start (2,); x is the horizontal distance from the start.
 
-        Raises InputError if the start is beside the terrain.
+        Raises InputError if the start is outside the terrain.
         """
         step = 0.5 * self.terrain.cell_m
         way = np.arange(-BEHIND_M, LENGTH_M + step, step)
@@ -90,7 +91,7 @@ class TerrainSections:
         return CrossSection(np.column_stack([way, heights]), self._zone_names(way, heights))
 
     def mean_section(self) -> CrossSection:
-        """The ground from the mean start on, with measure lines at the distances `lines_m`."""
+        """The section through the mean start, with measure lines at the distances `lines_m`."""
         start = self.known.starts_m.mean(axis=0)
         ground = self.section(start, self.direction_rad(start))
         feet = ground.height_m(self.lines_m)
@@ -107,14 +108,14 @@ class TerrainSections:
     def _zone_names(self, way: Array, heights: Array) -> list[str]:
         inclination = np.degrees(np.arctan(-np.diff(heights) / np.diff(way)))
         ordered = sorted(self.zones.items(), key=lambda item: -item[1])
-        names = [next(name for name, least in ordered if own >= least or least <= 0) for own in inclination]
+        names = [next(name for name, least in ordered if deg >= least or least <= 0) for deg in inclination]
         return [EDGE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
 
     def _trusted(self, points: Array, start_m: Array) -> Array:
         import shapely
 
         area = self._known_area
-        if not area.covers(shapely.Point(start_m)):  # a start of which nothing is known yet
+        if not area.covers(shapely.Point(start_m)):  # a start beyond the known ones
             area = shapely.union(area, shapely.Point(start_m)).convex_hull.buffer(self._margin_m)
         return np.asarray(shapely.covers(area, shapely.points(points)))
 

@@ -1,4 +1,4 @@
-"""Zones along a survey: a table of start, end and name, and the facets of the profile that they give."""
+"""Zones along a survey: tables of start, end and name, and the zones of the facets of a profile."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class ZoneRange(NamedTuple):
 
 
 class ZoneTable(NamedTuple):
-    """Zones from left to right, none of which overlap."""
+    """Zones from left to right that do not overlap."""
 
     file: Path
     ranges: Sequence[ZoneRange]
 
 
 def read_zones(file: Path) -> ZoneTable:
-    """Zones of a table: start, end (stations of the survey in m) and name, one zone a line, in this order or as a
-    header names them. Raises InputError with the line of the first mistake."""
+    """Read a table of zones, one zone a line: start, end (stations of the survey in m) and name, in this order or in
+    the order of a header. Raises InputError with the line of the first mistake."""
     rows, _ = text_rows(file)
     columns = [0, 1, 2]
     if not any(map(is_number, rows[0][1])):
@@ -65,7 +65,7 @@ def read_zones(file: Path) -> ZoneTable:
 
 
 def zones_of_points(file: Path) -> ZoneTable | None:
-    """Zones of a table of stations and heights with a column zone or soil: a point names the ground from there to the
+    """Zones of a table of stations and heights with a column zone or soil: the zone of a point holds from there to the
     point of the next line. None without such a column. Raises InputError with the line of the first mistake."""
     rows, _ = text_rows(file)
     line, header = rows[0]
@@ -75,7 +75,7 @@ def zones_of_points(file: Path) -> ZoneTable | None:
     station = columns[0]
     ranges = []
     for (line, cells), (_, following) in itertools.pairwise(rows[1:]):
-        start, end = sorted(number(own[station], file, line) for own in (cells, following))
+        start, end = sorted(number(row[station], file, line) for row in (cells, following))
         if len(cells) <= zone or not cells[zone]:
             raise InputError("expected the name of a zone, found nothing", file, line, 1, code="bad_table")
         if start < end:
@@ -107,10 +107,10 @@ def _range(start: float, end: float, name: str, file: Path, line: int) -> ZoneRa
 
 
 def facets_with_zones(profile: Profile, zones: ZoneTable | None) -> tuple[Array, list[str], list[str]]:
-    """The points of the profile with further ones where a zone begins or ends, the zone of each facet, and remarks
-    about stretches in no zone, which are "slope".
+    """The points of the profile (n, 2) with further points where zones begin or end, the zone of each facet, and
+    remarks about stretches without a zone, which are "slope".
 
-    Raises InputError for a zone beside the profile, and for a profile with overhangs.
+    Raises InputError for a zone outside the profile, and for a profile with overhangs.
     """
     points = profile.points_m
     if zones is None:
@@ -125,7 +125,7 @@ def facets_with_zones(profile: Profile, zones: ZoneTable | None) -> tuple[Array,
     bounds = sorted(float(profile.stations.x_m(bound)) for zone in zones.ranges for bound in zone[:2])
     inside = [bound for bound in bounds if x[0] < bound < x[-1]]
     stations = np.union1d(x, inside)
-    middles = profile.stations.own(0.5 * (stations[1:] + stations[:-1]))
+    middles = profile.stations.station_m(0.5 * (stations[1:] + stations[:-1]))
     names = [
         next((zone.name for zone in zones.ranges if zone.start_m <= middle <= zone.end_m), DEFAULT_ZONE)
         for middle in middles
@@ -134,8 +134,8 @@ def facets_with_zones(profile: Profile, zones: ZoneTable | None) -> tuple[Array,
 
 
 def _gaps(profile: Profile, zones: ZoneTable) -> list[str]:
-    """What no zone covers, with the line of the zone behind it (of the last one at the end)."""
-    first, last = sorted(map(float, profile.stations.own(profile.points_m[[0, -1], 0])))
+    """Remarks about stretches without a zone, with the line of the next zone (the last zone at the end)."""
+    first, last = sorted(map(float, profile.stations.station_m(profile.points_m[[0, -1], 0])))
     reached, remarks = first, []
     negligible = 1e-6 * (last - first)
     for zone in (*zones.ranges, zones.ranges[-1]._replace(start_m=last, end_m=last)):

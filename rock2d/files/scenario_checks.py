@@ -247,7 +247,7 @@ def _check_parameters(scenario: Scenario) -> None:
 
 
 def _check_incident(scenario: Scenario) -> None:
-    """Refuse a fixed start below the ground or beside the cross-section."""
+    """Refuse a fixed start below the ground or outside the cross-section."""
     ground = scenario.make_cross_section()
     points = ground.points_m
     left, right = points[:, 0].min(), points[:, 0].max()
@@ -256,7 +256,7 @@ def _check_incident(scenario: Scenario) -> None:
             continue
         path = ("incident", name, "fixed")
         if not left <= item.fixed.x_m <= right:
-            message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
+            message = f"outside the cross-section, which reaches from {left:g} to {right:g}"
             raise scenario.error(message, *path, "x_m", code="bad_state", key="x_m")
         if ground.covers(np.array([[item.fixed.x_m, item.fixed.y_m]])).any():
             raise scenario.error("below the ground", *path, "y_m", code="bad_state", key="y_m")

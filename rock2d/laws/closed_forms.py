@@ -1,6 +1,7 @@
-"""Closed forms of the contact law for one smooth contact on a plane without gravity: what engines are held to.
+"""Closed-form results of the contact law for one smooth contact on a plane without gravity. Tests compare engines with
+them.
 
-ω_l = √(k_l/m), ω_u = √(k_ul/m), q = I/(m r²), u = v_t + r ω (slip velocity). All inputs and results in SI.
+ω_l = √(k_l/m), ω_u = √(k_ul/m), u = v_t + r ω (slip velocity). All inputs and results in SI.
 """
 
 from __future__ import annotations
@@ -16,27 +17,27 @@ def restitution(p: ContactParameters) -> float:
 
 
 def contact_time_s(p: ContactParameters, mass_kg: float) -> float:
-    """(π/2) (1/ω_l + 1/ω_u)."""
+    """Duration of a contact t_c = (π/2) (1/ω_l + 1/ω_u)."""
     return float(np.pi / 2 * (np.sqrt(mass_kg / p.k_l_N_m) + np.sqrt(mass_kg / p.k_ul_N_m)))
 
 
 def penetration_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
-    """δmax = v/ω_l."""
+    """Peak penetration δmax = v/ω_l."""
     return float(speed_m_s * np.sqrt(mass_kg / p.k_l_N_m))
 
 
 def residual_indentation_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
-    """δmax (1 - k_l/k_ul)."""
+    """Residual indentation δmax (1 - k_l/k_ul)."""
     return penetration_m(p, mass_kg, speed_m_s) * (1 - p.k_l_N_m / p.k_ul_N_m)
 
 
 def peak_force_N(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
-    """v √(k_l m)."""
+    """Largest normal force v √(k_l m)."""
     return float(speed_m_s * np.sqrt(p.k_l_N_m * mass_kg))
 
 
 def normal_loss_J(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
-    """½ m v² (1 - k_l/k_ul)."""
+    """Energy dissipated by the normal force, ½ m v² (1 - k_l/k_ul)."""
     return 0.5 * mass_kg * speed_m_s**2 * (1 - p.k_l_N_m / p.k_ul_N_m)
 
 
@@ -49,7 +50,7 @@ def stick_slip_velocity_m_s(
 
 
 def gross_slip_change_m_s(p: ContactParameters, normal_speed_m_s: float, u_m_s: float) -> float:
-    """Δv_t = -tanφ (1 + e) |v_n| sgn u, when the contact slips throughout."""
+    """Change of tangential velocity of a contact that always slips, Δv_t = -tan φ (1 + e) |v_n| sgn u."""
     mu = np.tan(np.deg2rad(p.friction_angle_deg))
     return float(-mu * (1 + restitution(p)) * normal_speed_m_s * np.sign(u_m_s))
 

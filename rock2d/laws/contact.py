@@ -1,8 +1,8 @@
-"""The deterministic contact law: elasto-plastic normal, regularised Coulomb, rolling resistance.
+"""The deterministic contact law: elasto-plastic normal force, regularised Coulomb friction, rolling resistance.
 
-Source: the paper's section "DEM modelling" and its Table 4. Pure functions of one contact point; every engine
-calls these and no other. SI units. δ is the penetration, δmax its largest value since the contact began,
-s the tangential displacement that the tangential spring has taken up, ρ the rotation of the rolling spring.
+Source: section "DEM modelling" and Table 4 of the paper. Pure functions of one contact point, which all engines call.
+SI units. δ is the penetration, δmax the peak penetration since the contact began, s the tangential displacement of the
+tangential spring, ρ the rotation of the rolling spring.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ K_L, K_UL, K_T, MU, K_R, ROLLING_CAP, ROLLING_IN_INDENTATION = range(len(CONTACT
 class ContactParameters:
     """Parameters of the law in one zone (defaults: the paper's Table 4).
 
-    `friction_angle_deg` may be 90 (never slips). `rolling_cap` limits the rolling moment to (arm) × F_n,
-    which the paper does not ask for. `rolling_in_indentation`: the rolling spring acts until the block is clear of the
-    original surface, not only while the ground presses on it: the paper's "rotation since this contact began" can be
-    read either way. Raises ValueError on values for which the law makes no sense.
+    `friction_angle_deg` may be 90 (never slips). `rolling_cap` limits the rolling moment to (arm) × F_n, which the
+    paper does not. With `rolling_in_indentation`, the rolling spring acts until the block is clear of the original
+    surface, otherwise only while the ground presses on it; the "rotation since this contact began" of the paper allows
+    both readings. Raises ParameterError, a ValueError, on values for which the law makes no sense.
     """
 
     k_l_N_m: float = 1.0e4
@@ -72,19 +72,19 @@ class ContactParameters:
 def parameter_table(
     parameters: Mapping[str, ContactParameters] | ContactParameters, zone_names: tuple[str, ...]
 ) -> np.ndarray:
-    """(zones, columns) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+    """(zones, columns) rows in the order of `zone_names`; the key "default" holds for zones that are not named.
 
     Raises ValueError if a zone has neither its own parameters nor a default.
     """
     if isinstance(parameters, ContactParameters):
         parameters = {"default": parameters}
-    return np.array([own.row() for own in by_zone(parameters, zone_names, "contact")])
+    return np.array([zone.row() for zone in by_zone(parameters, zone_names, "contact")])
 
 
 def contact_rows(
     parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray, zone_names: tuple[str, ...]
 ) -> np.ndarray:
-    """`parameter_table`; parameters that are rows (zones, columns) already, for example with effects, as they are."""
+    """`parameter_table` of parameters; rows (zones, columns), for example with effects, are returned unchanged."""
     return parameters if isinstance(parameters, np.ndarray) else parameter_table(parameters, zone_names)
 
 
@@ -96,7 +96,7 @@ def normal_force(delta, delta_max, k_l, k_ul):
 
 @kernel(forceinline=True)
 def normal_force_from_bottom(delta, delta_max, bottom, k_l, k_ul):
-    """`normal_force` in N where δp = `bottom` is known already."""
+    """`normal_force` in N with a known residual indentation δp = `bottom`."""
     if delta <= 0.0:
         return 0.0
     if delta >= delta_max:
@@ -124,8 +124,8 @@ def tangential_force(displacement, force_n, k_t, mu):
 
 @kernel(forceinline=True)
 def rolling_moment(rotation, force_n, arm, k_r, cap, indentation):
-    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `indentation`, as long as the
-    contact lasts; cap: at most arm × F_n."""
+    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed (with `indentation` as long as the
+    contact lasts); with `cap` at most arm × F_n."""
     if force_n <= 0.0 and indentation == 0.0:
         return 0.0
     moment = k_r * rotation
@@ -137,7 +137,7 @@ def rolling_moment(rotation, force_n, arm, k_r, cap, indentation):
 
 @kernel
 def plastic_work(delta_max, k_l, k_ul):
-    """Energy in J that plasticity has taken since the contact began: ½ k_l δmax² (1 - k_l/k_ul)."""
+    """Energy in J dissipated by plasticity since the contact began: ½ k_l δmax² (1 - k_l/k_ul)."""
     return 0.5 * k_l * delta_max * delta_max * (1.0 - k_l / k_ul)
 
 
@@ -158,12 +158,12 @@ def rolling_energy(rotation, p):
 
 @kernel
 def cross_zone(force_n, force_t, rotation, depth, old, new):
-    """Memory (δmax, s, ρ) of a loaded contact that slides into a new zone, `depth` (m) below the surface. The new δmax
-    is that of first loading to the force that acts; δ starts there.
+    """Memory (δmax, s, ρ) of a loaded contact that slides into a new zone, at `depth` (m) below the surface. The new
+    δmax is the penetration of first loading to the acting force; δ starts there.
 
-    The contact keeps its forces. They are reduced where a softer zone would store more energy at the same force, so no
-    change of zone creates energy, and to what the zone gives in first loading to that depth. The energy lost counts as
-    plastic work.
+    The contact keeps its forces, with two limits. In a softer zone they are reduced so that the stored energy does not
+    increase: no change of zone creates energy. The normal force is at most that of first loading to `depth`. The energy
+    lost counts as plastic work.
     """
     force = min(force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL])), new[K_L] * max(depth, 0.0))
     displacement = 0.0
@@ -178,13 +178,13 @@ def cross_zone(force_n, force_t, rotation, depth, old, new):
 
 @kernel
 def change_feature(p, depth, jump, memory, forces):
-    """Let a contact with parameters `p` go on at another feature, at `depth` there, `jump` deeper than at the old one.
+    """Continue a contact with parameters `p` at another feature, at `depth` there, `jump` deeper than at the old one.
 
     memory : (offset, peak penetration) in m; forces : (normal force of the law, tangential force) in N before
 
-    Only at the middle of a narrow ridge, or far below the surface, is the jump more than rounding. Deeper, the contact
-    keeps its penetration, as if the ground began deeper: no change of feature makes energy. Less deep, it unloads
-    there. Returns (new offset, the new forces, elastic energy in J that was lost).
+    The jump exceeds rounding only in the middle of a narrow ridge, or far below the surface. If the new feature is
+    deeper, the contact keeps its penetration, as if the ground began deeper, so that no energy is created. Otherwise it
+    unloads. Returns (new offset in m, new normal force, new tangential force in N, lost elastic energy in J).
     """
     offset, peak = memory
     force_n, force_t = forces

@@ -1,9 +1,9 @@
-"""The probabilistic rebound law: a point mass that carries the spin of a ball.
+"""The probabilistic rebound law: a point mass with the spin of a ball.
 
-Source: the paper's section "Probabilistic impact modelling" and its Table 3; Bourrier & Hungr (2011), with
-the hyperbolic normal restitution of PIERRE. Pure functions of one impact; they draw nothing: where the slope
-reduction is random, the caller hands the random number in. SI units. With t along the facet, n out of the
-ground, v_n < 0 on entry and ω counter-clockwise positive, the foot of the ball moves at u = v_t + r ω.
+Source: section "Probabilistic impact modelling" and Table 3 of the paper; Bourrier & Hungr (2011), with the hyperbolic
+normal restitution of PIERRE. Pure functions of one impact: if the slope reduction is random, the caller passes the
+random number. SI units. With t along the facet, n out of the ground, v_n < 0 on entry and ω counter-clockwise positive,
+the foot of the ball moves at u = v_t + r ω.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ REBOUND_LAW_COLUMNS = (
 )  # fmt: skip
 TAN_PHI, M_HALF, R_T, ALPHA, SLOPE_REDUCTION_IS_RANDOM = range(len(REBOUND_LAW_COLUMNS))
 
-BALL_INERTIA_FACTOR = 0.4  # I / (m r²) of the ball whose spin the point carries
+BALL_INERTIA_FACTOR = 0.4  # I / (m r²) of the ball
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class ReboundParameters:
     tangential_restitution : r_t, in [0, 1]
     slope_reduction_deg : α, in [0, 90)
     slope_reduction : "constant" (α at every impact) or "uniform" (drawn from U(0, α) at every impact). The
-        paper's text fits both.
+        text of the paper allows both.
 
-    Raises ValueError on values for which the law makes no sense.
+    Raises ParameterError, a ValueError, on values for which the law makes no sense.
     """
 
     friction_angle_deg: float
@@ -94,16 +94,16 @@ class ReboundParameters:
 
 
 def rebound_table(parameters: Mapping[str, ReboundParameters], zone_names: tuple[str, ...]) -> np.ndarray:
-    """(zones, columns) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+    """(zones, columns) rows in the order of `zone_names`; the key "default" holds for zones that are not named.
 
     Raises ValueError if a zone has neither its own parameters nor a default.
     """
-    return np.array([own.row() for own in by_zone(parameters, zone_names, "rebound")])
+    return np.array([zone.row() for zone in by_zone(parameters, zone_names, "rebound")])
 
 
 @njit
 def normal_restitution(v_n, mass, m_half):
-    """r_n = M½ / (M½ + m |v_n|): 1 for the faintest touch, 1/2 at m |v_n| = M½, toward 0 for hard impacts."""
+    """r_n = M½ / (M½ + m |v_n|): 1 at vanishing speed, 1/2 at m |v_n| = M½, towards 0 for hard impacts."""
     return m_half / (m_half + mass * abs(v_n))
 
 
@@ -111,7 +111,7 @@ def normal_restitution(v_n, mass, m_half):
 def rebound_local(v_t, v_n, omega, mass, radius, p):
     """(v_t', v_n', ω') after an impact at v_n < 0 on a facet without slope reduction; `p` is a parameter row.
 
-    With r_n as above, J = tan φ (1 + r_n) |v_n| and tan ψ = 2 r_t |u| / (7 (1 + r_n) |v_n|):
+    With r_n of `normal_restitution`, J = tan φ (1 + r_n) |v_n| and tan ψ = 2 r_t |u| / (7 (1 + r_n) |v_n|):
 
     - v_n' = -r_n v_n
     - no slip (ψ < φ): v_t' = r_t (5/7 v_t - 2/7 r ω),  r ω' = -v_t'
@@ -139,14 +139,13 @@ def rebound(velocity, tangent, alpha, body, p):
     """(vx', vy', ω') after an impact with `velocity` (vx, vy, ω) on the facet with unit tangent (x, y), reduced by
     `alpha` (rad). body : (mass in kg, radius of the spin in m); p : parameter row.
 
-    α rotates the facet against the direction of travel: counter-
-    clockwise for v_x > 0 and clockwise for v_x < 0 (a vertical fall travels down the facet). Two cases that
-    the paper leaves open (assumed):
+    α rotates the facet against the direction of travel: counter-clockwise for v_x > 0 and clockwise for v_x < 0 (a
+    vertical fall travels down the facet). The paper does not treat two cases; assumed here:
 
-    - the block would not hit the turned facet (v_n >= 0 in its frame): the law uses the true facet, α = 0;
-    - it leaves the turned facet towards the inside of the true one: a second rebound at once, with α = 0.
+    - the block would not hit the rotated facet (v_n >= 0 in its frame): the law uses the true facet, α = 0;
+    - it leaves the rotated facet towards the inside of the true one: a second rebound at once, with α = 0.
 
-    No rebound adds energy, so neither case creates energy.
+    No rebound adds energy.
     """
     vx, vy, omega = velocity
     tx, ty = tangent

@@ -17,9 +17,9 @@ from rock2d.laws.contact import ContactParameters
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.soils import SoilClass
 
-SOIL_GRAVITY_M_S2 = 9.81  # the gravity in which the soil was observed; a scenario may have another one
+SOIL_GRAVITY_M_S2 = 9.81  # gravity at which the soil was observed; a scenario may have another one
 REFERENCE_FROUDE = (
-    3.0  # v_n / √(g d) of the impact at which the restitution of both laws is that of the class
+    3.0  # v_n / √(g d) of the reference impact, at which both laws have the restitution of the class
 )
 TANGENTIAL_SHARE = 0.25  # k_t / k_l: the paper's Table 4
 
@@ -30,7 +30,7 @@ def froude(speed_m_s: float, size_m: float) -> float:
 
 
 def reference_speed_m_s(size_m: float) -> float:
-    """Normal speed of the reference impact of a block of this size."""
+    """Normal speed in m/s of the reference impact of a block of this size."""
     return float(REFERENCE_FROUDE * np.sqrt(SOIL_GRAVITY_M_S2 * size_m))
 
 
@@ -58,7 +58,8 @@ def soil_contact(soil: SoilClass, mass_kg: float, size_m: float) -> ContactParam
 
 
 def soil_rebound(soil: SoilClass, mass_kg: float, size_m: float) -> ReboundParameters:
-    """Parameters of the probabilistic law; the slope reduction is that of the ground, without the block's shape."""
+    """Parameters of the probabilistic law. The slope reduction describes the ground only, not the shape of the
+    block."""
     return ReboundParameters(
         friction_angle_deg=soil.friction_angle_deg,
         momentum_half_kg_m_s=momentum_number(soil) * mass_kg * float(np.sqrt(SOIL_GRAVITY_M_S2 * size_m)),

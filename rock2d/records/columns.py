@@ -1,6 +1,6 @@
-"""The columns of every array and table that a release leaves: one schema, from which positions and widths follow.
+"""The columns of all arrays and tables with results of a release.
 
-Compiled code indexes rows by the integers below; tables carry the names. SI units, as the names say.
+Compiled code uses the integers as indices; tables use the names. SI units, as the names say.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ LINEAR_VELOCITY, RATES = slice(VX, OMEGA), slice(VX, OMEGA + 1)
 
 
 def after(name: str) -> str:
-    """Name of a state's column once an impact is over: "vx_m_s" becomes "vx_after_m_s"."""
+    """Name of the column of a quantity after an impact: "vx_m_s" becomes "vx_after_m_s"."""
     stem, _, unit = name.partition("_")
     return f"{stem}_after_{unit}"
 
@@ -26,7 +26,7 @@ UNRESOLVED_STOPS = (
     "time",
     "impacts",
     "buried",
-)  # cut short, or where the law does not hold: it could have gone on
+)  # cut short, or outside the range of the law: it could have gone on
 STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED, STOP_REACHED = range(len(STOPS))
 
 # an instant: time and state (knots, ends, crossings)
@@ -58,15 +58,15 @@ IMPACT_COLUMNS = ("release", "block", *IMPACT_NAMES)
 KNOT_FLIGHT = N_INSTANT
 N_KNOT = N_INSTANT + 1
 
-# the energy audit of a release, in J: what each mechanism has taken, effects of the catalogue as one
+# the energy audit of a release: the energy in J that each mechanism dissipated, all effects of the catalogue together
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
-# further columns while a release runs: velocity in m/s of the recoiling ground, in whose frame an impact is computed,
-# in J what steps were corrected by in all, what is still to be corrected, and what springs of contacts hold at the end
+# further columns while a release runs: velocity in m/s of the recoiling ground, in whose frame an impact is computed;
+# in J the sum of corrections of steps, the correction that is still due, and the energy in contact springs at the end
 RECOIL, CORRECTED, PENDING, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 4)
 N_AUDIT = ELASTIC + 1
-# the closing balance in J: what is left, what was taken, kinetic energy and potential energy above the lowest ground at
-# the start, what the audit does not account for (0 if it closes), and the sum of what steps were corrected by
+# the final energy balance in J: energy at the end, dissipated energy, kinetic and potential energy (above the lowest
+# ground) at the start, residual of the balance (0 if it closes), and the sum of corrections of steps
 ENERGY_NAMES = ("kinetic", "potential", "elastic", *AUDIT_NAMES, "initial", "residual", "corrected")
 E_KINETIC, E_POTENTIAL, E_ELASTIC = range(3)
 E_TAKEN = slice(E_ELASTIC + 1, E_ELASTIC + 1 + len(AUDIT_NAMES))

@@ -1,8 +1,7 @@
-"""The motion of one release as an engine left it: exact knots, impacts, the way it ended.
+"""The motion of one release as an engine computed it: exact knots, impacts, and how it ended.
 
-Between two knots a block is either in flight (the ballistic parabola, exact) or in contact (cubic Hermite
-through positions and velocities of fine contact steps). Every engine returns tracks; sampling, measure lines,
-video and figures read them, so nothing downstream knows which engine ran.
+Between two knots a block is either in flight (on an exact parabola) or in contact (cubic Hermite interpolation of
+positions and velocities of contact steps). All engines return tracks; measure lines, videos and figures read them.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ class Track:
     knots : (n, 7) rows t_s, x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s; times never decrease (an
         instantaneous rebound is two knots at one time)
     flight : (n,) bool, True where the block flies freely from this knot to the next
-    impacts : one mapping an impact, keys of IMPACT_COLUMNS without release and block; an impact that had not
-        ended when the track stopped carries NaN after-values
+    impacts : one mapping for each impact, keys of IMPACT_COLUMNS without release and block; values after an impact
+        that had not ended when the track stopped are NaN
     stop : "rest" | "exit" (left the cross-section) | "time" (time limit) | "impacts" (their limit) | "buried"
         (the centroid sank below the surface)
-    energy_J : the audit's closing balance (see engines), empty if the engine keeps none
-    gravity_m_s2 : gravity that acted
+    energy_J : final energy balance, keys of ENERGY_NAMES; empty if the engine computes none
+    gravity_m_s2 : gravity
     """
 
     release: int
@@ -55,7 +54,7 @@ class Track:
         return float(self.knots[-1, TIME])
 
     def shift_time(self, offset_s: float) -> None:
-        """Put the track on another clock: all times + `offset_s`."""
+        """Add `offset_s` to all times."""
         self.knots[:, TIME] += offset_s
         for impact in self.impacts:
             impact["t_s"] += offset_s
@@ -83,9 +82,9 @@ class Track:
         return out
 
     def crossings(self, line: Array) -> Array:
-        """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time.
+        """States (m, 7: t first) at which the centroid crosses the segment `line` (2, 2), in order of time.
 
-        Sums are written out, so that compiled code can give the same bits (`point_mass`).
+        Sums are written out, so that the compiled code of `point_mass` gives the same bits.
         """
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)

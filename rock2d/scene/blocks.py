@@ -1,7 +1,7 @@
-"""Blocks: profile, mass, moment of inertia, and `make_block`, which makes one from its sizes.
+"""Blocks: profile, mass and moment of inertia. `make_block` makes a block from its sizes.
 
-A profile is either *smooth* (circle, ellipse: two semi-axes) or a convex *polygon* (corners). Body axes are
-centred on the centroid, with the length along the body's own x; the angle is counter-clockwise positive.
+A profile is either *smooth* (circle, ellipse: two semi-axes) or a convex *polygon* (corners). Body axes have their
+origin at the centroid and their x axis along the length; angles are counter-clockwise positive.
 """
 
 from __future__ import annotations
@@ -25,13 +25,19 @@ class Block:
 
     Attributes
     ----------
-    shape : name of one of `rock2d.scene.shapes.shapes`
+    name : name of the block
+    shape : name of a shape, see `rock2d.scene.shapes.shapes`
     mass_kg, inertia_kg_m2 : mass and moment of inertia about the centre of mass
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners of a polygon, counter-clockwise, centroid at the origin; (0, 2) if smooth
-    rounding_m : radius with which the corners of a polygon are rounded; its faces stay where they are
+    rounding_m : radius of the rounded corners of a polygon; its faces keep their places
     centre_of_mass_m : (ex, ey) in body axes, from the centroid
-    air : what air does to it, the columns of `rock2d.effects.columns.AIR_NAMES`; () for nothing
+    air : parameters of the laws of flight, columns `rock2d.effects.columns.AIR_NAMES`; () if no air acts
+
+    Raises
+    ------
+    BlockError
+        If mass or inertia are not positive, or if the rounding is too large.
     """
 
     name: str
@@ -57,9 +63,9 @@ class Block:
 
     @cached_property
     def _value(self) -> tuple[object, ...]:
-        """All that it is, for comparison."""
-        own = (getattr(self, each.name) for each in fields(self))
-        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in own)
+        """All attributes, for comparison."""
+        values = (getattr(self, each.name) for each in fields(self))
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in values)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Block) and self._value == other._value
@@ -74,14 +80,14 @@ class Block:
 
     @property
     def radius_m(self) -> float:
-        """Radius of the smallest circle about the centroid that holds the profile."""
+        """Radius of the smallest circle about the centroid that contains the profile."""
         if self.smooth:
             return max(self.semi_axes_m)
         return float(np.hypot(*self.corners_m.T).max())
 
     @property
     def inradius_m(self) -> float:
-        """Radius of the largest circle about the centroid that the profile holds."""
+        """Radius of the largest circle about the centroid inside the profile."""
         if self.smooth:
             return min(self.semi_axes_m)
         x, y = self.corners_m.T
@@ -90,7 +96,7 @@ class Block:
 
     @cached_property
     def reach_m(self) -> float:
-        """Radius of a circle about the centre of mass that holds the profile."""
+        """Radius of a circle about the centre of mass that contains the profile."""
         ex, ey = self.centre_of_mass_m
         if self.smooth:
             return self.radius_m + float(np.hypot(ex, ey))
@@ -98,15 +104,17 @@ class Block:
 
     @property
     def largest_rounding_m(self) -> float:
-        """Radius of rounded corners at which the first face vanishes between two of them; 0 if smooth."""
+        """Rounding radius in m at which the shortest face vanishes between its two corners; 0 if smooth."""
         if self.smooth:
             return 0.0
         edge = np.roll(self.corners_m, -1, axis=0) - self.corners_m
         length = np.hypot(*edge.T)
         before = np.roll(edge, 1, axis=0)
         cos_turn = (before * edge).sum(axis=1) / (length * np.roll(length, 1))
-        taken = np.sqrt((1 - cos_turn) / (1 + cos_turn))  # tan(turn / 2): what a corner takes of each face
-        return float((length / (taken + np.roll(taken, -1))).min())
+        shortening = np.sqrt(
+            (1 - cos_turn) / (1 + cos_turn)
+        )  # tan(turn / 2): of both faces, per rounding radius
+        return float((length / (shortening + np.roll(shortening, -1))).min())
 
     @cached_property
     def area_m2(self) -> float:
@@ -117,7 +125,7 @@ class Block:
 
     @property
     def size_m(self) -> float:
-        """Diameter of the circle of equal area: the block's one-number size."""
+        """Size of the block: diameter of the circle of equal area."""
         return 2.0 * float(np.sqrt(self.area_m2 / np.pi))
 
     def outline(self, points: int = 48) -> Array:
@@ -128,7 +136,7 @@ class Block:
         return np.column_stack([self.semi_axes_m[0] * np.cos(angle), self.semi_axes_m[1] * np.sin(angle)])
 
     def lowest_reach(self, theta_rad: Array) -> Array:
-        """Height of the centroid above the block's lowest point at orientations `theta_rad`, in m."""
+        """Height in m of the centroid above the lowest point of the block, at orientations `theta_rad` (any shape)."""
         theta = np.asarray(theta_rad, float)
         if self.smooth:
             a, b = self.semi_axes_m
@@ -138,10 +146,11 @@ class Block:
 
 
 def poses_at(poses: Array, point_m: Sequence[float] | Array) -> Array:
-    """Poses (..., 3: x, y, theta) of another point of the body, at `point_m` (2,) or (..., 2) in its axes from the one
-    whose poses are given. `Block.centre_of_mass_m` leads from the centroid to the centre of mass, its negative back."""
+    """Poses (..., 3: x, y, theta) of another point of the body. `point_m` (2,) or (..., 2) is its position in body axes
+    relative to the point whose poses are given. `Block.centre_of_mass_m` leads from the centroid to the centre of mass,
+    its negative from the centre of mass to the centroid."""
     out = np.array(poses, float)
-    rx, ry = _turned(point_m, out[..., 2])
+    rx, ry = _rotated(point_m, out[..., 2])
     out[..., 0] += rx
     out[..., 1] += ry
     return out
@@ -150,7 +159,7 @@ def poses_at(poses: Array, point_m: Sequence[float] | Array) -> Array:
 def states_at(states: Array, point_m: Sequence[float] | Array) -> Array:
     """States (n, 6: x, y, theta, vx, vy, omega) of another point of the body; see `poses_at`."""
     out = np.array(np.atleast_2d(states), float)
-    rx, ry = _turned(point_m, out[:, 2])
+    rx, ry = _rotated(point_m, out[:, 2])
     out[:, 0] += rx
     out[:, 1] += ry
     out[:, 3] -= out[:, 5] * ry
@@ -158,8 +167,8 @@ def states_at(states: Array, point_m: Sequence[float] | Array) -> Array:
     return out
 
 
-def _turned(point_m: Sequence[float] | Array, theta: Array) -> tuple[Array, Array]:
-    """x and y of points in body axes, in the axes of the ground."""
+def _rotated(point_m: Sequence[float] | Array, theta: Array) -> tuple[Array, Array]:
+    """Components in the axes of the ground of vectors (..., 2) in body axes."""
     ex, ey = np.moveaxis(np.asarray(point_m, float), -1, 0)
     c, s = np.cos(theta), np.sin(theta)
     return c * ex - s * ey, s * ex + c * ey
@@ -189,8 +198,8 @@ def make_block(
     Raises
     ------
     BlockError
-        A ValueError with the wrong `key`: if the shape is unknown, a size is missing, unknown or not positive, a
-        polygon is not convex, or the mass is not positive.
+        A ValueError, which names the wrong `key`: if the shape is unknown, a size is missing, unknown or not positive,
+        a polygon is not convex, or the mass is not positive.
 
     Examples
     --------

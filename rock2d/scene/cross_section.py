@@ -21,20 +21,19 @@ Array = np.ndarray
 Parameters = TypeVar("Parameters")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
-LEAST_EMBANKMENT_RELIEF = 0.02  # share of the cross-section's relief: what rises less is roughness
-# share of an embankment's height: what rises less above the ground beside it is ditch or run-out
-LEVEL_GROUND_SHARE = 0.05
+LEAST_EMBANKMENT_RELIEF = 0.02  # share of the relief of the cross-section: lower embankments are roughness
+LEVEL_GROUND_SHARE = 0.05  # share of the height of an embankment: ground that rises less is ditch or run-out
 FACING_ZONE, CREST_ZONE, BACK_ZONE = "uphill_face", "crest", "downhill_face"
 SHORTEST_FACET = 1e-9  # share of the cross-section's extent
 
 
 class CrossSectionError(ValueError):
-    """Points, zones or measure lines that make no cross-section.
+    """Points, zones or measure lines that do not form a cross-section.
 
     Attributes
     ----------
     key : "points_m", "zones" or "measure_lines"
-    facet : index of the facet that is wrong (the later one, of two); None if no single one is
+    facet : index of the facet that is wrong (of two, the later one), or None
     line : name of the measure line that is wrong, or None
     """
 
@@ -88,7 +87,7 @@ class CrossSection:
         zones: Sequence[str],
         measure_lines: Mapping[str, Sequence[Sequence[float]] | Array] | None = None,
     ) -> None:
-        points = np.array(points_m, float, order="C")  # a copy: engines keep what they derive from it
+        points = np.array(points_m, float, order="C")  # a copy, because engines cache arrays by cross-section
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
             raise CrossSectionError("points_m must be at least two [x, y] points", "points_m")
         if not np.isfinite(points).all():
@@ -151,19 +150,19 @@ class CrossSection:
 
     @cached_property
     def embankment(self) -> Embankment | None:
-        """The embankment, found by its shape: the vertex of greatest prominence with its flanks; None on a floor or a
+        """The embankment, detected by its shape: the vertex of greatest prominence and its flanks; None on a floor or a
         plain slope."""
         return _highest_embankment(self.points_m[:, 1])
 
     @cached_property
     def embankments(self) -> tuple[Embankment, ...]:
-        """All embankments from left to right: those of which the zones carry numbers (`crest_1`, `crest_2`, ...), else
-        the one that is found by its shape, if any."""
-        found = tuple(_numbered_embankments(self.points_m[:, 1], np.array(self.zones, object)))
-        return found or ((self.embankment,) if self.embankment is not None else ())
+        """All embankments from left to right: those whose zones have numbers (`crest_1`, `crest_2`, ...), else the one
+        that is detected by its shape, if any."""
+        numbered = tuple(_numbered_embankments(self.points_m[:, 1], np.array(self.zones, object)))
+        return numbered or ((self.embankment,) if self.embankment is not None else ())
 
     def height_m(self, x_m: Array) -> Array:
-        """Highest surface height at positions `x_m`; NaN beside the cross-section."""
+        """Highest height of the surface in m at positions `x_m` (any shape); NaN outside the cross-section."""
         x = np.asarray(x_m, float)
         height = np.full(x.shape, -np.inf)
         (x0, y0), (x1, y1) = self.points_m[:-1].T, self.points_m[1:].T
@@ -178,11 +177,11 @@ class CrossSection:
         return np.where(np.isfinite(height), height, np.nan)
 
     def covers(self, points_m: Array) -> Array:
-        """(n,) bool, which of the points (n, 2) lie below the surface; points beside the cross-section do not."""
+        """(n,) bool: whether points (n, 2) lie below the surface; False outside the cross-section."""
         import shapely
 
         outline = self.points_m
-        possible = points_m[:, 1] <= outline[:, 1].max()  # most are asked of points high above
+        possible = points_m[:, 1] <= outline[:, 1].max()  # fast answer for points high above
         if not possible.any():
             return possible
         lowest = np.min(points_m[:, 1], initial=outline[:, 1].min())
@@ -191,7 +190,7 @@ class CrossSection:
         return np.asarray(shapely.covers(ground, shapely.points(points_m)))
 
     def body(self, floor_m: float) -> Any:
-        """The ground between the surface and this level, a shapely geometry."""
+        """The ground between the surface and the level `floor_m`, a shapely geometry."""
         import shapely
 
         outline = self.points_m
@@ -200,7 +199,7 @@ class CrossSection:
         )
 
     def highest_m(self, low_m: float, high_m: float) -> float:
-        """The highest y of the surface between two x; beside the cross-section as at its end."""
+        """The highest y of the surface between two x; outside the cross-section the height of its end counts."""
         x = self.points_m[:, 0]
         ends = np.clip([low_m, high_m], x.min(), x.max())
         return float(self.height_m(np.array([*ends, *x[(x > low_m) & (x < high_m)]])).max())
@@ -222,21 +221,21 @@ class CrossSection:
 
 
 def by_zone(parameters: Mapping[str, Parameters], zone_names: Sequence[str], law: str) -> list[Parameters]:
-    """Parameters of each zone in the order of `zone_names`; the key "default" serves zones that are not named.
+    """Parameters of each zone in the order of `zone_names`; the key "default" holds for zones that are not named.
 
     Raises ValueError, which names the `law`, if a zone has neither its own parameters nor a default.
     """
-    found = []
+    ordered = []
     for zone in zone_names:
-        own = parameters.get(zone, parameters.get("default"))
-        if own is None:
+        found = parameters.get(zone, parameters.get("default"))
+        if found is None:
             raise ValueError(f"no {law} parameters for zone {zone!r} and no default")
-        found.append(own)
-    return found
+        ordered.append(found)
+    return ordered
 
 
 def _same(a: Array, b: Array) -> bool:
-    """Whether two points are equal to rounding: `numpy.allclose`, whose checks cost more than a rough surface."""
+    """Whether two points are equal to rounding. As `numpy.allclose`, but much faster."""
     return bool((np.abs(a - b) <= 1e-8 + 1e-5 * np.abs(b)).all())
 
 
@@ -261,7 +260,8 @@ def _refuse_crossing(points: Array) -> None:
 
 
 def embankment_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of all embankments: see `CrossSection.embankments`. None on a floor or a plain slope."""
+    """(n,) bool: the facets of all embankments, see `CrossSection.embankments`. All False on a floor or a plain
+    slope."""
     found = np.zeros(len(cross_section.zones), bool)
     for bank in cross_section.embankments:
         found[bank.left : bank.right] = True
@@ -269,7 +269,7 @@ def embankment_facets(cross_section: CrossSection) -> Array:
 
 
 def facing_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the embankments' facings, their left flanks, which blocks run up. None on a floor or a
+    """(n,) bool: the facets of the facings of all embankments, that is their left flanks. All False on a floor or a
     plain slope."""
     found = np.zeros(len(cross_section.zones), bool)
     for bank in cross_section.embankments:
@@ -278,7 +278,7 @@ def facing_facets(cross_section: CrossSection) -> Array:
 
 
 def ditch_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the ditches: see `ditch_before`."""
+    """(n,) bool: the facets of all ditches, see `ditch_before`."""
     found = np.zeros(len(cross_section.zones), bool)
     for bank in cross_section.embankments:
         found[ditch_before(cross_section, bank)] = True
@@ -286,7 +286,7 @@ def ditch_facets(cross_section: CrossSection) -> Array:
 
 
 def ditch_before(cross_section: CrossSection, bank: Embankment) -> slice:
-    """The facets of the ditch of an embankment: the level ground at the foot of its left flank; empty if none is."""
+    """The facets of the ditch of an embankment: the level ground at the foot of its left flank; may be empty."""
     y, foot = cross_section.points_m[:, 1], bank.left
     first = foot
     while first > 0 and abs(y[first - 1] - y[foot]) < LEVEL_GROUND_SHARE * bank.height_m:
@@ -295,13 +295,13 @@ def ditch_before(cross_section: CrossSection, bank: Embankment) -> slice:
 
 
 def facet_zones(cross_section: CrossSection, facets: Array) -> Array:
-    """(zones,) bool, the zones that consist of such facets only."""
+    """(zones,) bool: the zones all of whose facets are in `facets` (n,) bool."""
     return ~np.isin(np.arange(len(cross_section.zone_names)), cross_section.zone_ids[~facets])
 
 
 class Embankment(NamedTuple):
-    """An embankment: the vertices at its left foot, at the left and right end of its crest, at its right foot, and its
-    height above the higher of its feet."""
+    """An embankment: indices of the vertices at its left foot, at the left and right end of its crest and at its right
+    foot, and its height in m above the higher foot."""
 
     left: int
     crest: int
@@ -311,7 +311,7 @@ class Embankment(NamedTuple):
 
 
 def _numbered_embankments(y: Array, zones: Array) -> Iterator[Embankment]:
-    """The embankments that zones with the numbers 1, 2, ... name."""
+    """The embankments whose zones have the numbers 1, 2, ..."""
     for number in itertools.count(1):
         face, crest, back = (
             np.flatnonzero(zones == f"{part}_{number}") for part in (FACING_ZONE, CREST_ZONE, BACK_ZONE)
@@ -324,8 +324,11 @@ def _numbered_embankments(y: Array, zones: Array) -> Iterator[Embankment]:
 
 
 def _highest_embankment(y: Array) -> Embankment | None:
-    """The vertex of greatest prominence (its height above the higher of the two lowest points that lie between it and
-    higher ground, or an end) with its two flanks; None if it is mere roughness."""
+    """The vertex of greatest prominence with its two flanks; None if it is so low that it counts as roughness.
+
+    Prominence: of the lowest points to the left and to the right, up to higher ground or an end, the height above the
+    higher one.
+    """
     best = None
     for top in range(1, len(y) - 1):
         higher = np.flatnonzero(y > y[top])
@@ -336,7 +339,7 @@ def _highest_embankment(y: Array) -> Embankment | None:
         height = float(y[top] - base)
         if height <= (LEAST_EMBANKMENT_RELIEF * np.ptp(y) if best is None else best.height_m):
             continue
-        left = right = top  # outwards as long as the ground is raised, and down to the foot of the flanks
+        left = right = top  # move outwards while the ground is raised, and down to the foot of the flanks
         while left > start and (
             y[left] > base + LEVEL_GROUND_SHARE * height or base <= y[left - 1] < y[left]
         ):

@@ -1,10 +1,9 @@
 """Embankments and ditches on a natural slope: their points, zones and measure lines follow from a few sizes.
 
-The ground rises to the left, blocks come from there. The embankment's facing starts at its foot (x, ground height), the
-ditch lies before it: the facing goes down to the bottom of the ditch, whose uphill wall rises to the natural slope.
-Where there are several, they have numbers from 1 on, from uphill to downhill, which end the names of their zones and
-measure lines: `crest_2`.
-"""
+The ground rises to the left; blocks come from there. The facing of an embankment starts at its foot on the natural
+ground. With a ditch, the facing goes further down to the bottom of the ditch, whose uphill wall rises to the natural
+slope. Several embankments are numbered 1, 2, ... from uphill to downhill; the names of their zones and measure lines
+end with the number, as in `crest_2`. """
 
 from __future__ import annotations
 
@@ -26,12 +25,12 @@ Array = np.ndarray
 
 DITCH_ZONE = "ditch"
 ARRIVAL_LINE, CREST_LINE, FACING_LINES = "arrival", "crest", ("facing_1_3", "facing_2_3")
-STEEPEST_WITH_LINES_DEG = 80.0  # in front of a steeper facing no centroid comes near lines on it
+STEEPEST_WITH_LINES_DEG = 80.0  # on a steeper facing, no centroid comes near measure lines on it
 
 
 class EarthworkError(ValueError):
-    """An embankment or a ditch that does not fit the ground; `part` and `key` say which of its sizes, `number` of which
-    one if there are several."""
+    """An embankment or a ditch that does not fit the ground. `part` and `key` name the size that is wrong, `number` the
+    embankment if there are several."""
 
     def __init__(self, message: str, part: str, key: str, number: int | None = None) -> None:
         super().__init__(message)
@@ -79,10 +78,10 @@ Works = tuple[EmbankmentSizes, DitchSizes | None]
 def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -> CrossSection:
     """The ground with several embankments, numbered 1, 2, ... from uphill to downhill, and the ditches before them.
 
-    Each one is built as `with_earthworks` does, so that what lies uphill of it does not depend on it. The number ends
-    the names of zones and measure lines.
+    `with_earthworks` builds them one after the other, so that the ground uphill of an embankment does not depend on it.
+    Names of zones and measure lines end with the number.
 
-    Raises EarthworkError also if they overlap or are numbered in another order.
+    Raises EarthworkError as `with_earthworks`, and if embankments overlap or have another order.
     """
     before: EmbankmentSizes | None = None
     for number in sorted(works):
@@ -90,7 +89,7 @@ def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -
         try:
             if before is not None and embankment.x_m <= before.x_m:
                 raise EarthworkError(
-                    f"embankments are numbered from uphill to downhill, but the foot of number {number - 1} lies at "
+                    f"embankments are numbered from uphill to downhill, but the foot of number {number - 1} is at "
                     f"x = {before.x_m:.6g} m",
                     "embankment",
                     "x_m",
@@ -104,14 +103,14 @@ def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -
 
 
 def number_of_line(name: str) -> int | None:
-    """The number of the embankment to which a measure line belongs; None if it has none: `crest`, `forest_edge`."""
+    """The number of the embankment at the end of the name of a measure line; None for `crest` or `forest_edge`."""
     line, _, number = name.rpartition("_")
-    own = line in (ARRIVAL_LINE, CREST_LINE, *FACING_LINES) and number.isdecimal()
-    return int(number) if own else None
+    is_numbered = line in (ARRIVAL_LINE, CREST_LINE, *FACING_LINES) and number.isdecimal()
+    return int(number) if is_numbered else None
 
 
 def is_line(name: str, line: str) -> bool:
-    """Whether a measure line is `line`, or that of an embankment with a number."""
+    """Whether a measure line is `line`, with or without the number of an embankment."""
     return name == line or name == numbered(line, number_of_line(name))
 
 
@@ -131,10 +130,10 @@ def with_earthworks(
     New zones are `uphill_face`, `crest`, `downhill_face` and `ditch`. New measure lines rise from the natural
     ground before the earthworks (`arrival`: at the ditch's uphill edge, or the embankment's height before its foot),
     from the uphill edge of the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's
-    height. With a `number` it ends their names; the embankments with lower numbers are there already.
+    height. Their names end with `number`, if it is given; the embankments with lower numbers must exist already.
 
-    Raises EarthworkError if the parts do not meet the ground or overlap another embankment, CrossSectionError if a
-    measure line has their names.
+    Raises EarthworkError if the parts do not meet the ground or overlap another embankment, CrossSectionError if the
+    name of a new measure line is taken.
     """
     import shapely
 
@@ -145,7 +144,7 @@ def with_earthworks(
     _refuse_overlap(embankment.x_m, free_x, number, ("embankment", "x_m"))
     foot = np.array([embankment.x_m, ground.height_m(np.array([embankment.x_m]))[0]])
     if not np.isfinite(foot[1]):
-        raise EarthworkError("the foot lies beside the cross-section", "embankment", "x_m")
+        raise EarthworkError("the foot is outside the cross-section", "embankment", "x_m")
     crest = foot + np.array([_run(embankment.height_m, embankment.uphill_deg), embankment.height_m])
     edge = crest + np.array([embankment.crest_m, 0.0])
     if ground.covers(np.array([edge]))[0]:
@@ -165,20 +164,20 @@ def with_earthworks(
     points, zones = _replaced(ground, start, made, back, zones)
     arrival_x = start[0] if before else max(foot[0] - embankment.height_m, free_x)
     arrival = np.array([arrival_x, ground.height_m(np.array([arrival_x]))[0]])
-    top = points[:, 1].max() + embankment.height_m  # no block that falls on this ground rises higher
+    top = points[:, 1].max() + embankment.height_m  # no block rises higher than this
     feet = _feet_of_lines(arrival, before[-1] if before else foot, crest, embankment)
     lines = dict(ground.measure_lines)
     for line in sorted(feet):
         name, low = numbered(line, number), feet[line]
         if name in lines:
-            message = f"measure line {name} is the embankment's own"
+            message = f"measure line {name}: the embankment has a line of this name"
             raise CrossSectionError(message, "measure_lines", line=name)
         lines[name] = np.array([low, [low[0], top]])
     return CrossSection(points, zones, lines)
 
 
 def earth_moved_m2(natural: CrossSection, built: CrossSection) -> tuple[float, float]:
-    """Fill above the natural ground and cut below it, in m² of the section: m³ per metre of embankment."""
+    """(fill above the natural ground, cut below it) in m² of the section, that is m³ per metre of embankment."""
     import shapely
 
     floor_m = float(min(ground.points_m[:, 1].min() for ground in (natural, built))) - 1.0
@@ -197,7 +196,7 @@ def _refuse_overlap(x_m: float, free_x_m: float, number: int | None, part_and_ke
 
 
 def _run(height: float, slope_deg: float) -> float:
-    """Horizontal length of a face."""
+    """Horizontal length of a slope."""
     return 0.0 if slope_deg == 90.0 else height / float(np.tan(np.deg2rad(slope_deg)))
 
 
@@ -216,7 +215,8 @@ def _first_hit(surface: object, start: Array, angle_rad: float) -> Array | None:
 def _ditch(
     surface: object, foot: Array, embankment: EmbankmentSizes, ditch: DitchSizes
 ) -> tuple[Array, list[Array]]:
-    """Where the ditch leaves the natural slope, and the corners of its bottom (one, if it starts on level ground)."""
+    """The point where the ditch leaves the natural slope, and the corners of its bottom (one if it starts on level
+    ground)."""
     right = foot - np.array([_run(ditch.depth_m, embankment.uphill_deg), ditch.depth_m])
     left = right - np.array([ditch.width_m, 0.0])
     start = _first_hit(surface, left, np.pi - np.deg2rad(ditch.uphill_deg))
@@ -230,7 +230,7 @@ def _ditch(
 def _replaced(
     ground: CrossSection, start: Array, made: list[Array], end: Array, zones: list[str]
 ) -> tuple[Array, list[str]]:
-    """Points and zones of the ground with `made` between its points `start` and `end`."""
+    """Points and zones of the ground with the points `made` in place of the ground between `start` and `end`."""
     import shapely
 
     surface = shapely.LineString(ground.points_m)
@@ -247,7 +247,7 @@ def _replaced(
 def _feet_of_lines(
     arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes
 ) -> dict[str, Array]:
-    """Name -> foot of each measure line; `foot` is that of the facing."""
+    """Name -> foot of each measure line; `foot` is the foot of the facing."""
     feet = {ARRIVAL_LINE: arrival, CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:
         for share, name in zip((1 / 3, 2 / 3), FACING_LINES, strict=True):

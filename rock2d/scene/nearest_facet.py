@@ -14,7 +14,7 @@ def nearest_facets(at, points):
     for i in range(len(at)):
         x, y, best, most = at[i, 0], at[i, 1], np.inf, np.inf
         for j in range(len(points) - 1):
-            if _beside(x, points, j) <= 0.0:  # the nearest is at most as far as a facet above or below
+            if _beside(x, points, j) <= 0.0:  # the nearest facet is not farther than a facet above or below
                 most = _distance(x, y, points, j)
                 break
         for j in range(len(points) - 1):
@@ -29,7 +29,7 @@ def nearest_facets(at, points):
 
 @njit
 def _beside(x, points, j):
-    """How far x lies outside the range of facet j; negative inside."""
+    """Distance in m of x from the x range of facet j; negative inside."""
     x0, x1 = points[j, 0], points[j + 1, 0]
     return max(min(x0, x1) - x, x - max(x0, x1))
 

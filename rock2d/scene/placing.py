@@ -1,4 +1,4 @@
-"""Where a block lies when it just touches the ground from above."""
+"""Place a block so that it just touches the ground from above."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ SIDES_OF_A_SMOOTH_PROFILE = 256
 
 
 def touching_height_m(block: Block, cross_section: CrossSection, x_m: Array, theta_rad: Array) -> Array:
-    """(n,) height of the centroid at which the block, lowered at x_m (n,) with its orientation (n,), meets the ground.
+    """(n,) height in m of the centroid at which the block touches the ground if it is lowered at x_m (n,) with
+    orientations theta_rad (n,).
 
-    A smooth profile is taken as a polygon around it, 1e-4 of its size larger. Ground beside the cross-section does not
-    count. Raises ValueError if a block lies beside the cross-section with its whole width.
+    A smooth profile is replaced by a polygon around it, which is 1e-4 of its size larger. Raises ValueError if the
+    whole width of a block is outside the cross-section.
     """
     outline = block.outline(SIDES_OF_A_SMOOTH_PROFILE)
     if block.smooth:
@@ -34,7 +35,7 @@ def touching_height_m(block: Block, cross_section: CrossSection, x_m: Array, the
         for i in np.flatnonzero((under > back) & (under < front)):
             heights[i] = max(heights[i], vertex_y - _underside(ahead[i], up[i], under[i]))
     if not np.isfinite(heights).all():
-        raise ValueError("a block lies beside the cross-section")
+        raise ValueError("a block is outside the cross-section")
     return heights
 
 

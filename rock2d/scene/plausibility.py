@@ -1,7 +1,7 @@
-"""Is a site plausible? What is impossible, and what is unusual, with its number and the usual range.
+"""Plausibility of a site: impossible and unusual values, with the usual range.
 
-A wrong unit is the costliest mistake of an input file: nothing stops a simulation of a block of 4.7 kg where 4.7 t were
-meant. Every check here compares two numbers of the input with each other, or one with what nature has.
+Wrong units are the most expensive mistakes in input files: a block of 4.7 kg instead of 4.7 t runs without an error.
+Each check compares two numbers of the input with each other, or one number with the range in nature.
 """
 
 from __future__ import annotations
@@ -22,29 +22,26 @@ USUAL_LENGTH_M, LARGEST_LENGTH_M = (0.2, 5000.0), 50_000.0  # of a cross-section
 LARGEST_RELIEF_M = 9000.0
 LARGEST_BLOCK, SMALLEST_BLOCK = 0.2, 2e-4  # size of a block as a share of the extent of the site
 NARROWEST_CREST = 0.5  # in sizes of the block
-LEAST_FRICTION_DEG = 5.0  # ice; a smaller one may be in rad
-HIGHEST_START_M, HIGHEST_START = (
-    10.0,
-    10.0,
-)  # above the highest ground, and in sizes of the block: the larger counts
+LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
+HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 UNITS = {
     1000.0: "t instead of kg",
     1e-3: "g instead of kg",
-}  # factor that makes a density usual -> what was stated
+}  # factor that gives a usual density -> likely mistake
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """What is impossible, or unusual, in an input.
+    """An impossible or unusual value of an input.
 
     Attributes
     ----------
     text : a sentence with the number and the usual range
     key : path of the key in a scenario
-    impossible : no site is like that
+    impossible : no site has such a value
     """
 
     text: str
@@ -53,18 +50,21 @@ class Doubt:
 
 
 def density_kg_m3(block: Block) -> tuple[float, float]:
-    """Mass over the volume of bodies with this profile: as deep as the profile is long, and as it is thick. A ball and
-    the spheroid of an ellipse have two thirds of the volume of the prism; of a square the second one is a cube."""
+    """(density of the deepest, of the thinnest plausible body) with this profile.
+
+    The depth of the body is the largest, or the smallest, diameter of the profile. A smooth profile counts as a
+    spheroid, which has two thirds of the volume of the prism.
+    """
     volume = block.area_m2 * (2.0 / 3.0 if block.smooth else 1.0)
     return block.mass_kg / (volume * 2.0 * block.radius_m), block.mass_kg / (volume * 2.0 * block.inradius_m)
 
 
 def site_doubts(ground: CrossSection, gravity_m_s2: float) -> Iterator[Doubt]:
-    """About the extent of the cross-section and about gravity."""
+    """Doubts about the extent of the cross-section and about gravity."""
     length, relief = np.ptp(ground.points_m, axis=0)
     extent, key = f"the cross-section is {length:.4g} m long and {relief:.4g} m high", ("cross_section",)
     if length > LARGEST_LENGTH_M or relief > LARGEST_RELIEF_M:
-        yield Doubt(f"{extent}: no slope is. Are its points in mm?", key, impossible=True)
+        yield Doubt(f"{extent}: no slope is so large. Are its points in mm?", key, impossible=True)
     elif not USUAL_LENGTH_M[0] <= length <= USUAL_LENGTH_M[1]:
         yield Doubt(f"{extent}; usual lengths: {_range(USUAL_LENGTH_M)} m. Are its points in m?", key)
     if gravity_m_s2 and not USUAL_GRAVITY_M_S2[0] <= gravity_m_s2 <= USUAL_GRAVITY_M_S2[1]:
@@ -72,7 +72,7 @@ def site_doubts(ground: CrossSection, gravity_m_s2: float) -> Iterator[Doubt]:
 
 
 def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
-    """About the density of a block, and its size beside that of the site."""
+    """Doubts about the density of a block, and about its size compared with the site."""
     key, (low, high) = ("blocks", block.name), USUAL_DENSITY_KG_M3
     lightest, heaviest = density_kg_m3(block)
     if heaviest < low or lightest > high:
@@ -96,7 +96,7 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
-    """About the size of a block beside that of each ditch and each embankment."""
+    """Doubts about the size of a block compared with each ditch and each embankment."""
     key = ("blocks", block.name)
     for number, bank in _numbered(ground):
         ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_before(ground, bank)].sum())
@@ -112,11 +112,11 @@ def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
         of = f" of embankment{number}" if number else ""
         if crest < NARROWEST_CREST * block.size_m:
             text = f"block {block.name} of {block.size_m:.3g} m meets a crest{of} {crest:.3g} m wide; usual: wider "
-            yield Doubt(f"{text}than half the block. rock2d does not model that it is knocked away", key)
+            yield Doubt(f"{text}than half the block. rock2d does not model damage of the embankment", key)
 
 
 def friction_doubts(friction_angle_deg: Mapping[str, float]) -> Iterator[Doubt]:
-    """About friction angles by zone."""
+    """Doubts about friction angles by zone."""
     for zone, angle in friction_angle_deg.items():
         if 0.0 < angle < LEAST_FRICTION_DEG:
             text = f"the friction angle in {zone} is {angle:.3g} degrees; usual: {LEAST_FRICTION_DEG:g} to 60"
@@ -124,8 +124,8 @@ def friction_doubts(friction_angle_deg: Mapping[str, float]) -> Iterator[Doubt]:
 
 
 def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: float) -> Iterator[Doubt]:
-    """About how deep a block at the highest speed goes into the ground of each zone: v √(m / k_l), from the kinetic
-    energy and the loading stiffness. At most one doubt of each kind."""
+    """Doubts about the penetration of a block at the highest speed into the ground of each zone, v √(m / k_l). At most
+    one doubt of each kind."""
     depth = {zone: speed_m_s * np.sqrt(block.mass_kg / k) / block.size_m for zone, k in stiffness_N_m.items()}
     if not depth:
         return
@@ -142,7 +142,8 @@ def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: 
 def start_doubts(
     block: Block, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
 ) -> Iterator[Doubt]:
-    """About possible starts (n, 6) of a block, beside the embankment and the measure lines."""
+    """Doubts about possible starts (n, 6) of a block: speed, height, and place relative to embankment and measure
+    lines."""
     name, speed = block.name, float(np.hypot(states[:, 3], states[:, 4]).max())
     if speed > USUAL_SPEED_M_S:
         text = f"block {name} starts with up to {speed:.3g} m/s; the fastest blocks on slopes reach {USUAL_SPEED_M_S:g}"
@@ -172,24 +173,24 @@ def start_doubts(
             yield Doubt(text, ("cross_section", "measure_lines", line))
 
 
-def rough_point_doubts(rough_alone: Sequence[str]) -> Iterator[Doubt]:
-    """About point masses in these zones, which have roughness and no slope reduction of the rebound law."""
-    if rough_alone:
+def rough_point_doubts(zones: Sequence[str]) -> Iterator[Doubt]:
+    """Doubts about point masses in these rough zones, which have no slope reduction of the rebound law."""
+    if zones:
         yield Doubt(
-            f"point masses meet rough ground without a slope reduction in {', '.join(rough_alone)}: many stop early, "
+            f"point masses meet rough ground without a slope reduction in {', '.join(zones)}: many stop early, "
             "because only the reduction turns their speed away from the ground again. With slope_reduction_deg there, "
             "which then stands for the roughness, more of them arrive", ("roughness",),
         )  # fmt: skip
 
 
 def highest_speed_m_s(states: Array, ground: CrossSection, gravity_m_s2: float) -> float:
-    """Speed of a fall without loss from the starts (n, 6) to the lowest ground."""
+    """Highest speed after a fall without loss from the starts (n, 6) to the lowest ground."""
     fall = np.maximum(states[:, 1] - ground.points_m[:, 1].min(), 0.0)
     return float(np.sqrt((states[:, 3:5] ** 2).sum(axis=1) + 2.0 * gravity_m_s2 * fall).max())
 
 
 def _numbered(ground: CrossSection) -> Iterator[tuple[str, Embankment]]:
-    """The embankments, each with its number in words, which is empty if there is one."""
+    """The embankments with their numbers as text; the text is empty if there is only one."""
     banks = ground.embankments
     for i, bank in enumerate(banks, start=1):
         yield f" {i}" if len(banks) > 1 else "", bank

@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.scene.cross_section import CrossSection
 
-LARGEST_DEVIATION = 3.0  # standard deviations, beyond which slopes are cut off
+LARGEST_DEVIATION = 3.0  # standard deviations at which slopes are cut off
 
 
 class Roughness(NamedTuple):
@@ -26,17 +26,17 @@ class Roughness(NamedTuple):
 
     @property
     def rise_m(self) -> float:
-        """The farthest that rough ground lies from the facet."""
+        """Largest distance of rough ground from the facet."""
         return float(1.5 * self.length_m * np.tan(min(LARGEST_DEVIATION * self.sd_rad, 1.5)))
 
 
 def roughened(
     cross_section: CrossSection, roughness: Mapping[str, Roughness], rng: np.random.Generator
 ) -> CrossSection:
-    """The cross-section with the facets of rough zones cut into pieces whose slopes vary, normally distributed.
+    """The cross-section with the facets of rough zones cut into pieces, whose slopes are normally distributed.
 
-    Pieces come in pairs of equal and opposite deviation, so that the surface leaves the mean one by no more than the
-    rise of one piece, and returns to every vertex of it. A facet shorter than `length_m` stays as it is.
+    Pieces come in pairs of equal and opposite deviation. So the rough surface returns to every vertex, and its distance
+    from the facet is at most the rise of one piece. A facet shorter than `length_m` does not change.
 
     Raises CrossSectionError if the rough surface crosses itself.
     """
@@ -69,5 +69,5 @@ def roughened(
 
 
 def _pieces(length_m: float, roughness: Roughness | None) -> int:
-    """Number of pieces of a facet; 0 if it stays as it is."""
+    """Number of pieces of a facet; 0 if it does not change."""
     return 0 if roughness is None else 2 * round(length_m / (2.0 * roughness.length_m))

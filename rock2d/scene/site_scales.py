@@ -1,4 +1,4 @@
-"""What follows from the size of a cross-section and of blocks: how long a release lasts, which lines it can cross."""
+"""Default time limit of a site, and remarks on measure lines that blocks cannot cross."""
 
 from __future__ import annotations
 
@@ -9,28 +9,26 @@ import numpy as np
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-TIME_LIMIT_FREE_FALLS = (
-    10.0  # in √(2 L / g); the slowest of a thousand balls on a field slope takes a third of it
-)
-MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above a line's foot: beside any usual facing a centroid crosses lower
+TIME_LIMIT_FREE_FALLS = 10.0  # in √(2 L / g); the slowest of 1000 balls on a field slope took a third of it
+MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 
 
 def site_time_limit_s(cross_section: CrossSection, gravity_m_s2: float) -> float:
-    """Time in s after which a release ends if nobody says otherwise: 10 √(2 L / g), L the length of the surface.
+    """Default time limit of a release in s: 10 √(2 L / g), with the length L of the surface.
 
     √(2 L / g) is the time of a free fall over L. Raises ValueError without gravity.
     """
     if gravity_m_s2 <= 0.0:
-        raise ValueError("without gravity nothing says how long a release lasts")
+        raise ValueError("without gravity there is no default time limit")
     length = float(np.hypot(*np.diff(cross_section.points_m, axis=0).T).sum())
     return float(TIME_LIMIT_FREE_FALLS * np.sqrt(2.0 * length / gravity_m_s2))
 
 
 def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[str]:
-    """A remark on each measure line that a block's centroid cannot cross, or only far above the line's foot.
+    """A remark on each measure line that the centroid of a block cannot cross, or only far above its foot.
 
-    The centroid comes no closer to the surface than the block's inradius, except by what it sinks in. A line close in
-    front of a steep facing is therefore crossed above the facing only.
+    The centroid stays at least the inradius of the block away from the surface, except for the penetration. So blocks
+    cross a line close to a steep facing only above the facing.
     """
     import shapely
 
@@ -41,11 +39,11 @@ def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[s
     }
     remarks = []
     for block in blocks:
-        kept_off = surface.buffer(block.inradius_m)
+        out_of_reach = surface.buffer(block.inradius_m)
         for name, (foot, line) in lines.items():
             pieces = [
                 piece
-                for piece in shapely.get_parts(shapely.difference(line, kept_off))
+                for piece in shapely.get_parts(shapely.difference(line, out_of_reach))
                 if not piece.is_empty
                 and not cross_section.covers(np.array(piece.interpolate(0.5, normalized=True).coords))[0]
             ]

@@ -1,7 +1,7 @@
-"""Soil classes: what an engineer can name, with the numbers of both impact laws in a form that no block size enters.
+"""Soil classes: kinds of ground with numbers for both impact laws that hold for every block size.
 
-`rock2d.laws.soil_scaling` turns a class into the parameters of a law for a block. docs/theory/soil-classes.md derives
-the numbers and says which of them are assumed.
+`rock2d.laws.soil_scaling` computes the parameters of a law for a block from a class. docs/theory/soil-classes.md
+derives the numbers and says which of them are assumed.
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ from types import MappingProxyType
 ROCKYFOR3D = "Dorren (2016), Rockyfor3D (v5.2) revealed, soil type {}"
 PAPER = "the paper, Tables 3 and 4"
 
-ROUGHNESS_LENGTH_M = (
-    0.5  # length of a piece of rough ground: the radius of the block of 1 m that the α of a class fits
-)
+ROUGHNESS_LENGTH_M = 0.5  # length of a piece of rough ground: the radius of a block of 1 m, for which α holds
 
 Range = tuple[float, float]
 
@@ -27,16 +25,16 @@ class SoilClass:
 
     Attributes
     ----------
-    name : in scenario files
+    name : name in scenario files
     description : what it looks like
-    restitution, restitution_range : normal restitution at the reference impact, in (0, 1); least and greatest
-    friction_angle_deg, friction_range_deg : friction angle of both laws; least and greatest
-    stiffness, stiffness_range : κ = k_l d / (m g), without unit; least and greatest
+    restitution, restitution_range : normal restitution at the reference impact, in (0, 1), and its range
+    friction_angle_deg, friction_range_deg : friction angle of both laws, and its range
+    stiffness, stiffness_range : κ = k_l d / (m g), without unit, and its range
     tangential_restitution : r_t of the rebound law, in [0, 1]
     slope_reduction_deg : roughness, for the rebound law: α, drawn from U(0, α) at every impact
     rolling_share : k_r / (k_l d²), without unit
     source : source of description and restitution
-    assumed : what no source gives
+    assumed : the numbers that no source gives
     """
 
     name: str
@@ -55,13 +53,13 @@ class SoilClass:
 
     @property
     def roughness_sd_deg(self) -> float:
-        """Standard deviation σ = α / √3 of the local slope of rough ground, whose pieces are ROUGHNESS_LENGTH_M
-        long: the root mean square of U(0, α). It stands in place of `slope_reduction_deg`, not beside it."""
+        """Standard deviation σ = α / √3 of the local slope of rough ground, the root mean square of U(0, α), for pieces
+        of length ROUGHNESS_LENGTH_M. Use it instead of `slope_reduction_deg`, not together with it."""
         return self.slope_reduction_deg / 3.0**0.5
 
     @property
     def obstacle_height_m(self) -> float:
-        """Height of the obstacles that α stands for: tan α = height / ROUGHNESS_LENGTH_M."""
+        """Height in m of the obstacles that correspond to α: tan α = height / ROUGHNESS_LENGTH_M."""
         return ROUGHNESS_LENGTH_M * math.tan(math.radians(self.slope_reduction_deg))
 
 
@@ -206,6 +204,7 @@ SOIL_CLASSES: Mapping[str, SoilClass] = MappingProxyType({soil.name: soil for so
 
 
 def rough_zones(classes: Mapping[str, str]) -> dict[str, dict[str, float]]:
-    """Zone -> sd_deg and length_m of its ground, from zone -> soil class; without the zones of smooth classes."""
+    """Zone -> keys `sd_deg` and `length_m` of its roughness, from zone -> soil class. Zones of smooth classes are left
+    out."""
     sd_deg = {zone: round(SOIL_CLASSES[name].roughness_sd_deg, 2) for zone, name in classes.items()}
     return {zone: {"sd_deg": sd, "length_m": ROUGHNESS_LENGTH_M} for zone, sd in sd_deg.items() if sd > 0.0}

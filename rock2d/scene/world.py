@@ -1,7 +1,7 @@
-"""The world that a simulation stands on: blocks, set-up, soil, camera. What an effect of the catalogue changes.
+"""The world of a simulation: blocks, cross-section, soil and camera.
 
-A World without effects is the paper's model. Effects return changed copies (`rock2d.effects`), engines and the
-diagnosis read it; nothing in here knows a file.
+A world without effects is the model of the paper. Effects return changed copies (`rock2d.effects`); engines and the
+diagnosis read them.
 """
 
 from __future__ import annotations
@@ -16,36 +16,34 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-# Newton's method for the inverse of the lens: a step this small, relative to the largest distance, is the last; the
-# error is then its square
+# Newton's method for the inverse of the lens ends at a step this small, relative to the largest distance.
 LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30
 
 
 @dataclass(frozen=True)
 class View:
-    """How the camera's record differs from the world; the default is a perfect camera.
+    """How the recording of the camera differs from the world; the default is a perfect camera.
 
-    A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is recorded there, in this
-    order: turned by `tilt_rad` and scaled, both about the axis, distorted by 1 + `lens_per_m2` r², and mirrored (the
-    last about the origin). An instant t is recorded as t / `time_scale`; an angle with the tilt and `theta_offset_rad`
-    added.
+    A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is changed in this order: rotated
+    by `tilt_rad` and scaled, both about the axis; distorted by the factor 1 + `lens_per_m2` r²; mirrored about the
+    origin. The tilt and `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`.
     """
 
     tilt_rad: float = 0.0
     scale: float = 1.0
     time_scale: float = 1.0
     lens_per_m2: float = 0.0
-    centre_m: tuple[float, float] | None = None  # where the camera aims; None: as long as it does not matter
+    centre_m: tuple[float, float] | None = None  # point at which the camera aims; None: the origin
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def axis_m(self) -> tuple[float, float]:
-        """Where the camera's axis meets the plane."""
+        """Point (x, y) in m at which the axis of the camera meets the plane."""
         return (0.0, 0.0) if self.centre_m is None else self.centre_m
 
     def record(self, pose: Array) -> Array:
-        """What the camera records of true poses (..., 3: x_m, y_m, theta_rad)."""
+        """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""
         x, y, theta = np.moveaxis(np.asarray(pose, float), -1, 0)
         cx, cy = self.axis_m
         c, s = self.scale * np.cos(self.tilt_rad), self.scale * np.sin(self.tilt_rad)
@@ -76,10 +74,10 @@ class View:
         return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
-        """(n,) standard deviation along true unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
-        of what is 1 recorded in every direction: the true length of a recorded one."""
+        """(n,) true standard deviation along unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
+        of a noise whose recorded standard deviation is 1 in every direction."""
         scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.axis_m)
-        # apart from rotations and `scale`, the record's Jacobian is a I + b r rᵀ, so its inverse is symmetric
+        # without rotations and `scale`, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
         b = 2.0 * self.lens_per_m2
         along = (scaled * direction).sum(axis=1, keepdims=True)
@@ -89,16 +87,17 @@ class View:
 
 @dataclass(frozen=True)
 class World:
-    """Blocks, set-up, soil and camera of n releases (n = 1 if all are alike).
+    """Blocks, cross-section, soil and camera of n releases (n = 1 if all are equal).
 
     Attributes
     ----------
     blocks : name -> block
     cross_section : the ground
     contact : (1 or n, zones, columns) rows of the contact law, see `rock2d.laws.contact` and `effects.columns`
-    view : what the camera makes of it
-    order : (1 or n,) how many releases of the same block were filmed before
-    slope_rad : (1 or n,) slope of the ground under the next impact in excess of the facet's
+    gravity_m_s2 : gravity
+    view : the camera
+    order : (1 or n,) number of releases of the same block that were filmed before
+    slope_rad : (1 or n,) slope of the ground at the next impact minus the slope of the facet
     """
 
     blocks: Mapping[str, Block]
@@ -111,5 +110,5 @@ class World:
 
     @property
     def mean_size_m(self) -> float:
-        """Mean size of the blocks: what scales lengths from the laboratory to the slope."""
+        """Mean size of the blocks in m, which scales lengths from the laboratory to the slope."""
         return float(np.mean([block.size_m for block in self.blocks.values()]))

@@ -122,7 +122,7 @@ def test_incident_states_are_drawn_as_described(write):
         ("restitution: 0.85", "restitution: 1.85", "1.85", "less than or equal to 1, found 1.85"),
         ("slope_reduction: uniform", "slope_reduction: unifrom", "unifrom", "did you mean 'uniform'"),
         ("x_m: 0.5, ", "", "fixed", "missing key 'x_m'"),
-        ("x_m: 0.5", "x_m: 5", "5, y_m", "beside the cross-section"),
+        ("x_m: 0.5", "x_m: 5", "5, y_m", "outside the cross-section"),
         ("y_m: 0.3", "y_m: -0.3", "-0.3", "below the ground"),
         ("{normal: {mean", "{norml: {mean", "{norml", "did you mean 'normal'"),
         ("sd: 0.01", "sd: -0.01", "-0.01", "greater than or equal to 0"),
@@ -376,7 +376,7 @@ def test_several_embankments_are_read_by_their_numbers_and_written_again(write):
         ("x_m: 2.6", "x_m: 1.9", "embankment.2.x_m", "from uphill to downhill"),
         ("x_m: 2.6", "x_m: 2.1", "embankment.2.x_m", "before embankment 1 ends"),
         ("width_m: 0.1", "width_m: 0.5", "ditch.2.width_m", "before embankment 1 ends"),
-        ("x_m: 2.6", "x_m: 99", "embankment.2.x_m", "beside the cross-section"),
+        ("x_m: 2.6", "x_m: 99", "embankment.2.x_m", "outside the cross-section"),
         ("height_m: 0.05", "hight_m: 0.05", "embankment.2.hight_m", "did you mean 'height_m'"),
         ("  2: {x_m", "  3: {x_m", "embankment.3", "without a gap"),
         ("  2: {width_m", "  3: {width_m", "ditch.3", "no embankment '3'"),
@@ -401,7 +401,7 @@ def test_a_numbered_ditch_needs_numbered_embankments(write):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot lies beside"),
+        ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot is outside"),
         ("downhill_deg: 34", "downhill_deg: 1", "embankment.downhill_deg: the downhill face does not meet"),
         ("uphill_deg: 60", "uphill_deg: 91", "embankment.uphill_deg: expected"),
         ("x_m: 2.5", "x_m: 2,5", "a decimal comma? Write 2.5, not 2,5"),

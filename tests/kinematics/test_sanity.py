@@ -59,7 +59,7 @@ def test_a_sound_film_has_no_faults(plain):
         (lambda t: {"t_s": 4.0 * t.t_s}, "frames/s"),
         (lambda t: {"y_m": t.y_m - 0.2}, "inside the ground"),
         (lambda t: {"y_m": t.y_m + 0.2}, "no closer to the ground"),
-        (lambda t: {"x_m": t.x_m + 9.0}, "beside the cross-section"),
+        (lambda t: {"x_m": t.x_m + 9.0}, "outside the cross-section"),
         (lambda t: {"theta_rad": 0.3}, "angle of block cube never changes"),
         (lambda t: {"x_m": 0.0 * t.x_m, "y_m": 0.1 + 0.0 * t.y_m}, "never moved"),
     ],

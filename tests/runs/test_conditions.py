@@ -134,7 +134,7 @@ def test_a_block_starts_at_its_clearance_above_the_ground(tmp_path, block, rough
     "incident, said",
     [
         ("x_m: 3, clearance_m: {normal: {mean: 0.1, sd: 0.2}}", "would start below the ground: its clearance_m is -"),
-        ("x_m: {uniform: {low: 59, high: 62}}, clearance_m: 1", "beside the cross-section"),
+        ("x_m: {uniform: {low: 59, high: 62}}, clearance_m: 1", "outside the cross-section"),
     ],
 )  # fmt: skip
 def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said):

@@ -169,10 +169,10 @@ def test_the_arrival_line_of_a_near_embankment_stands_behind_the_one_before():
 @pytest.mark.parametrize(
     ("works", "number", "key", "said"),
     [
-        (two(x_m=79.0), 2, "x_m", "from uphill to downhill, but the foot of number 1 lies at x = 80 m"),
+        (two(x_m=79.0), 2, "x_m", "from uphill to downhill, but the foot of number 1 is at x = 80 m"),
         (two(x_m=85.0), 2, "x_m", "the embankment begins at x = 85 m, before embankment 1 ends at x = 9"),
         (two() | {2: (sizes(x_m=96.0, height_m=2.0), DITCH)}, 2, "width_m", "the ditch begins at x = 86"),
-        (two(x_m=161.0), 2, "x_m", "beside the cross-section"),
+        (two(x_m=161.0), 2, "x_m", "outside the cross-section"),
     ],
 )
 def test_embankments_that_overlap_or_stand_in_another_order_are_refused(works, number, key, said):

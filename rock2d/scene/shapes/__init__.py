@@ -1,6 +1,6 @@
 """Shapes of blocks: every module of this folder that defines `SHAPE`.
 
-A shape is one file. A file added here is found: its sizes become keys of files and arguments of `make_block`.
+To add a shape, add a file: its sizes become keys of files and arguments of `make_block`.
 """
 
 from __future__ import annotations
@@ -19,5 +19,5 @@ def shapes() -> Mapping[str, Shape]:
 
 
 def inertia_words() -> tuple[str, ...]:
-    """Every word for a distribution of mass that some shape knows, sorted."""
+    """All names of mass distributions of all shapes, sorted."""
     return tuple(sorted({word for shape in shapes().values() for word in shape.inertias}))

@@ -25,7 +25,7 @@ def _convex_corners(name: str, vertices: Sequence[Sequence[float]] | None) -> Ar
         corners = corners[::-1]
     edge = np.roll(corners, -1, axis=0) - corners
     turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
-    # every turn to the left, and once around only: rules out stars
+    # all turns to the left, and one full turn in all: excludes stars
     angle = np.arctan2(turn, (edge * np.roll(edge, -1, axis=0)).sum(axis=1))
     if not (turn > 0).all() or abs(angle.sum() - 2 * np.pi) > 1e-6:
         raise BlockError(name, "vertices_m must be a strictly convex polygon", "vertices_m")

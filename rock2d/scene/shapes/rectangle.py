@@ -7,11 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.scene.shapes.shape import NO_AXES, Profile, Shape, Size, box, polygon_moments, positive
+from rock2d.scene.shapes.shape import (
+    NO_AXES,
+    Profile,
+    Shape,
+    Size,
+    length_and_height,
+    polygon_moments,
+    positive,
+)
 
 
 def rectangle(a: float, b: float) -> Profile:
-    """The rectangle with half sides a and b."""
+    """The profile of a rectangle with half length a and half height b."""
     corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
     return Profile(NO_AXES, corners, {"uniform": polygon_moments(corners)[1]})
 
@@ -31,5 +39,5 @@ SHAPE = Shape(
     ),
     ("uniform",),
     _profile,
-    lambda semi_axes_m, corners_m: box(corners_m),
+    lambda semi_axes_m, corners_m: length_and_height(corners_m),
 )

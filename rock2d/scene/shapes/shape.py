@@ -1,4 +1,4 @@
-"""What a shape of blocks is: its sizes and their keys, its geometry and its moments of inertia."""
+"""A shape of blocks: its sizes and their keys, its geometry and its moments of inertia."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ NO_AXES = (0.0, 0.0)
 
 
 class BlockError(ValueError):
-    """Sizes, mass or inertia that make no block.
+    """Sizes, mass or inertia that do not form a block.
 
     Attributes
     ----------
-    key : the key that is wrong, for example "diameter_m"; None if no single one is
+    key : the key that is wrong, for example "diameter_m", or None
     reason : the message without the name of the block
     """
 
@@ -30,7 +30,7 @@ class BlockError(ValueError):
 
 
 class Size(NamedTuple):
-    """One size of a shape. `key` is that of files and of `make_block`; `points` is True for a list of [x, y]."""
+    """One size of a shape. `key` is its key in files and in `make_block`; `points` is True for a list of [x, y]."""
 
     key: str
     meaning: str
@@ -44,7 +44,7 @@ class Profile(NamedTuple):
     ----------
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners, counter-clockwise; (0, 2) if smooth
-    inertia_per_mass_m2 : word for the distribution of mass -> moment of inertia over mass
+    inertia_per_mass_m2 : name of a mass distribution -> moment of inertia over mass
     """
 
     semi_axes_m: tuple[float, float]
@@ -59,7 +59,7 @@ class Shape(NamedTuple):
     ----------
     summary : one line
     sizes : its sizes
-    inertias : words for the distribution of mass that it knows
+    inertias : names of its mass distributions
     profile : (name of the block, sizes by key) -> its geometry; raises BlockError
     sizes_of : (semi_axes_m, corners_m) of a block -> its sizes by key
     """
@@ -73,20 +73,20 @@ class Shape(NamedTuple):
 
 
 def positive(name: str, key: str, value: Any) -> float:
-    """A length that was given; raises BlockError if it is missing or not positive."""
+    """`value` as a float; raises BlockError if it is missing or not positive."""
     if value is None or not value > 0:
         raise BlockError(name, f"{key} must be a positive number, got {value}", key)
     return float(value)
 
 
-def box(corners_m: Array) -> dict[str, float]:
+def length_and_height(corners_m: Array) -> dict[str, float]:
     """Length and height of the rectangle with these corners."""
     length, height = (2.0 * float(half) for half in corners_m.max(axis=0))
     return {"length_m": length, "height_m": height}
 
 
 def polygon_moments(corners: Array) -> tuple[float, float]:
-    """Area and polar second moment per area about the origin (counter-clockwise corners)."""
+    """(area in m², polar second moment over area in m², about the origin) of counter-clockwise corners (n, 2)."""
     x, y = corners.T
     x2, y2 = np.roll(x, -1), np.roll(y, -1)
     cross = x * y2 - x2 * y

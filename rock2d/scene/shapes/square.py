@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.scene.shapes.rectangle import rectangle
-from rock2d.scene.shapes.shape import Profile, Shape, Size, box, positive
+from rock2d.scene.shapes.shape import Profile, Shape, Size, length_and_height, positive
 
 
 def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:
@@ -20,5 +20,5 @@ SHAPE = Shape(
     (Size("side_m", "Side in m"),),
     ("uniform",),
     _profile,
-    lambda semi_axes_m, corners_m: {"side_m": box(corners_m)["length_m"]},
+    lambda semi_axes_m, corners_m: {"side_m": length_and_height(corners_m)["length_m"]},
 )

@@ -17,7 +17,7 @@ code                    meaning; fields beside file, line and column
 ``implausible``         a density, a size or an extent that no site has
 ``bad_block``           sizes, mass or inertia that make no block (``key``)
 ``bad_parameter``       a parameter for which a law makes no sense (``key``)
-``bad_state``           a release that would start below the ground or beside the cross-section (``key``)
+``bad_state``           a release that would start below the ground or outside the cross-section (``key``)
 ``not_yaml``            a file that is no YAML
 ``not_json``            a file that is no JSON
 ``not_text``            a file that is not UTF-8 text

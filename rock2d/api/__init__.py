@@ -1,1 +1,1 @@
-"""What Python programs use: thin functions over the rooms, and results that show themselves."""
+"""The public Python interface: thin functions over the rooms, and results with tables, plots and pages."""

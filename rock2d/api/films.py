@@ -28,11 +28,11 @@ LIKELIEST_SHOWN = 5  # effects that a notebook shows
 
 @dataclass(frozen=True, repr=False)
 class TrackResult:
-    """What a film shows; made by `track`.
+    """The tracked blocks of a film; returned by `track`.
 
     Attributes
     ----------
-    found : everything that the tracker found
+    found : all results of the tracker
     """
 
     found: FilmTrack
@@ -44,19 +44,19 @@ class TrackResult:
 
     @property
     def flights(self) -> pd.DataFrame:
-        """Each flight: release, block, begin_s, end_s, frames, its state at t_s with standard errors, misfit (what the
-        parabola leaves, over the noise), gravity_m_s2 and its error."""
+        """One row for each flight: release, block, begin_s, end_s, frames, state at t_s with standard errors, misfit
+        (residual of the parabola fit over the noise), gravity_m_s2 and its error."""
         return self.found.flights.copy()
 
     @property
     def impacts(self) -> pd.DataFrame:
-        """Each impact: release, block, t_s, zone, velocities before and after with standard errors, restitution across
-        the ground, penetration_m, rebound_m, flag."""
+        """One row for each impact: release, block, t_s, zone, velocities before and after with standard errors, normal
+        restitution, penetration_m, rebound_m, flag."""
         return self.found.impacts.copy()
 
     @property
     def remarks(self) -> list[str]:
-        """What the film says of itself, and what to know of the track."""
+        """Findings about the film itself and remarks on the track, in sentences."""
         return [*self.found.said.sentences(), *self.found.film.remarks]
 
     def to_pandas(self) -> pd.DataFrame:
@@ -66,8 +66,8 @@ class TrackResult:
         -------
         pandas.DataFrame
             release, block, frame (of the film), t_s (of the release); u_px, v_px, angle_px_rad in the picture with
-            standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad, which are NaN where
-            it is not, and theta_rad also where no angle can be seen.
+            standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad. These three are NaN
+            in frames that are not trusted; theta_rad is also NaN if no angle is visible.
         """
         return self.found.film.placed_frames()
 
@@ -77,8 +77,8 @@ class TrackResult:
         Raises
         ------
         InputError
-            Code ``not_a_result`` if the folder holds anything else than a result of rock2d, ``not_writable`` if it
-            cannot be written.
+            Code ``not_a_result`` if the folder exists and is not a result of rock2d, ``not_writable`` if it cannot be
+            written.
         """
         self.found.write(Path(folder))
 
@@ -124,11 +124,11 @@ def track(
         The keys of a set-up file, or the file.
     metres_per_pixel, fps : float or "gravity", optional
         Instead of `setup`: the scale, and the frames per second of the recording. They are enough for a first track.
-        One of them may be left to gravity: what falls gives it.
+        One of them may be "gravity": then it is computed from the fall of the blocks.
     frames : int, optional
-        Frames after which to stop; default: all.
+        Number of frames to track; default: all.
     explained : path, optional
-        Folder for what was seen of the film where it cannot be tracked.
+        Folder for an explanation if the film cannot be tracked.
     progress : bool
         Show a progress bar.
 
@@ -160,19 +160,21 @@ def track(
         raise InputError("gravity gives metres_per_pixel or fps, not both", code="bad_parameter", key="fps")
     for name, value in {"metres_per_pixel": metres_per_pixel, "fps": fps, "frames": frames}.items():
         number = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
-        left_out = value is None or (value == FROM_GRAVITY and name != "frames")
-        if not (left_out or number):
+        not_a_number = value is None or (value == FROM_GRAVITY and name != "frames")
+        if not (not_a_number or number):
             raise InputError(f"expected {name} > 0, found {value!r}", code="bad_parameter", key=name)
     try:
-        return TrackResult(track_film(Path(film), _known(setup, scale), frames, progress=progress)[0])
+        return TrackResult(
+            track_film(Path(film), _setup_or_scale(setup, scale), frames, progress=progress)[0]
+        )
     except NotTrackedError as error:
         if explained is not None:
             error.write(Path(explained))
         raise
 
 
-def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float | str]) -> Any:
-    """What the tracker is given: the set-up, or scale and frame rate."""
+def _setup_or_scale(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float | str]) -> Any:
+    """Input of the tracker: a `Setup`, or a `FilmScale` of scale and frame rate."""
     from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_scale import FilmScale
     from rock2d_tracking.setup_file import Setup
@@ -184,26 +186,26 @@ def _known(setup: Mapping[str, Any] | str | Path | None, scale: Sequence[float |
     if not isinstance(setup, Mapping):
         return Setup(setup)
     try:
-        # arrays and their numbers become plain ones
+        # convert numpy arrays and scalars to lists and numbers
         plain = json.loads(json.dumps(dict(setup), default=lambda value: value.tolist()))
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"the set-up holds what a set-up file cannot hold: {error}", code="wrong_kind"
+            f"the set-up contains a value that a set-up file cannot contain: {error}", code="wrong_kind"
         ) from None
     try:
         return Setup("setup", setup_text(plain))
-    except InputError as error:  # lines and columns are those of no file
+    except InputError as error:  # without line and column, because there is no file
         raise InputError(error.message, "setup", code=error.code, **error.fields) from None
 
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult:
-    """What a diagnosis found; made by `diagnose`.
+    """The result of a diagnosis; returned by `diagnose`.
 
     Attributes
     ----------
-    diagnosis : everything that the diagnosis computed
-    content : what diagnosis.json holds; `to_dict` gives a copy
+    diagnosis : all results of the diagnosis
+    content : content of diagnosis.json; `to_dict` returns a copy
     """
 
     diagnosis: Diagnosis
@@ -224,7 +226,7 @@ class DiagnosisResult:
         return copy.deepcopy(dict(self.content))
 
     def to_pandas(self) -> pd.DataFrame:
-        """One row for each answer, likeliest first.
+        """One row for each answer, most probable first.
 
         Returns
         -------
@@ -255,7 +257,7 @@ class DiagnosisResult:
         return table.sort_values("probability", ascending=False, kind="stable", ignore_index=True)
 
     def write(self, folder: str | Path, *, progress: bool = False) -> None:
-        """Write diagnosis.json and report.html into `folder`, which is made if it is not there.
+        """Write diagnosis.json and report.html into `folder`, which is created if it does not exist.
 
         Raises
         ------
@@ -299,7 +301,7 @@ def diagnose(
     workers: int | None = None,
     progress: bool = False,
 ) -> DiagnosisResult:
-    """Say where the simulation of an experiment is wrong and which effect it misses.
+    """Find where the simulation of an experiment is wrong and which effect it lacks.
 
     Every effect of the `catalogue` is fitted together with the base law and tested on releases that the fit did not
     use. This takes minutes.
@@ -309,7 +311,7 @@ def diagnose(
     experiment : Experiment or path
         An experiment, or its folder.
     seed : int
-        Of the bootstrap intervals.
+        Seed of the bootstrap intervals.
     workers : int, optional
         Processes; default: all cores. Results do not depend on it.
     progress : bool
@@ -323,7 +325,7 @@ def diagnose(
     Raises
     ------
     InputError
-        If the folder holds no valid experiment.
+        If the folder is not a valid experiment.
 
     Examples
     --------
@@ -373,7 +375,7 @@ def predict(
     Raises
     ------
     InputError
-        If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
+        If the experiment has no trajectories or fails its sanity checks, or if the file is not a diagnosis.
     """
     from rock2d.diagnosis.predict import predict as predict_segments
     from rock2d.diagnosis.predict import read_for_prediction

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True, repr=False)
 class RunResult(results.RunResult):
-    """The releases of a scenario, simulated; made by `run`. See `Simulation` for tables and plots.
+    """The simulated releases of a scenario; returned by `run`. See `Simulation` for tables and plots.
 
     Attributes
     ----------
-    scenario, seed : what was run
-    incident_states : the state at which each release started
-    drawn : release -> what was drawn for it beside its start: name -> value
+    scenario, seed : the scenario and the seed of its random draws
+    incident_states : the incident state of each release
+    drawn : release -> values drawn for it in addition to its start: name -> value
     """
 
     def view(self, *, assessment: Assessment | None = None) -> Path:
@@ -50,11 +50,11 @@ def run(
     scenario : Scenario
         From `load_scenario`.
     engine : {"pymunk", "batch", "point_mass"}, optional
-        Instead of the scenario's.
+        Replaces that of the scenario.
     seed : int, optional
-        Seed of every random draw, instead of the scenario's.
+        Seed of every random draw; replaces that of the scenario.
     releases : int, optional
-        Releases of each block, instead of the scenario's.
+        Releases of each block; replaces those of the scenario.
     workers : int, optional
         Processes; default: all cores. Results do not depend on it.
     progress : bool
@@ -68,7 +68,7 @@ def run(
     Raises
     ------
     InputError
-        If the scenario has no parameters for the engine, or there is no such engine.
+        If the scenario has no parameters for the engine, or if there is no such engine.
 
     Examples
     --------
@@ -88,16 +88,16 @@ def run(
 def assess(
     scenario: Scenario, *, engine: str | None = None, seed: int | None = None, progress: bool = False
 ) -> Assessment:
-    """Simulate the possible sites of a scenario: tell sampling and what is not known apart.
+    """Simulate the possible sites of a scenario, and separate the error of sampling from what is not known.
 
     Parameters
     ----------
     scenario : Scenario
         From `load_scenario`, with the key ``uncertainty`` and a measure line.
     engine : {"batch", "point_mass", "pymunk"}, optional
-        Instead of the scenario's; "pymunk" is computed with "batch", which has the same law.
+        Replaces that of the scenario; "batch", which has the same law, replaces "pymunk".
     seed : int, optional
-        Seed of every random draw, instead of the scenario's.
+        Seed of every random draw; replaces that of the scenario.
     progress : bool
         Show a progress bar.
 
@@ -109,7 +109,7 @@ def assess(
     Raises
     ------
     InputError
-        Code ``missing_key`` if the scenario has no ``uncertainty``; also if a drawn value makes no sense.
+        Code ``missing_key`` if the scenario has no ``uncertainty``. Also raised if a drawn value makes no sense.
 
     Examples
     --------
@@ -135,14 +135,14 @@ def least_size(
     seed: int | None = None,
     progress: bool = False,
 ) -> Answer:
-    """Find the least size that keeps blocks back, over sampling and all that is not known.
+    """Find the least size that stops enough blocks, over sampling and all that is not known.
 
     Parameters
     ----------
     scenario : Scenario
         From `load_scenario`.
     place : str
-        Of the number whose least value is sought, for example ``"embankment.height_m"``.
+        Place of the number to minimize, for example ``"embankment.height_m"``.
     bounds : (float, float)
         Least and greatest value, in the unit of the number; the greatest must be the safest. The answer is exact to
         1/50 of their distance.
@@ -154,7 +154,7 @@ def least_size(
     Returns
     -------
     Answer
-        `Answer.least` is None if no value of the range meets the target. `variant` makes the scenario of a size.
+        `Answer.least` is None if no value of the range meets the target. `variant` returns the scenario with a size.
 
     Raises
     ------
@@ -189,16 +189,16 @@ def least_size(
 def write_report(
     result: results.RunResult, folder: str | Path, *, assessment: Assessment | None = None, pdf: bool = False
 ) -> None:
-    """Write report.html, a page to read, print and hand in, with its figures and tables.
+    """Write report.html, a page to read, print and hand in, and its figures and tables.
 
     Parameters
     ----------
     result : RunResult
         From `run`.
     folder : path
-        It is made if it is not there.
+        It is created if it does not exist.
     assessment : Assessment, optional
-        From `assess`: the page then also says what the possible sites do.
+        From `assess`: the page then also shows the results over the possible sites.
     pdf : bool
         Also write report.pdf.
 
@@ -221,7 +221,7 @@ def write_report(
 
     scenario, folder = result.scenario, Path(folder)
     if scenario.experiment is not None:
-        message = "a report is for sites; releases that restart a film are compared with it instead"
+        message = "a report is for sites; releases restarted from a film are compared with the film instead"
         raise InputError(message, code="wrong_kind")
     tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, scenario.longest_release_s())

@@ -16,12 +16,10 @@ import numpy as np
 Array = np.ndarray
 
 EFFECTIVE_SHARE = 0.5  # effective sample size after a step, over the number of hypotheses
-WALK_SCALES = (
-    1.0,
-    0.3,
-)  # steps over those of the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)
-
-SHRINKAGE = 0.05  # relative increase of variances, against chance correlations across groups of unknowns
+WALK_SCALES = (1.0, 0.3)  # factors on the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)
+SHRINKAGE = (
+    0.05  # relative increase of variances, which reduces spurious correlations between groups of unknowns
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,8 @@ class Space:
 
 @dataclass(frozen=True)
 class Sample:
-    """Equally weighted hypotheses (n, d) of the posterior, their log-likelihoods, and the log of the evidence."""
+    """Equally weighted hypotheses `u` (n, d) of the posterior, their log-likelihoods (n,), and the log of the
+    evidence."""
 
     u: Array
     log_likelihood: Array
@@ -86,9 +85,10 @@ class Factor:
 
     Attributes
     ----------
-    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
+    log_likelihood : (n, d) -> (n,), -inf if a hypothesis is impossible
     columns : columns of the hypotheses on which it depends
-    highest : upper bound of it. Proposals that this bound cannot save are refused before it is computed.
+    highest : upper bound of the log-likelihood; proposals that fail even with this bound are rejected without
+        computing the factor
     """
 
     log_likelihood: Callable[[Array], Array]
@@ -103,12 +103,12 @@ class Moves:
     Attributes
     ----------
     count : rounds of moves at each step; at least 2 with `redrawn` columns
-    free : columns that moves may change (default: all); the others change by resampling alone
-    redrawn : columns that every other move draws from the prior instead of walking: a choice among models
+    free : columns that moves may change (default: all); the others change only by resampling
+    redrawn : columns that every other move draws from the prior instead of walking, for example a choice among models
     groups : columns that walk together, one group after the other in each round (default: all free ones together).
         Only the factors of the likelihood that depend on a group are computed again.
-    every_round : whether the hypotheses after each round stay, instead of those after the last one. Then `count` times
-        fewer of them move (waste-free sequential Monte Carlo, Dau & Chopin 2022).
+    every_round : keep the hypotheses after each round, instead of those after the last one. Then `count` times fewer of
+        them move (waste-free sequential Monte Carlo, Dau & Chopin 2022).
     """
 
     count: int = 3
@@ -140,13 +140,13 @@ def posterior(
 
     Parameters
     ----------
-    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible; or its factors
+    log_likelihood : (n, d) -> (n,), -inf if a hypothesis is impossible; or its factors
     start : (m, d) draws of the prior
-    count : hypotheses of the posterior; if those after every round stay, the next lower multiple of the rounds, and two
-        of each round at least
-    moves : how hypotheses move at each step (default `Moves()`)
-    finer : a power of the likelihood in (0, 1), and the same factors computed more precisely, which take over there:
-        at a low power errors of the likelihood hardly matter
+    count : number of hypotheses of the posterior; with `Moves.every_round`, the next lower multiple of the rounds, and
+        at least two of each round
+    moves : moves of the hypotheses at each step (default `Moves()`)
+    finer : a power of the likelihood in (0, 1), and more precise factors, which are used from this power on. At a low
+        power, errors of the likelihood hardly matter
     on_progress : called with the power of the likelihood reached so far, in (0, 1]
 
     Raises ValueError if no draw of the prior is possible.
@@ -157,9 +157,7 @@ def posterior(
     known = _Hypotheses.of(start, log_likelihood)
     if not np.isfinite(known.total).any():
         raise ValueError("no draw of the prior is possible under the likelihood")
-    moving = (
-        max(2, count // moves.count) if moves.every_round else count
-    )  # one alone has no covariance to walk along
+    moving = max(2, count // moves.count) if moves.every_round else count  # at least two, for a covariance
     power, evidence = 0.0, 0.0
     while power < 1.0:
         ll, goal = known.total, 1.0 if finer is None else finer[0]
@@ -195,7 +193,7 @@ class _Hypotheses:
 
     @classmethod
     def of(cls, u: Array, factors: Sequence[Factor]) -> _Hypotheses:
-        """Compute every factor; of hypotheses that an earlier one excludes, no further one."""
+        """Compute the factors in turn, each only for hypotheses that are possible under the factors before."""
         by_factor = np.zeros((len(u), len(factors)))
         possible = np.ones(len(u), bool)
         for k, factor in enumerate(factors):
@@ -209,7 +207,7 @@ class _Hypotheses:
         return np.asarray(self.by_factor.sum(axis=1))
 
     def keep(self, chosen: Array) -> None:
-        """Only these, given as indices."""
+        """Keep only the hypotheses of these indices."""
         self.u, self.by_factor = self.u[chosen], self.by_factor[chosen]
 
     def move(self, moves: Moves, round: int, power: float, rng: np.random.Generator) -> None:
@@ -220,27 +218,29 @@ class _Hypotheses:
         if redrawn is not None and round % 2:
             proposed = self.u.copy()
             proposed[:, redrawn] = rng.random((len(proposed), len(redrawn)))
-            self._take(proposed, redrawn, power, rng)
+            self._accept(proposed, redrawn, power, rng)
             return
         for group in moves.groups or [walking]:
-            self._take(_walk(self.u, group, rng), group, power, rng)
+            self._accept(_walk(self.u, group, rng), group, power, rng)
 
-    def _take(self, proposed: Array, columns: Array, power: float, rng: np.random.Generator) -> None:
-        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do.
+    def _accept(self, proposed: Array, columns: Array, power: float, rng: np.random.Generator) -> None:
+        """Accept or reject the proposed hypotheses, which differ in these columns, by the rule of Metropolis and
+        Hastings.
 
-        The number that decides is drawn first, so that few factors are computed of hypotheses that are refused.
+        The random number is drawn first, so that few factors of rejected hypotheses are computed.
         """
-        touched = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
-        ahead = self.by_factor.copy()
-        ahead[:, touched] = [self.factors[k].highest for k in touched]
-        needed = np.log(rng.random(len(proposed))) / power + self.by_factor[:, touched].sum(axis=1)
-        taken = np.arange(len(proposed))
-        for k in touched:
-            if len(taken):
-                ahead[taken, k] = self.factors[k].log_likelihood(proposed[taken])
-                taken = taken[np.isfinite(ahead[taken, k])]
-                taken = taken[ahead[np.ix_(taken, touched)].sum(axis=1) > needed[taken]]
-        self.u[taken], self.by_factor[taken] = proposed[taken], ahead[taken]
+        changed = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
+        proposed_factors = self.by_factor.copy()
+        proposed_factors[:, changed] = [self.factors[k].highest for k in changed]
+        needed = np.log(rng.random(len(proposed))) / power + self.by_factor[:, changed].sum(axis=1)
+        accepted = np.arange(len(proposed))
+        for k in changed:
+            if len(accepted):
+                proposed_factors[accepted, k] = self.factors[k].log_likelihood(proposed[accepted])
+                accepted = accepted[np.isfinite(proposed_factors[accepted, k])]
+                total = proposed_factors[np.ix_(accepted, changed)].sum(axis=1)
+                accepted = accepted[total > needed[accepted]]
+        self.u[accepted], self.by_factor[accepted] = proposed[accepted], proposed_factors[accepted]
 
 
 def _next_step(ll: Array, remaining: float, wanted: float) -> float:
@@ -262,8 +262,8 @@ def _next_step(ll: Array, remaining: float, wanted: float) -> float:
 
 
 def _walk(u: Array, columns: Array, rng: np.random.Generator) -> Array:
-    """Random walk of some columns along their covariance while the others stay, reflected at the walls of the cube
-    (symmetric)."""
+    """Random walk of some columns along their covariance, reflected at the walls of the cube (symmetric); the others do
+    not change."""
     d = len(columns)
     stride = 2.38 / np.sqrt(d) * rng.choice(WALK_SCALES, len(u))
     out = u.copy()
@@ -279,5 +279,5 @@ def _covariance(u: Array, columns: Array) -> Array:
     every = np.atleast_2d(np.cov(u.T)) + 1e-6 * np.eye(u.shape[1])
     if len(columns) == u.shape[1]:
         return every[np.ix_(columns, columns)]
-    shrunk = every + SHRINKAGE * np.diag(np.diag(every))  # few hypotheses show correlations by chance
+    shrunk = every + SHRINKAGE * np.diag(np.diag(every))  # few hypotheses have correlations by chance
     return np.asarray(np.linalg.inv(np.linalg.inv(shrunk)[np.ix_(columns, columns)]))

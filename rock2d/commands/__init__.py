@@ -1,1 +1,1 @@
-"""What the commands about a site do: run, profile, soils."""
+"""The commands about a site: run, profile, soils."""

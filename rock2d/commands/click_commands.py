@@ -38,25 +38,25 @@ PDF = click.option(
               help="Folder under which each run gets its own.")  # fmt: skip
 @click.option("--data", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
               help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
-@click.option("--video", is_flag=True, help="Also film the first releases.")
+@click.option("--video", is_flag=True, help="Also write a video of the first releases.")
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
 @PDF
 @click.option("--compare", is_flag=True,
-              help="Also run the other law, rough or smooth ground, softer and harder soil, blocks of other shapes: "
-              "how much depends on what nobody knows.")  # fmt: skip
+              help="Also run the other law, rough or smooth ground, softer and harder soil, and blocks of other shapes, "
+              "to see how much the results depend on these.")  # fmt: skip
 @click.option("--precision", type=click.FloatRange(0.01, 50), metavar="PERCENT",
-              help="Add releases until the 95 % interval of every passing frequency reaches at most this many "
-              "percentage points to either side.")  # fmt: skip
+              help="Add releases until the half-width of the 95 % interval of every passing frequency is at most this "
+              "many percentage points.")  # fmt: skip
 @click.option("--no-figures", is_flag=True, help="Tables only, and a page without pictures.")
 @click.option("--workers", type=click.IntRange(1),
               help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help=f"Campaign {ON_SCHEDULER}")
 @click.option("--keep", multiple=True, type=OUTPUT,
               help="What a campaign keeps of each release; may be given several times. Default: ends and "
-              "crossings. With crossings alone a release stops once it can reach no other line; samples "
-              "(at the scenario's frame rate) are large.")  # fmt: skip
+              "crossings. With crossings alone, a release stops as soon as it can reach no other line; samples "
+              "(at the frame rate of the scenario) are large.")  # fmt: skip
 @click.option("--predict", type=click.Path(path_type=Path), metavar="RELEASES.csv",
-              help="Of a scenario with a field test: forecast the releases of this table; --out is then the table "
+              help="For a scenario with a field test: forecast the releases of this table; --out is then the table "
               "(CSV) to write.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
@@ -64,11 +64,11 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
         **options) -> None:  # fmt: skip
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
-    More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in
-    chunks, keeps no full tracks (no trajectories or video; figures only with --report), writes tables and parquet
-    files, and the same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
+    A run with more than 10,000 releases in all, or with --scheduler, is a campaign: it is computed in chunks, keeps
+    no full tracks (no trajectories or video; figures only with --report), and writes tables and parquet files. The
+    same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
 
-    If more than 1 % of the releases of a block ran out of time or sank into the ground, the end says so, and the
+    If more than 1 % of the releases of a block ran out of time or sank into the ground, the last lines say so, and the
     exit code is 4.
 
     Example: rock2d run site.yaml --engine batch --releases 500 --report
@@ -91,10 +91,10 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--line", nargs=4, type=float, metavar="X0 Y0 X1 Y1",
-              help="Of a terrain model: the section between two points.")  # fmt: skip
+              help="For a terrain model: the section between two points.")  # fmt: skip
 @click.option("--fall-line", "start", nargs=2, type=float, metavar="X Y",
-              help="Of a terrain model: the section down the steepest slope from a point.")  # fmt: skip
-@click.option("--layer", help="Of a drawing: only its lines are read.")
+              help="For a terrain model: the section down the steepest slope from a point.")  # fmt: skip
+@click.option("--layer", help="For a drawing: read only the lines of this layer.")
 @click.option("--zones", type=click.Path(path_type=Path), help="Table (CSV) of start, end and name of zones.")
 @click.option("--tolerance", "tolerance_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
               metavar="M", help="Leave out points that change the surface by less.")  # fmt: skip
@@ -104,7 +104,7 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Scenario file (.yaml) to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 def profile(file, out, overwrite, **options) -> None:
-    """Write a scenario that runs, and a picture, from the slope profile in FILE.
+    """Write a complete scenario, and a picture, from the slope profile in FILE.
 
     FILE is a table (CSV: station and height, or x, y, z), a drawing (DXF: its longest polyline) or a terrain model
     (GeoTIFF, ESRI ASCII grid). Drawings and terrain models need pip install 'rock2d[profile]'.
@@ -119,27 +119,28 @@ def profile(file, out, overwrite, **options) -> None:
 @click.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--vary", "place", default="embankment.height_m", show_default=True,
-              help="Place of the number in the scenario whose least value is sought; of several embankments "
+              help="Place of the number in the scenario to minimize; with several embankments, for example, "
               "embankment.2.height_m.")  # fmt: skip
 @click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
               help="Least and greatest value, in the unit of the number.")  # fmt: skip
 @click.option("--over", "others", nargs=3, type=(str, float, float), multiple=True, metavar="PLACE LOW HIGH",
-              help="Seek the least volume of earth, with another number between LOW and HIGH, too, for example "
+              help="Minimize the volume of earth, and also vary another number between LOW and HIGH, for example "
               "embankment.uphill_deg 60 90; may be given up to three times.")  # fmt: skip
-@click.option("--line", help="Measure line that blocks must not pass. Default: crest; crest_2 if --vary names a number "
-              "of embankment or ditch 2.")  # fmt: skip
+@click.option("--line", help="Measure line that blocks must not pass. Default: crest, or crest_2 if --vary names a "
+              "number of embankment or ditch 2.")  # fmt: skip
 @click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
               help="Largest share of the releases of each block that may pass.")  # fmt: skip
 @click.option("--per", type=click.Choice(["released", "arriving"]), default="released", show_default=True,
-              help="Of which blocks the share is taken.")  # fmt: skip
+              help="The share is that of the released or of the arriving blocks.")  # fmt: skip
 @click.option("--above-kj", type=click.FloatRange(min=0), metavar="KJ",
-              help="Only blocks that pass with more energy count: more than a fence behind can take, say.")  # fmt: skip
+              help="Count only blocks that pass with more energy, for example more than a fence behind it "
+              "can stop.")  # fmt: skip
 @click.option("--above-m", type=float, metavar="M",
-              help="Only blocks that pass higher above the foot of the line count.")  # fmt: skip
+              help="Count only blocks that pass higher above the foot of the line.")  # fmt: skip
 @click.option("--confidence", type=float, default=95.0, show_default=True, metavar="PERCENT",
-              help="With which the target is met, over sampling and all that is not known.")  # fmt: skip
+              help="Confidence with which the target is met, over sampling and all that is not known.")  # fmt: skip
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
-              help="To which the least value is found. Default: 1/50 of the range.")  # fmt: skip
+              help="Tolerance of the least value. Default: 1/50 of the range.")  # fmt: skip
 @click.option(
     "--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch."
 )
@@ -169,7 +170,7 @@ def design(
     quiet,
     **options,
 ) -> None:
-    """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
+    """Find the smallest embankment that meets a target, by bisection over a number of SCENARIO.
 
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
     value of the range meets the target, the exit code is 4.
@@ -193,10 +194,10 @@ def design(
 @click.command()
 @click.option("--mass-kg", type=float, metavar="KG", help="Mass of a block; needs --size-m.")
 @click.option("--size-m", type=float, metavar="M",
-              help="Its size: the diameter of the circle with the area of its profile.")  # fmt: skip
+              help="Size of the block: the diameter of the circle with the area of its profile.")  # fmt: skip
 def soils(mass_kg, size_m) -> None:
-    """List the soil classes that the key soils of a scenario knows: restitution, friction, stiffness, their ranges and
-    sources. With --mass-kg and --size-m, print the parameters of both impact laws for that block.
+    """List the soil classes for the key soils of a scenario: restitution, friction, stiffness, ranges and sources. With
+    --mass-kg and --size-m, print the parameters of both impact laws for that block.
 
     Example: rock2d soils --mass-kg 2700 --size-m 1.2
     """

@@ -1,4 +1,4 @@
-"""The command `rock2d profile`: a table, drawing or terrain model in, a scenario and its picture out."""
+"""The command `rock2d profile`: write a scenario and its picture from a table, drawing or terrain model."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ DRAWING = ".dxf"
 
 @dataclass(frozen=True)
 class ProfileOptions:
-    """How a survey is read, and what the scenario takes from it.
+    """Options of `write_profile`.
 
     Attributes
     ----------
     line : x, y of the first and x, y of the last point of a section through a terrain model
-    start : x, y of the point at which the fall line begins, instead
+    start : x, y of the point at which a section along the fall line begins
     layer : layer of a drawing
-    zones : a table of start, end (stations of the survey in m) and name
+    zones : table of start, end (stations of the survey in m) and name
     tolerance_m : points that change the surface by less are left out
-    release : stations of the survey between which blocks start; None for the face that `release_area` finds
-    smooth : without the roughness of the soil classes
+    release : stations of the survey between which blocks start; None: the area of `release_area`
+    smooth : leave out the roughness of the soil classes
     """
 
     line: Sequence[float] | None = None
@@ -54,9 +54,9 @@ def write_profile(
     overwrite: bool = False,
     report: Callable[[str], Any] = print,
 ) -> Profile:
-    """Read a profile, write the scenario `out` and a picture beside it, and report what was done.
+    """Read a profile, write the scenario `out` and a picture beside it, and report the result.
 
-    Raises InputError for what cannot be read, and if `out` exists.
+    Raises InputError if the profile cannot be read, or if `out` exists.
     """
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise InputError("expected a scenario file that ends in .yaml", out)
@@ -77,7 +77,7 @@ def write_profile(
         part.write_text(scenario_of(profile, name, (points, names), area, options.smooth), encoding="utf-8")
         try:
             load_scenario(part)
-        except InputError as error:  # a site that cannot be
+        except InputError as error:  # an impossible site
             raise InputError(error.message, file, code=error.code) from None
     scenario = load_scenario(out)
     from rock2d.graphics.cross_section_figure import cross_section_figure
@@ -93,7 +93,7 @@ def write_profile(
         report(f"  {remark}")
     report(f"start: {area}; {area.why}")
     report(
-        "  elsewhere: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
+        "  to change it: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
     )
     if scenario.roughness:
         report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")
@@ -102,7 +102,7 @@ def write_profile(
 
 
 def _zones(file: Path, options: ProfileOptions) -> ZoneTable | None:
-    """Zones of the table that is given, or of the column of a surveyed table."""
+    """Zones of the table `options.zones`, else of a column of the survey, if it has one."""
     if options.zones is not None:
         return read_zones(options.zones)
     return None if file.suffix.lower() in (*DRIVERS, DRAWING) else zones_of_points(file)

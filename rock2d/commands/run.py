@@ -1,4 +1,4 @@
-"""The command `rock2d run`: scenario files in, result folders out."""
+"""The command `rock2d run`: run scenario files and write result folders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rock2d.runs.before_after import Model, before_after, diagnosed_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
-from rock2d.runs.resolution import few_remarks, source_remarks, unresolved_remarks
+from rock2d.runs.resolution import precision_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
     from rock2d.design.live_slope import View
     from rock2d.runs.results import RunResult
 
-FEWEST_FOR_PROCESS = 100  # releases from which on drawing takes longer than the start of a process that draws
-SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
+FEWEST_FOR_PROCESS = 100  # fewest releases for which a separate process draws the figures
+SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block in the figures of the report of a campaign
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a run of scenarios is asked for.
+    """Options of `run_scenarios`.
 
     Attributes
     ----------
-    out : folder in which each run gets its own
-    engines : that run each scenario; default: the scenario's own
-    page_of : the command that the page report.html names; None for no page
-    pdf : the page is report.pdf, too
-    compare : run the other models of `design.model_range`, too
-    precision : a run has as many releases as `runs.precision.releases_for` finds
+    out : folder in which each run has its own folder
+    engines : engines that run each scenario; default: that of the scenario
+    page_of : command line that the page report.html shows; None for no page
+    pdf : also write the page as report.pdf
+    compare : also run the other models of `design.model_range`
+    precision : half-width of intervals that determines the number of releases, see `runs.precision.releases_for`
     draw : False for tables without figures
-    overwrite : replace an earlier run; a campaign continues an earlier one that is determined alike
+    overwrite : replace an earlier run; without it, a campaign continues an earlier one with the same manifest
     """
 
     out: Path
@@ -80,11 +80,11 @@ class RunRequest:
         return scenario.field_test is not None and self.options.releases is None and not self.engines
 
     def folder(self, scenario: Scenario, engine: str) -> Path:
-        """Where the results go."""
+        """Folder of the results."""
         return self.out / f"{scenario.name}_{engine}"
 
     def check(self, scenario: Scenario) -> None:
-        """Raises InputError for options that are not for this scenario, or a folder that cannot be used."""
+        """Raise InputError for options that do not fit the scenario, or a folder that cannot be used."""
         large = self.large(scenario)
         if self.options.keep and not large:
             message = "--keep is for campaigns: more than 10,000 releases, or --scheduler"
@@ -102,9 +102,7 @@ class RunRequest:
         }
         for option, asked in asks.items():
             if asked and scenario.experiment is not None:
-                message = (
-                    f"--{option} is for sites; releases that restart a film are compared with it instead"
-                )
+                message = f"--{option} is for sites; releases restarted from a film are compared with the film instead"
                 raise InputError(message, code="wrong_kind", option=option)
         for engine in () if large else self.engines_of(scenario):
             check_output_folder(self.folder(scenario, engine), self.overwrite)
@@ -123,15 +121,15 @@ def run_scenarios(
     data_root: Path | None = None,
     predict: Path | None = None,
 ) -> bool:
-    """Run scenario files with every engine that is asked for, each into a folder of its own; False if more than 1 % of
+    """Run scenario files with every engine of the request, each in its own folder. Returns False if more than 1 % of
     the releases of a block are unresolved (see `runs.resolution`).
 
-    A scenario with a field test is a study of it, unless engines or a number of releases are given; then its blocks
-    run on the mean section. `predict` is a table of releases to forecast instead, into the file `request.out`.
+    A scenario with a field test is a study of the test, unless engines or a number of releases are given; then its
+    blocks run on the mean section. `predict` is a table of releases to forecast instead, into the file `request.out`.
 
     A run of more than 10,000 releases, or with a scheduler, is a campaign.
 
-    Raises InputError for a mistake in a file, for options that are not for such a run, or for a folder that cannot be
+    Raises InputError for a mistake in a file, for options that do not fit such a run, or for a folder that cannot be
     used.
     """
     loaded = [load_scenario(path, data_root) for path in scenarios]
@@ -154,7 +152,7 @@ def run_scenarios(
 
 
 def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
-    """Run a scenario with every engine, or study its field test; whether the releases are resolved."""
+    """Run a scenario with every engine, or study its field test. Returns whether the releases are resolved."""
     if request.studies(scenario):
         from rock2d.field_tests.command import run_field_test
 
@@ -173,14 +171,14 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     resolved = True
     for engine in request.engines_of(scenario):
         if request.precision is not None:
-            request = _precise(scenario, engine, request)
+            request = _with_releases_for_precision(scenario, engine, request)
         tables = (_run_campaign if request.large(scenario) else _run_in_memory)(scenario, engine, request)
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
             for remark in (
                 *remarks,
-                *(f"warning: {text}" for text in (*source_remarks(tables), *few_remarks(tables))),
+                *(f"warning: {text}" for text in (*source_remarks(tables), *precision_remarks(tables))),
             ):
                 request.report(remark)
         if request.page_of is not None and len(tables.get("percentiles", ())):
@@ -192,8 +190,8 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     return resolved
 
 
-def _precise(scenario: Scenario, engine: str, request: RunRequest) -> RunRequest:
-    """The request with as many releases as its precision needs."""
+def _with_releases_for_precision(scenario: Scenario, engine: str, request: RunRequest) -> RunRequest:
+    """The request with the number of releases that its precision needs."""
     from rock2d.runs.precision import releases_for
 
     assert request.precision is not None
@@ -202,13 +200,13 @@ def _precise(scenario: Scenario, engine: str, request: RunRequest) -> RunRequest
     first = options.releases or scenario.releases
     releases = releases_for(scenario, engine, seed, request.precision, first, request.progress)
     request.report(
-        f"{releases} releases of each block: every share is known to {100 * request.precision:g} %"
+        f"{releases} releases of each block: the half-width of every interval is at most {100 * request.precision:g} %"
     )
     return replace(request, options=replace(options, releases=releases))
 
 
 def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
-    """Run, print the tables, then write the folder; the tables that it holds."""
+    """Run, print the tables and write the folder. Returns the tables in the folder."""
     options, processes = request.options, request.workers.processes
     bars = run_bars(scenario, engine, request.progress, processes)
     with _figures(scenario, request) as figures:
@@ -240,7 +238,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
 
 
 def _figures(scenario: Scenario, request: RunRequest) -> AbstractContextManager[Figures]:
-    """When the figures of a run in memory are drawn."""
+    """How the figures of a run in memory are drawn: not at all, in this process, or in a process beside it."""
     if not request.draw:
         return nullcontext(NoFigures())
     releases = (request.options.releases or scenario.releases) * len(scenario.make_blocks())
@@ -250,7 +248,7 @@ def _figures(scenario: Scenario, request: RunRequest) -> AbstractContextManager[
 
 
 def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
-    """Run a campaign and print its tables. Its folder also holds findings, and a page whose figures show its first
+    """Run a campaign, print its tables, and write findings and page. The figures of the page show the first
     releases."""
     folder, progress = request.folder(scenario, engine), request.progress
     options = replace(request.options, engine=engine)
@@ -279,8 +277,8 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
 
 @dataclass(frozen=True)
 class Findings:
-    """What is found beside the run itself: design values before and after a diagnosis, over the possible sites, and
-    with other models."""
+    """Results in addition to the run: design values before and after a diagnosis, over the possible sites, and with
+    other models."""
 
     compared: pd.DataFrame | None
     assessment: Assessment | None
@@ -288,7 +286,7 @@ class Findings:
     note: str
 
     def show(self) -> None:
-        """Print them."""
+        """Print the tables."""
         from rock2d.design.model_range import at_shown_lines, range_remarks
 
         if self.compared is not None:
@@ -300,7 +298,7 @@ class Findings:
             print("\n".join(["range over the models", *(f"  {line}" for line in range_remarks(self.models))]))
 
     def write(self, folder: Path, figures: Figures) -> None:
-        """Write their tables and figures into a folder."""
+        """Write the tables and figures into a folder."""
         for name, table in (("before_after", self.compared), ("models", self.models)):
             if table is not None:
                 write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
@@ -313,7 +311,7 @@ class Findings:
 
 
 def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request: RunRequest) -> Findings:
-    """Compute what the keys of the scenario and the request ask for."""
+    """Compute the findings that the scenario and the request ask for."""
     compared = before_after(scenario, engine, seed, releases) if scenario.diagnosed is not None else None
     models = None
     if request.compare:
@@ -345,28 +343,28 @@ def _write_page(
 
 
 def _views(sample: RunResult, request: RunRequest) -> list[View]:
-    """The run, and some releases of each other model that it is compared with."""
+    """The run, and some releases of each model with which it is compared."""
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
     from rock2d.design.model_range import BASE, alternatives
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
     if scenario.diagnosed is not None:
         of_diagnosis = diagnosed_models(scenario, engine)
-        # if it is decided, the last is the run itself
+        # if the verdict is a single model, the last one is the run itself
         models += of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
     if request.compare:
         models += alternatives(scenario, engine)
     first = min(SHOWN_OF_OTHERS, len(sample.tracks) // len(sample.blocks))
     others = (
-        run(own.scenario, engine=compiled_engine(own.engine).name, seed=sample.seed, releases=first)
-        for own in models
+        run(model.scenario, engine=compiled_engine(model.engine).name, seed=sample.seed, releases=first)
+        for model in models
     )
-    names = [BASE, *(own.name for own in models)]
-    return [View(name, own) for name, own in zip(names, [sample, *others], strict=True)]
+    names = [BASE, *(model.name for model in models)]
+    return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:
-    """What the possible sites of the scenario say; None if everything is known."""
+    """The assessment over the possible sites of the scenario; None if everything is known."""
     if scenario.uncertainty is None:
         return None
     from rock2d.design.assessment import assess

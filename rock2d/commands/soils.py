@@ -1,4 +1,4 @@
-"""The command `rock2d soils`: the soil classes, and what they are for a block."""
+"""The command `rock2d soils`: the soil classes, and their parameters for a block."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s",
 def list_soils(
     mass_kg: float | None = None, size_m: float | None = None, report: Callable[[str], Any] = print
 ) -> None:
-    """Report the table of classes, or their parameters for a block of this mass and size.
+    """Report the table of classes or, if mass and size of a block are given, their parameters for it.
 
     Raises InputError if only one of the two is given, or if one is not positive.
     """

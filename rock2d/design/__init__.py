@@ -1,1 +1,1 @@
-"""How sure the results of a scenario are, and which embankment holds."""
+"""Uncertainty of the results of a scenario, size of embankments, and report."""

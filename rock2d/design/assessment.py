@@ -1,4 +1,4 @@
-"""What a run with `uncertainty` adds to its results: tables over all possible sites, and a tornado figure."""
+"""Results over all possible sites of a scenario with the key `uncertainty`: tables and a tornado figure."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Assessment:
-    """What blocks do over all possible sites, and which unknown value matters; made by `rock2d.assess`.
+    """Results over all possible sites, and the influence of each unknown value; returned by `rock2d.assess`.
 
     Attributes
     ----------
-    uncertain : a row for each block, measure line and quantity: median over the sites, 95 % interval, and the shares of
-        the variance that are not known and that are sampling
-    sensitivity : Sobol indices of each unknown value, a row for each block, line, quantity and value
-    sites : one row for each site that was simulated, a column for each value
+    uncertain : one row for each block, measure line and quantity: median over the sites, 95 % interval, and the shares
+        of the variance from what is not known and from sampling
+    sensitivity : Sobol indices of the unknown values, one row for each block, line, quantity and value
+    sites : one row for each simulated site, one column for each value
     """
 
     uncertain: pd.DataFrame
@@ -37,8 +37,8 @@ class Assessment:
     sites: pd.DataFrame
 
     def write(self, folder: Path, figures: Figures | None = None) -> None:
-        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if the indices are known well enough, tornado.png;
-        that by `figures`, or at once."""
+        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if the errors of the indices are small enough,
+        tornado.png. `figures` determines when it is drawn (default: at once)."""
         from rock2d.graphics.figure_files import Figures
         from rock2d.graphics.tornado import tornado_figure
 
@@ -50,13 +50,14 @@ class Assessment:
 
     @property
     def told_apart(self) -> pd.DataFrame:
-        """The rows of `sensitivity` that a figure can show: of blocks and lines where the errors are small enough."""
+        """The rows of `sensitivity` for blocks and lines whose errors are small enough to tell the values apart."""
         from rock2d.graphics.tornado import told_apart
 
         return told_apart(self.sensitivity)
 
     def plot(self) -> Figure:
-        """How much of the spread of each passing frequency each unknown value makes, where `told_apart` knows it."""
+        """Tornado figure: share of each unknown value in the variance of the passing frequencies, of the rows
+        `told_apart`."""
         from rock2d.graphics.tornado import tornado_figure
 
         return tornado_figure(self.told_apart)
@@ -75,17 +76,17 @@ class Assessment:
         return view(write, PAGE)
 
     def sampling_remark(self) -> str:
-        """What to do where the sensitivity is not known well enough; empty if it is everywhere."""
+        """Advice if the errors of the sensitivity are too large somewhere; else empty."""
         missing = self.sensitivity.drop(self.told_apart.index)
         if not len(missing):
             return ""
         where = list(dict.fromkeys(missing["block"] + " at " + missing["line"]))
-        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
-        size = f"{own['sites'].iloc[0]} independent sites with {own['releases'].iloc[0]} releases"
+        rows = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
+        size = f"{rows['sites'].iloc[0]} independent sites with {rows['releases'].iloc[0]} releases"
         return (
             f"Which unknown value matters is not known for {listed(where)}: with {size} each, the errors of the Sobol "
-            "indices are as large as the indices. Increase `uncertainty.sites`, and `uncertainty.releases` where "
-            "sampling makes most of the spread."
+            "indices are as large as the indices. Increase `uncertainty.sites`, and also `uncertainty.releases` if "
+            "most of the variance is sampling."
         )
 
     def __repr__(self) -> str:
@@ -100,11 +101,11 @@ class Assessment:
         return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.told_apart) else "")
 
     def text(self) -> str:
-        """Passing frequencies with their intervals, as a person reads them."""
-        own = self.uncertain.dropna(subset="value")
+        """Passing frequencies with their intervals as text."""
+        known = self.uncertain.dropna(subset="value")
         tables = []
         for key, words in SHARES.items():
-            rows = own[own["quantity"] == key]
+            rows = known[known["quantity"] == key]
             records: list[Any] = list(rows.itertuples())
             cells = rows.assign(
                 cell=[
@@ -121,9 +122,9 @@ class Assessment:
         return "\n".join([*tables, *self.remarks()])
 
     def remarks(self) -> list[str]:
-        """A sentence on each block of which releases were cut short or buried on the possible sites."""
-        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
-        largest = own.groupby("block", sort=False)["unresolved"].max()
+        """A sentence on each block with releases that were cut short or buried on the possible sites."""
+        rows = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
+        largest = rows.groupby("block", sort=False)["unresolved"].max()
         return [
             f"on the possible sites {100 * share:.2g} % of the releases of {block} were cut short or buried; the upper "
             "bounds count them as passed"

@@ -1,4 +1,4 @@
-"""A data collector: at many stations along the slope, how many blocks come past, how high, how fast and how hard."""
+"""The data collector: number, height, speed and energy of the passing blocks at many stations along the slope."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rock2d.runs.indicators.envelopes import (
     PERCENTILES,
     QUANTITIES,
     STATIONS,
-    evenly_spread,
+    evenly_spaced,
     passing_values,
 )
 from rock2d.runs.indicators.passing import passing_share
@@ -24,19 +24,21 @@ from rock2d.statistics import Estimate, percentile_estimate
 
 Array = np.ndarray
 
-BETWEEN = 2  # stations of the collector for each of the envelopes
-AT_LINES = {"height_m": "passing_height_m"}  # what a quantity of the envelopes is called at a measure line
+BETWEEN = 2  # stations of the collector for each station of the envelopes
+AT_LINES = {
+    "height_m": "passing_height_m"
+}  # name of a quantity of the envelopes -> its name at a measure line
 
 
 @dataclass(frozen=True)
 class Passings:
-    """What is known of the blocks of one kind that come past one station.
+    """The blocks of one kind that pass one station.
 
     Attributes
     ----------
-    passed : how many
+    passed : number of these blocks
     frequency : their share of the releases
-    values : quantity of the envelopes -> the value of each of these blocks, in ascending order
+    values : quantity of the envelopes -> values of these blocks, in ascending order
     """
 
     passed: int
@@ -45,16 +47,16 @@ class Passings:
 
     @cached_property
     def estimates(self) -> Mapping[str, list[Estimate]]:
-        """Quantity of the envelopes -> an estimate for each of PERCENTILES, NaN of too few blocks."""
+        """Quantity of the envelopes -> an estimate for each of PERCENTILES; NaN if too few blocks pass."""
         return {
-            name: [percentile_estimate(own, len(own), percentile) for percentile in PERCENTILES]
-            for name, own in self.values.items()
+            name: [percentile_estimate(ranked, len(ranked), percentile) for percentile in PERCENTILES]
+            for name, ranked in self.values.items()
         }
 
 
 @dataclass(frozen=True)
 class Station:
-    """A place of the collector: an upright line at `x_m`, or a measure line with its foot there."""
+    """A station of the collector: a vertical line at `x_m`, or the measure line `line` with its foot there."""
 
     x_m: float
     zone: str
@@ -62,23 +64,23 @@ class Station:
     of_block: dict[str, Passings] = field(default_factory=dict)
 
 
-def collected(run: Simulation) -> list[Station]:
+def collector_stations(run: Simulation) -> list[Station]:
     """The stations of a run from left to right: those of the envelopes, some between them, and the measure lines.
 
     At a measure line the numbers are those of the tables `passing` and `crossings`, elsewhere those of `envelopes`.
     """
-    x = evenly_spread(run.cross_section, BETWEEN * (STATIONS - 1) + 1)
+    x = evenly_spaced(run.cross_section, BETWEEN * (STATIONS - 1) + 1)
     found = [Station(at, zone) for at, zone in zip(x.tolist(), zones_at(run.cross_section, x), strict=True)]
     for block, values in passing_values(run.tracks, x, run.cross_section, run.blocks, run.own_blocks).items():
-        own = [track for track in run.tracks if track.block == block]
-        cut = np.array([track.stop in UNRESOLVED_STOPS for track in own])
+        tracks = [track for track in run.tracks if track.block == block]
+        cut = np.array([track.stop in UNRESOLVED_STOPS for track in tracks])
         seen = np.isfinite(values[:, :, 0])
         ranked = np.sort(values, axis=0)  # NaN last
         for s, station in enumerate(found):
             passed = int(seen[:, s].sum())
-            share = Estimate(*passing_share(passed, int((cut & ~seen[:, s]).sum()), len(own)))
-            of = {name: ranked[:passed, s, q] for q, name in enumerate(QUANTITIES)}
-            station.of_block[block] = Passings(passed, share, of)
+            share = Estimate(*passing_share(passed, int((cut & ~seen[:, s]).sum()), len(tracks)))
+            by_quantity = {name: ranked[:passed, s, q] for q, name in enumerate(QUANTITIES)}
+            station.of_block[block] = Passings(passed, share, by_quantity)
     return sorted([*found, *_line_stations(run)], key=lambda station: station.x_m)
 
 
@@ -90,15 +92,15 @@ def _line_stations(run: Simulation) -> list[Station]:
         found[name] = Station(float(foot[0]), zones_at(ground, foot)[0], name)
     rows: list[Any] = list(run.to_pandas("passing").itertuples())
     for row in rows:
-        own = crossings[(crossings["line"] == row.line) & (crossings["block"] == row.block)]
-        of = {name: np.sort(own[AT_LINES.get(name, name)].to_numpy(float)) for name in QUANTITIES}
+        crossed = crossings[(crossings["line"] == row.line) & (crossings["block"] == row.block)]
+        values = {name: np.sort(crossed[AT_LINES.get(name, name)].to_numpy(float)) for name in QUANTITIES}
         share = Estimate(row.frequency, row.low95, row.high95)
-        found[row.line].of_block[row.block] = Passings(int(row.passed), share, of)
+        found[row.line].of_block[row.block] = Passings(int(row.passed), share, values)
     return list(found.values())
 
 
 def zones_at(ground: CrossSection, x_m: Array) -> list[str]:
-    """The zone of the surface at stations; where facets lie above one another, that of the highest."""
+    """The zone of the surface at each station; of overlapping facets, the zone of the highest one."""
     (x0, y0), (x1, y1) = ground.points_m[:-1].T, ground.points_m[1:].T
     found = []
     for x in x_m:

@@ -1,4 +1,4 @@
-"""The command `rock2d design`: a scenario and a range in, the least size that meets a target out."""
+"""The command `rock2d design`: find the least size that meets a target, and write it with a page."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rock2d.progress import Bar, Bars
     from rock2d.runs.results import RunResult
 
-FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
+FLOOR_OF_TARGET = 0.5  # share of the target: if no size has a lower bound, more releases may help
 MOST_SHOWN = 1000  # releases of each block on the page
 PAGE, PAGE_WORK = "page", 8000.0  # stage, and its work in simulated releases
 
@@ -58,14 +58,15 @@ def run_design(
     pdf: bool = False,
     report: Callable[[str], Any] = print,
 ) -> Answer:
-    """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
+    """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report
+    the answer.
 
     The page, report.html and with `pdf` report.pdf, shows the least size, or the largest if none meets the target; it
-    names the `command`. With numbers to vary `over` (place, low, high), the answer is that of the least volume of
-    earth; combinations.csv and combinations.png lie beside it.
+    also shows the `command`. With further numbers to vary, `over` (place, low, high), the answer is the combination of
+    least volume of earth, and combinations.csv and combinations.png are written.
 
-    An interrupted search goes on where it was. The answer does not depend on the workers. Raises InputError for a
-    mistake in the scenario or the question.
+    The same call continues an interrupted search. The answer does not depend on the workers. Raises InputError for a
+    mistake in the scenario or in the arguments.
     """
     from rock2d.progress import Bars
 
@@ -91,14 +92,14 @@ def run_design(
                 with size_bars(search, bars, tolerance) as bar_of:
                     answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
             with atomic_folder(out) as partial:
-                said = conclude(partial, search, answer, command, bars, combinations, pdf)
-    report(f"{said}\nwritten: {out}")
+                text = _write_results(partial, search, answer, command, bars, combinations, pdf)
+    report(f"{text}\nwritten: {out}")
     return answer
 
 
 class KeptSizes:
-    """The sizes of a search that are judged, kept beside its folder until the search ends; after an interruption the
-    same search finds them again."""
+    """The judgements of a search, kept in a hidden folder until the search ends, so that the same search can continue
+    after an interruption."""
 
     def __init__(self, search: Search, out: Path) -> None:
         import numpy as np
@@ -122,10 +123,12 @@ class KeptSizes:
             shutil.rmtree(self._folder, ignore_errors=True)
         elif kind is KeyboardInterrupt:
             done = len(list(self._folder.glob(f"{self._key}_*.json")))
-            raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
+            raise KeyboardInterrupt(
+                f"{done} sizes are judged, the same command continues from there"
+            ) from None
 
     def judged(self, size: float, bar: Bar, others: Mapping[str, float] = MappingProxyType({})) -> Judgement:
-        """The judgement of a size, with these values of `Search.over`."""
+        """The judgement of a size with these values of `Search.over`, read from the folder or computed."""
         name = "_".join(f"{value:.12g}" for value in (*others.values(), size))
         file = self._folder / f"{self._key}_{name}.json"
         if file.is_file():
@@ -136,7 +139,7 @@ class KeptSizes:
         return found
 
 
-def conclude(
+def _write_results(
     folder: Path,
     search: Search,
     answer: Answer,
@@ -145,8 +148,8 @@ def conclude(
     combinations: Sequence[Combination],
     pdf: bool,
 ) -> str:
-    """Write design.json, design.csv, combinations.csv, least.yaml and the page of an answer, and say it. If several
-    numbers were sought the answer is that of the first of the `combinations`."""
+    """Write design.json, design.csv, combinations.csv, least.yaml and the page of an answer. Returns the answer as
+    text. If several numbers were varied, the answer must be that of the first of the `combinations`."""
     volume = []
     if combinations:
         table = combination_table(combinations)
@@ -158,13 +161,13 @@ def conclude(
     about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
     _write(folder, search.scenario, answer, about)
     with bars.stage(PAGE, 1, "step") as bar:
-        taken = _write_page(folder, search, answer, command, combinations, pdf)
+        demands = _write_page(folder, search, answer, command, combinations, pdf)
         bar.update()
-    return "\n".join([*volume, answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
+    return "\n".join([*volume, answer_text(answer, search), *demands, *norm_remarks(search.scenario)])
 
 
 def answer_text(answer: Answer, search: Search) -> str:
-    """The answer as a person reads it."""
+    """The answer as text."""
     target, worst = answer.target, []
     for judged in answer.judgements:
         block = max(judged.high, key=lambda name: judged.high[name])
@@ -189,10 +192,10 @@ def answer_text(answer: Answer, search: Search) -> str:
     floor = max(largest.high.values())
     if not any(largest.median.values()) and floor > FLOOR_OF_TARGET * target.frequency:
         notes.append(
-            f"with so few releases the bound does not fall below {100 * floor:.3g} % although hardly a block passes: "
-            "more releases (uncertainty.releases) may allow a smaller size"
+            f"with so few releases, the bound is at least {100 * floor:.3g} % although hardly any block passes: more "
+            "releases (uncertainty.releases) may allow a smaller size"
         )
-    known = "" if search.scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
+    known = "" if search.scenario.uncertainty else " (no uncertainty in the scenario: sampling only)"
     note = table_note(search.scenario)
     left_out = f"; {note}" if note else ""
     return "\n".join(
@@ -215,7 +218,7 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
         chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
         (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
         for named in (scenario.diagnosed, scenario.posterior):
-            if named is not None:  # the scenario names it by its path from there
+            if named is not None:  # the scenario refers to it by a relative path
                 copied = path_inside(folder, named.given)
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(named.file, copied)
@@ -224,10 +227,10 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
 def _write_page(
     folder: Path, search: Search, answer: Answer, command: str, combinations: Sequence[Combination], pdf: bool
 ) -> list[str]:
-    """The page about the least size, or the largest if none meets the target, with the releases of its scenario; its
-    live view has some releases of every size that was judged.
+    """Write the page about the least size, or the largest if none meets the target. Its live view has some releases of
+    every judged size.
 
-    Returns what the embankment must take and which height governs, in words.
+    Returns in words what the embankment must withstand and which height governs.
     """
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
@@ -259,5 +262,5 @@ def _write_page(
         sample.scenario, sample, tables, remarks, answer=answer, combinations=combinations, views=views
     )
     write_report(results, folder, command, pdf)
-    taken = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
-    return [*taken, *filter(None, [norm_sentence(results)])]
+    demands = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
+    return [*demands, *filter(None, [norm_sentence(results)])]

@@ -1,4 +1,4 @@
-"""The curve of a design: the share of blocks that pass, against the size that was varied."""
+"""The figure of a design: passing frequency against the varied size."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ TICKS_PERCENT = (0, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
 def design_figure(answer: Answer) -> Figure:
-    """Median and band of the passing frequency of each block at every size that was tried, the target and the least
-    size that meets it."""
+    """Median and band of the passing frequency of each block at every judged size, the target, and the least size that
+    meets it."""
     from matplotlib.ticker import FuncFormatter, NullLocator
 
     figure = blank_figure(6.4, 4.0)

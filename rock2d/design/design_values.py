@@ -34,9 +34,9 @@ def design_table(
 ) -> pd.DataFrame:
     """Design values of every block at every line that it passes; DESIGN_COLUMNS.
 
-    `percentiles` is the table of a run or a campaign, whose intervals are those of sampling. Where there is a table of
-    the possible sites (`uncertain`), its values and intervals take their place. The mass is that of
-    `Scenario.design_block`. `not_verified` names the numbers of the norm that hardly any source states.
+    `percentiles` is the table of a run or a campaign, with intervals of sampling. If there is a table over the possible
+    sites (`uncertain`), its values and intervals are used instead. The mass is that of `Scenario.design_block`.
+    `not_verified` names the numbers of the norm that too few sources confirm.
     """
     import pandas as pd
 
@@ -56,8 +56,8 @@ def design_table(
 
 
 def norm_table(scenario: Scenario) -> list[tuple[str, ...]]:
-    """Norm, number, value of the scenario, values that the norm is said to give, two sources, and whether it is
-    verified; one row a number of NORM_NUMBERS."""
+    """One row for each of NORM_NUMBERS: norm, number, value in the scenario, values of the norm according to the
+    sources, two sources, and whether it is verified."""
     given, rows = _given(scenario), []
     values = {UNI: scenario.design_values.uni_11211_4, ONR: scenario.design_values.onr_24810}
     for number in NORM_NUMBERS:
@@ -71,14 +71,14 @@ def norm_table(scenario: Scenario) -> list[tuple[str, ...]]:
 
 
 def norm_remarks(scenario: Scenario) -> list[str]:
-    """One line on the numbers of the norms that are not verified; none if there are none."""
+    """One line on the numbers of the norms that are not verified; empty if there are none."""
     unsure = {norm: not_verified(norm, given) for norm, given in _given(scenario).items()}
-    said = "; ".join(f"{norm}: {', '.join(names)}" for norm, names in unsure.items() if names)
-    if not said:
+    text = "; ".join(f"{norm}: {', '.join(names)}" for norm, names in unsure.items() if names)
+    if not text:
         return []
     return [
-        f"design values: not verified by two published sources: {said}. Compare them with the norm; what is set under "
-        "design_values counts as compared"
+        f"design values: not verified by two published sources: {text}. Compare them with the norm; numbers that are "
+        "set under design_values count as compared"
     ]
 
 
@@ -91,8 +91,9 @@ def _given(scenario: Scenario) -> dict[str, set[str]]:
 def demands(
     percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
 ) -> dict[tuple[int | None, str], tuple[str, Estimate]]:
-    """What each embankment must take: its number (None if there is one) and "kinetic_J" or "passing_height_m" -> the
-    block with the largest 95th percentile at its arrival line, and that percentile; {} without such a line."""
+    """What each embankment must withstand: (its number, or None if there is only one; "kinetic_J" or
+    "passing_height_m") -> (block with the largest 95th percentile at its arrival line, that percentile). Empty without
+    an arrival line."""
     found = characteristic_values(percentiles, uncertain)
     out: dict[tuple[int | None, str], tuple[str, Estimate]] = {}
     for line in dict.fromkeys(line for _, line in found if is_line(line, ARRIVAL_LINE)):
@@ -106,17 +107,17 @@ def demands(
 def characteristic_values(
     percentiles: pd.DataFrame, uncertain: pd.DataFrame | None
 ) -> dict[tuple[str, str], dict[str, Estimate]]:
-    """(block, line) -> quantity -> 95th percentile, where there are all of them; see `design_table`."""
+    """(block, line) -> quantity -> 95th percentile, if all quantities have one; see `design_table`."""
     if uncertain is None:
-        own = percentiles[percentiles["percentile"] == CHARACTERISTIC_PERCENTILE]
+        rows = percentiles[percentiles["percentile"] == CHARACTERISTIC_PERCENTILE]
     else:
         suffix = f"_{CHARACTERISTIC_PERCENTILE:g}"
-        own = uncertain[uncertain["quantity"].isin([f"{q}{suffix}" for q in QUANTITIES])].dropna(
+        rows = uncertain[uncertain["quantity"].isin([f"{q}{suffix}" for q in QUANTITIES])].dropna(
             subset="value"
         )
-        own = own.assign(quantity=own["quantity"].str.removesuffix(suffix))
+        rows = rows.assign(quantity=rows["quantity"].str.removesuffix(suffix))
     found: dict[tuple[str, str], dict[str, Estimate]] = {}
     columns = ("block", "line", "quantity", "value", "low95", "high95")
-    for name, line, quantity, *numbers in own[list(columns)].itertuples(index=False):
+    for name, line, quantity, *numbers in rows[list(columns)].itertuples(index=False):
         found.setdefault((name, line), {})[quantity] = Estimate(*map(float, numbers))
-    return {key: of for key, of in found.items() if len(of) == len(QUANTITIES)}
+    return {key: values for key, values in found.items() if len(values) == len(QUANTITIES)}

@@ -1,7 +1,7 @@
-"""The least size that keeps blocks back: bisection over one number of a scenario, with all that is not known.
+"""The least size that meets a target, by bisection over one number of a scenario, over all that is not known.
 
-All sizes are judged on the same possible sites, each with its own releases (common random numbers): two sizes differ by
-their effect and not by chance.
+All sizes are judged on the same possible sites with the same releases (common random numbers), so that two sizes do not
+differ by chance.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 DEFAULT_RELEASES = 1000  # per block and site, for a scenario without the key `uncertainty`
-STEPS_OF_RANGE = 50  # the least size is found to this part of the range
+STEPS_OF_RANGE = 50  # range over the default tolerance
 LARGEST, SMALLER = "largest size", "smaller sizes"  # stages of a search
-LATER_SHARE = 0.13  # time of a later size as a share of that of the first, if they share descents
+LATER_SHARE = 0.13  # time for a later size over the time for the first one, if they share descents
 
 
 @dataclass(frozen=True)
 class Target:
-    """What must be kept: with this confidence, at most this share of the releases of each block passes the line.
+    """Target of a design: with this confidence, at most this share of the releases of each block passes the line.
 
     Attributes
     ----------
     line : name of a measure line
     frequency, confidence : shares from 0 to 1
-    per : "released" or "arriving": the share of all releases, or of those that come to the arrival line
-    above_J, above_m : only blocks that pass with more than this kinetic energy, and higher than this above the line's
-        foot, count
+    per : "released" or "arriving": share of all releases, or of those that come to the arrival line
+    above_J, above_m : count only blocks that pass with more than this kinetic energy, and higher than this above the
+        foot of the line
     """
 
     line: str
@@ -71,13 +71,13 @@ class Target:
         return f"{blocks} pass {self.line}{with_what}, at {100 * self.confidence:.3g} % confidence"
 
     def counts(self, results: SiteResults, block: int) -> tuple[Array, Array, Array]:
-        """(sites, releases) bool each, of the block with that index: passed as the target forbids, could have done so,
-        and the releases of which the share is taken."""
+        """(sites, releases) bool each, for the block with that index: whether a release passes in the sense of the
+        target, whether it passes or is unresolved, and whether it counts in the share."""
         k = results.lines.index(self.line)
         passed, most = results.passed[:, block, k], results.unresolved[:, block, k]
         limits = {"kinetic_J": self.above_J or None, "passing_height_m": self.above_m}
         for quantity, least in limits.items():
-            if least is not None:  # values are NaN where not passed
+            if least is not None:  # values are NaN if the block did not pass
                 passed = passed & (results.crossings[quantity][:, block, k] > least)
         of = results.arrived[:, block, k] if self.per == "arriving" else np.ones_like(passed)
         return passed & of, (passed | most) & of, of
@@ -85,7 +85,8 @@ class Target:
 
 @dataclass(frozen=True)
 class Judgement:
-    """One size, judged: median frequency of each block over the sites, and the bounds at the target's confidence.
+    """The judgement of one size: median frequency of each block over the sites, and bounds at the confidence of the
+    target.
 
     Attributes
     ----------
@@ -106,14 +107,15 @@ class Judgement:
 
 @dataclass(frozen=True, repr=False)
 class Answer:
-    """What a search found.
+    """Answer of a search for the least size.
 
     Attributes
     ----------
-    place : of the number that was varied
-    least : the least size that meets the target, to within `tolerance`; the smallest of the range if that meets it,
-        then smaller ones may, too; None if the largest does not
-    judgements : every size that was tried, in ascending order
+    place : place of the number that was varied
+    target : the target
+    least : the least size that meets the target, to within `tolerance`. If the smallest size of the range meets it, it
+        is that size, and smaller ones may meet it, too. None if the largest size does not meet it
+    judgements : judgements of all sizes that were tried, in ascending order
     """
 
     place: str
@@ -128,12 +130,12 @@ class Answer:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the smallest size of the range meets the target, so that smaller ones may, too."""
+        """Whether the smallest size of the range meets the target, so that smaller sizes may meet it, too."""
         return self.least == self.judgements[0].size
 
     @property
     def least_text(self) -> str:
-        """The least size in words; where the smallest size of the range meets the target, it is a bound."""
+        """The least size in words, or a bound if the smallest size of the range meets the target."""
         if self.least is None:
             return f"none up to {self.judgements[-1].size:.4g}"
         if self.is_bound:
@@ -142,13 +144,13 @@ class Answer:
 
     @property
     def monotone(self) -> bool:
-        """Whether no size fails above one that meets the target."""
+        """Whether every size above one that meets the target also meets it."""
         meets = [judgement.meets for judgement in self.judgements]
         return meets == sorted(meets)
 
     def to_pandas(self) -> pd.DataFrame:
-        """Every size that was tried, a row for each block: size, block, median, low, high (shares), and whether this
-        block meets the target; a size meets it if all blocks do."""
+        """One row for each size and block: size, block, median, low, high (shares), and whether the block meets the
+        target. A size meets it if all blocks do."""
         import pandas as pd
 
         rows = [
@@ -179,17 +181,17 @@ class Answer:
 
 @dataclass(frozen=True)
 class Search:
-    """What is sought: the least size that meets a target.
+    """A search for the least size that meets a target.
 
     Attributes
     ----------
-    scenario : of the site
-    place : of the number that is varied, in the scenario file
+    scenario : scenario of the site
+    place : place in the scenario file of the number that is varied
     bounds : smallest and largest size
-    target : what must be kept
-    engine, seed : of the simulation
-    over : other numbers of the file that may vary beside it, with their bounds
-    crew : simulates the possible sites; results do not depend on it
+    target : the target
+    engine, seed : engine and seed of the simulation
+    over : places of further numbers that vary, with their bounds
+    crew : function that distributes the possible sites to workers; results do not depend on it
     """
 
     scenario: Scenario
@@ -202,16 +204,16 @@ class Search:
     crew: Crew = field(default=IN_THIS_PROCESS, repr=False, compare=False)
 
     def check(self) -> None:
-        """Raises InputError if the places, the line or the bounds make no sense."""
+        """Raise InputError if the places, the line or the bounds make no sense."""
         for place, (low, high) in self.ranges.items():
             if not low < high:
                 raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
             if self.scenario.uncertainty is not None and place in self.scenario.unknown():
-                message = f"{place} is sought and stands under uncertainty: take it away from one of them"
+                message = (
+                    f"{place} is varied by the search and is also under uncertainty: remove one of the two"
+                )
                 raise self.scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
-        variant(
-            self.scenario, {place: low for place, (low, _) in self.ranges.items()}
-        )  # there are such numbers
+        variant(self.scenario, {place: low for place, (low, _) in self.ranges.items()})  # checks the places
         lines = self.scenario.make_cross_section().measure_lines
         if self.target.line not in lines:
             known = ", ".join(lines) or "none"
@@ -222,20 +224,20 @@ class Search:
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Bounds of each number that varies, the sought one last."""
+        """Bounds of each number that varies; `place` is the last one."""
         return {**self.over, self.place: self.bounds}
 
     @property
     def corners(self) -> list[dict[str, float]]:
-        """Place -> bound for each corner of `ranges`, that of all largest values last."""
+        """Place -> bound, for each corner of `ranges`; the corner of all largest values is the last one."""
         return [
             dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())
         ]
 
     @cached_property
     def sites(self) -> list[tuple[dict[str, float], int]]:
-        """Values, and seed of the releases, of each independent possible site, twice the base number of them; one
-        site without values if everything is known."""
+        """Values and seed of the releases of each independent possible site; there are twice the base number of sites.
+        If everything is known, one site without values."""
         if self.scenario.uncertainty is None:
             return [({}, self.seed)]
         sites = draw_sites(self.scenario, self.seed, 2 * self.scenario.uncertainty.sites)
@@ -253,7 +255,7 @@ class Search:
         on_progress: Callable[[int], Any] = lambda count: None,
         others: Mapping[str, float] = MappingProxyType({}),
     ) -> Judgement:
-        """Simulate all possible sites with this size, and with these values of `over`, and judge it."""
+        """Simulate all possible sites with this size and these values of `over`, and judge the size."""
         variants = self._variants({**others, self.place: size})
         results = simulate_sites(
             variants, self.engine, self._seeds, self.releases, on_progress, self._descents, self.crew
@@ -269,24 +271,25 @@ class Search:
 
     @property
     def shares(self) -> bool:
-        """Whether the releases of all sizes have a part in common."""
+        """Whether the releases of all sizes share their descents, see `shared_descents`."""
         return self._descents is not None
 
     @cached_property
     def _descents(self) -> list[SharedDescents] | None:
-        """What the releases of all sizes have in common on each site; None if a size changes more than the ground."""
+        """The shared descents on each site; None if a size changes more than the ground."""
         engine = compiled_engine(self.engine).name
         if not all(shares_descents(self.scenario, place, engine) for place in self.ranges):
             return None
         extremes = zip(*map(self._variants, self.corners), strict=True)
         return [
-            SharedDescents(own, seed, self.releases) for own, seed in zip(extremes, self._seeds, strict=True)
+            SharedDescents(of_site, seed, self.releases)
+            for of_site, seed in zip(extremes, self._seeds, strict=True)
         ]
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:
-    """Judge a size by what blocks do at all sites. A block of which no release counts, since none arrives, can not
-    meet the target."""
+    """Judge a size by the results at all sites. A block none of whose releases arrive does not meet a target for
+    arriving blocks."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     k = results.lines.index(target.line)
     bands: dict[str, Estimate] = {}
@@ -311,14 +314,14 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
 
 
 def line_of_place(place: str) -> str:
-    """The measure line that blocks must not pass if the number at this place is sought: the crest of its embankment."""
+    """Default measure line for a number at this place: the crest of its embankment."""
     part, _, rest = place.partition(".")
     number = rest.partition(".")[0] if part in ("embankment", "ditch") else ""
     return numbered(CREST_LINE, int(number) if number.isdecimal() else None)
 
 
 def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:
-    """How many sizes `least_size` judges at most."""
+    """Largest number of sizes that `least_size` judges."""
     low, high = bounds
     steps = STEPS_OF_RANGE if tolerance is None else (high - low) / tolerance
     return 2 + max(0, math.ceil(math.log2(max(steps, 1.0))))
@@ -333,8 +336,8 @@ def work_of_sizes(search: Search, tolerance: float | None = None) -> dict[str, f
 
 @contextmanager
 def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Iterator[Callable[[float], Bar]]:
-    """Give the bar that a size advances: one bar for the largest size, which is judged first and simulates what all
-    sizes share, one for the others."""
+    """Give a function from a size to its progress bar. The largest size, which is judged first and simulates the shared
+    descents, has its own bar."""
     sites = len(search.sites)
     with ExitStack() as stack:
         first = bar = stack.enter_context(bars.stage(LARGEST, sites, "sites"))
@@ -354,7 +357,7 @@ def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Ite
 def least_size(
     search: Search, judged: Callable[[float], Judgement], tolerance: float | None = None
 ) -> Answer:
-    """Bisect for the least size; `judged` judges one, for example with `Search.judge`.
+    """Find the least size by bisection; `judged` returns the judgement of a size, for example by `Search.judge`.
 
     `tolerance` is 1/50 of the range by default. Raises InputError as `Search.check` does.
     """

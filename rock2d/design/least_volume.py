@@ -1,10 +1,9 @@
-"""`rock2d design --over`: the earthworks of least volume that meet a target, over several of their numbers.
+"""Earthworks of least volume that meet a target, over several of their numbers (`rock2d design --over`).
 
-For given values of the other numbers the least size is found by bisection, and with it the volume of earth that is
-moved. That volume is minimised over the others: first at the corners and in the middle of their ranges, then from the
-best of these with COBYQA, a method without derivatives that holds bounds (Ragonneau & Zhang 2024, in scipy). All
-combinations are judged on the same possible sites with the same releases, so two of them differ by their effect and
-not by chance.
+For given values of the other numbers, bisection finds the least size, and so the volume of earth that is moved. This
+volume is minimised over the other numbers: first at the corners and in the middle of their ranges, then from the best
+of these with COBYQA, a derivative-free method with bounds (Ragonneau & Zhang 2024, in scipy). All combinations are
+judged on the same possible sites with the same releases, so that two combinations do not differ by chance.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ TABLE = "combinations.csv"
 
 @dataclass(frozen=True)
 class Combination:
-    """Values of the other numbers, the answer with them, and what the earthworks of its least size (of the largest, if
-    none meets the target) move, in m³ per metre of embankment."""
+    """Values of the other numbers, the answer for them, and fill and cut of the earthworks of its least size (of the
+    largest if none meets the target), in m³ per metre of embankment."""
 
     values: Mapping[str, float]
     answer: Answer
@@ -48,12 +47,13 @@ class Combination:
 
     @property
     def earth_m2(self) -> float:
-        """Fill and cut together."""
+        """Sum of fill and cut."""
         return self.fill_m2 + self.cut_m2
 
     @property
     def objective(self) -> float:
-        """What is minimised: the volume; without a size that meets the target it grows with the bound's excess."""
+        """Objective of the minimisation: the volume; if no size meets the target, it grows with the excess of the
+        bound."""
         if self.answer.least is not None:
             return self.earth_m2
         target, largest = self.answer.target, self.answer.judgements[-1]
@@ -61,16 +61,18 @@ class Combination:
 
 
 def check_varied(place: str, over: Mapping[str, tuple[float, float]]) -> None:
-    """Raises InputError if numbers to vary beside `place` are too many, or not of the earthworks."""
+    """Raise InputError if too many numbers vary in addition to `place`, or if they do not belong to the earthworks."""
     if place in over:
-        raise InputError(f"{place} is sought and varied over, too")
+        raise InputError(f"{place} stands under --vary and under --over")
     if len(over) > MOST_OTHERS:
-        raise InputError(f"{len(over)} numbers are too many: vary up to {MOST_OTHERS} beside {place}")
+        raise InputError(
+            f"{len(over)} numbers are too many: vary at most {MOST_OTHERS} in addition to {place}"
+        )
     for name in (place, *over) if over else ():
         if name.split(".")[0] not in EARTHWORKS:
             raise InputError(
-                f"{name} is no number of the earthworks; --over seeks the least volume over numbers of embankment and "
-                "ditch. What is not known stands under uncertainty"
+                f"{name} is not a number of the earthworks; --over varies numbers of embankment and ditch to find the "
+                "least volume. Values that are not known belong under uncertainty"
             )
 
 
@@ -80,8 +82,8 @@ def least_volume(
     bars: Bars,
     tolerance: float | None,
 ) -> list[Combination]:
-    """Every combination of `search.over` that was tried, that of least volume first. Raises InputError if a corner of
-    the ranges makes no sense, before any work."""
+    """All combinations of `search.over` that were tried; the first one has the least volume. Raises InputError at once
+    if a corner of the ranges makes no sense."""
     for corner in search.corners:
         variant(search.scenario, corner)
     sizes = MOST_COMBINATIONS * most_sizes(search.bounds, tolerance)
@@ -103,8 +105,8 @@ def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer
 def minimised(
     found: Callable[[Mapping[str, float]], Combination], over: Mapping[str, tuple[float, float]]
 ) -> list[Combination]:
-    """Every combination that was tried, the best first: corners and middle, then steps of COBYQA from the best of
-    these."""
+    """All combinations that were tried, the best first: corners and middle of the ranges, then steps of COBYQA from the
+    best of these."""
     from scipy.optimize import minimize
 
     low, high = np.array(list(over.values())).T
@@ -123,44 +125,46 @@ def minimised(
         "maxfev": MOST_COMBINATIONS - len(starts), "initial_tr_radius": FIRST_STEP, "final_tr_radius": LAST_STEP,
     }  # fmt: skip
     minimize(at, best, method="COBYQA", bounds=[(0.0, 1.0)] * len(over), options=options)
-    return sorted(known.values(), key=lambda own: own.objective)
+    return sorted(known.values(), key=lambda combination: combination.objective)
 
 
 def combination_table(combinations: Sequence[Combination]) -> pd.DataFrame:
-    """A row for each combination: the values, the least size (NaN if none of the range holds),
-    fill, cut and both together in m³ per metre of embankment."""
+    """One row for each combination: the values, the least size (NaN if none meets the target), fill, cut and their sum
+    in m³ per metre of embankment."""
     import pandas as pd
 
     rows = [
-        {**own.values, f"least {own.answer.place}": own.answer.least, "fill_m3_m": own.fill_m2,
-         "cut_m3_m": own.cut_m2, "earth_m3_m": own.earth_m2}
-        for own in combinations
+        {**each.values, f"least {each.answer.place}": each.answer.least, "fill_m3_m": each.fill_m2,
+         "cut_m3_m": each.cut_m2, "earth_m3_m": each.earth_m2}
+        for each in combinations
     ]  # fmt: skip
     return pd.DataFrame(rows).astype(float)
 
 
 def volume_text(combinations: Sequence[Combination]) -> str:
-    """The best combination, the first, in words."""
+    """The best combination, which is the first one, in words."""
     best = combinations[0]
     if best.answer.least is None:
         return f"no combination meets the target: {best.answer.target.text}"
     values = {**best.values, best.answer.place: best.answer.least}
     head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
-    bound = "; the range begins there, so smaller ones may hold, too" if best.answer.is_bound else ""
-    tried = {name: [own.values[name] for own in combinations] for name in best.values}
-    at_end = [name for name, all_of in tried.items() if best.values[name] in (min(all_of), max(all_of))]
-    end = f"; the range of {listed(at_end)} ends there, so less may be found beyond" if at_end else ""
-    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + bound + end
+    bound = (
+        "; the range begins there, so smaller sizes may also meet the target" if best.answer.is_bound else ""
+    )
+    tried = {name: [each.values[name] for each in combinations] for name in best.values}
+    at_end = [name for name, values in tried.items() if best.values[name] in (min(values), max(values))]
+    end = f"; the range of {listed(at_end)} ends there, so a wider range may give less" if at_end else ""
+    return f"{head}{', '.join(f'{name} = {value:.4g}' for name, value in values.items())}{bound}{end}"
 
 
 def volume_figure(combinations: Sequence[Combination]) -> Figure:
-    """The volume against each number, and over each pair of the others the surface through what was tried."""
+    """The volume against each number, and for each pair of the other numbers a map of the volume."""
     from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
     from rock2d.graphics.palette import INK, LINE_INK
 
     best = combinations[0]
-    meets = np.array([own.answer.least is not None for own in combinations])
-    earth = np.array([own.earth_m2 for own in combinations])
+    meets = np.array([each.answer.least is not None for each in combinations])
+    earth = np.array([each.earth_m2 for each in combinations])
     names = list(best.values)
     pairs = list(itertools.combinations(names, 2))
     panels = len(names) + 1 + len(pairs)
@@ -171,7 +175,7 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
         unused.set_axis_off()
 
     def of(name: str) -> np.ndarray:
-        return np.array([own.values.get(name, own.answer.least) for own in combinations], float)
+        return np.array([each.values.get(name, each.answer.least) for each in combinations], float)
 
     for axis, name in zip(axes, (*names, best.answer.place), strict=False):
         axis.scatter(of(name)[meets], earth[meets], s=14, color=INK, alpha=0.6, lw=0)

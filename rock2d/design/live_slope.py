@@ -1,6 +1,6 @@
-"""The live view of a page: the slope with its paths and a data collector, as data for live_slope.js.
+"""The live view of a page: the slope with paths and data collector, as data for live_slope.js.
 
-The script shows what is computed here, and computes nothing but where things lie on the screen.
+Everything is computed here; the script only computes positions on the screen.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.design.collector import Station, collected
+from rock2d.design.collector import Station, collector_stations
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
@@ -30,16 +30,21 @@ from rock2d.wording import listed, spoken, with_interval
 
 Array = np.ndarray
 
-MOST_BYTES = 1_900_000  # that the data add to a page
-# of up to FEW paths, the tolerance is the width of the view over FINE, else COARSE
+MOST_BYTES = 1_900_000  # largest size of the data in a page
+# for up to FEW paths, the tolerance is the width of the view over FINE, else over COARSE
 FEW, FINE, COARSE = 2000, 1000, 250
-SHOWN_SHARE = 0.5  # of these bytes, for the paths of the run that is shown first, where there are several
+SHOWN_SHARE = (
+    0.5  # share of these bytes for the paths of the run that is shown first, if there are several runs
+)
 SHOWN_OF_OTHERS = 100  # releases of each block of the other runs
-BINS = 20  # of a histogram
+BINS = 20  # bins of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
-BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # of the heights, shown below the lowest and above the highest
-WORST_SHARE = 0.01  # of the releases of each block: those with the largest energies
-BYTES_OF_A_RELEASE = 22  # beside its points: number, block, stop, energy
+BELOW_SHARE, ABOVE_SHARE = (
+    0.1,
+    0.02,
+)  # margin below the lowest and above the highest point, as shares of the height
+WORST_SHARE = 0.01  # share of the releases of each block, those with the largest energies
+BYTES_OF_A_RELEASE = 22  # for number, block, stop and energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
 # head of a column -> its value in an impact of a track
 IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
@@ -54,13 +59,13 @@ IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
 
 @dataclass(frozen=True)
 class View:
-    """A run that the live view can show: the one of the page, or one with another model or size beside it.
+    """A run in the live view: the run of the page, or a run with another model or size.
 
     Attributes
     ----------
-    name : in a list or beside a slider
+    name : name in the list or beside the slider
     run : its releases
-    note : what is known of it
+    note : note to the reader
     """
 
     name: str
@@ -70,15 +75,15 @@ class View:
 
 @dataclass(frozen=True)
 class LiveSlope:
-    """What the template live_slope.html.j2 shows.
+    """Input of the template live_slope.html.j2.
 
     Attributes
     ----------
-    data : JSON that holds no "<"
-    blocks, stops, quantities : words for the boxes to tick, and for what a curve can show
-    views : names of the runs to choose from
-    sizes : the number of the scenario in which the runs differ, which a slider chooses; empty if they differ otherwise
-    notes : what was thinned and left out
+    data : JSON without the character "<"
+    blocks, stops, quantities : labels of the check boxes and of the curves
+    views : names of the runs
+    sizes : place of the number in which the runs differ, which a slider chooses; empty if they differ otherwise
+    notes : notes to the reader, for example on paths that are left out
     """
 
     data: str
@@ -95,8 +100,10 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
 
     Parameters
     ----------
-    views : the first of them is shown at first, or where they differ in `sizes` the one with the index `shown`
-    released : how many releases the tables of the page count, of which that run may be the first ones
+    views : the runs
+    released : number of releases in the tables of the page; the shown run may have only the first ones
+    shown : index of the run that is shown first
+    sizes : place of the number in which the runs differ
     """
     run = views[shown].run
     if not run.tracks:
@@ -105,7 +112,7 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
     names = list(dict.fromkeys(track.block for track in run.tracks))
     stops = [stop for stop in STOP_MARKERS if any(track.stop == stop for own in runs for track in own.tracks)]
     limits = _limits(runs)
-    collectors = [collected(own) for own in runs]
+    collectors = [collector_stations(each) for each in runs]
     units = _units(collectors)
     found = []
     energies_J = [largest_energies(own) for own in runs]
@@ -143,29 +150,29 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
 
 
 def _notes(run: Simulation, released: int, views: int) -> list[str]:
-    """What a reader must know of the view of a run, beside what each run left out."""
+    """Notes to the reader that hold for all runs."""
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
     others = (
-        "The same release of a block starts alike in all of these runs; some of them may have fewer releases."
+        "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
     )
     return [
         *([first] if len(run.tracks) < released else []), *([others] if views > 1 else []),
-        f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; they need {counts} blocks that "
-        "come past. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
-        "that cross it; elsewhere they count the first passing of an upright line, in the direction of x. Heights are "
+        f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; these need {counts} passing "
+        "blocks. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
+        "that cross it; elsewhere they count the first passing of a vertical line, in the direction of x. Heights are "
         "those of the centroid above the ground.",
     ]  # fmt: skip
 
 
 def _limits(runs: Sequence[Simulation]) -> Limits:
-    """The whole length of the cross-sections, and all heights of ground, lines and paths."""
+    """Limits of the view: the whole length of the cross-sections, and all heights of ground, lines and paths."""
     grounds = [run.cross_section for run in runs]
     heights = [track.knots[:, INSTANT_Y] for run in runs for track in run.tracks]
     y = np.concatenate(
         [*(ground.points_m[:, 1] for ground in grounds),
          *(ends[:, 1] for ground in grounds for ends in ground.measure_lines.values()),
-         [own(each) for each in heights for own in (np.min, np.max)]]
+         [extreme(each) for each in heights for extreme in (np.min, np.max)]]
     )  # fmt: skip
     x = np.concatenate([ground.points_m[:, 0] for ground in grounds])
     high = float(np.ptp(y))
@@ -202,7 +209,7 @@ def _units(collectors: Sequence[Sequence[Station]]) -> dict[str, tuple[float, st
 def _collector(
     stations: Sequence[Station], names: Sequence[str], units: Mapping[str, tuple[float, str]]
 ) -> dict[str, Any]:
-    """What the collector shows: texts of each block at each station, histograms there, and curves of each quantity and
+    """Data of the collector: texts of each block at each station, histograms there, and curves of each quantity and
     block."""
     texts = [
         [
@@ -231,8 +238,8 @@ def _collector(
 
 
 def _histogram(values: Sequence[Array], factor: float) -> tuple[float, Array]:
-    """The upper end of the last of BINS bins from 0 on, which all blocks have in common, and the counts of each block;
-    what lies below 0 counts in the first bin."""
+    """(upper end of the last of BINS bins from 0 on, the same for all blocks; counts of each block). Values below 0
+    count in the first bin."""
     most = max((float(own[-1]) for own in values if len(own)), default=0.0)
     end = most if most > 0.0 else 1.0
     counts = np.array([np.histogram(np.maximum(own, 0.0), BINS, (0.0, end))[0] for own in values])
@@ -240,7 +247,7 @@ def _histogram(values: Sequence[Array], factor: float) -> tuple[float, Array]:
 
 
 def _rounded(rows: Sequence[Sequence[float]], factor: float) -> list[list[float | None]]:
-    """Columns of rows times a factor, with four digits; None where there is no number."""
+    """Columns of the rows times a factor, with four digits; None for NaN."""
     return [
         [float(f"{factor * value:.4g}") if math.isfinite(value) else None for value in column]
         for column in zip(*rows, strict=True)
@@ -256,7 +263,8 @@ def _paths(
     width_m: float,
     room: int,
 ) -> tuple[dict[str, Any], list[str]]:
-    """The paths that fit into `room` bytes; `energy`: the largest one of each, in the unit in which it is shown."""
+    """The paths that fit into `room` bytes, and a note; `energy` (tracks,): largest energy of each, in the unit of the
+    page."""
     tracks, kept = run.tracks, list(range(len(run.tracks)))
     tolerance_m = width_m / (FINE if len(tracks) <= FEW else COARSE)
     thinned = thinned_paths(tracks, tolerance_m)
@@ -264,7 +272,7 @@ def _paths(
     size = len(points) + BYTES_OF_A_RELEASE * len(tracks)
     if size > room:
         kept = _first_and_worst(tracks, worst, int(len(tracks) * room / size))
-        thinned = thinned.of(kept)
+        thinned = thinned.subset(kept)
         points, scales = thinned.packed()
     chosen = set(worst)
     shown = [tracks[i] for i in kept]
@@ -275,14 +283,14 @@ def _paths(
         "worst": [int(i in chosen) for i in kept],
         "energy": [float(f"{energy[i]:.3g}") for i in kept],
     }  # fmt: skip
-    said = f"All {len(kept)} paths" if len(kept) == len(tracks) else (
+    number = f"All {len(kept)} paths" if len(kept) == len(tracks) else (
         f"{len(kept)} of {len(tracks)} paths, the first ones and the worst 1 % of each block"
     )  # fmt: skip
-    return data, [f"{said}: flights are parabolas, contacts are thinned to {tolerance_m:.2g} m."]
+    return data, [f"{number}: flights are parabolas, contacts are thinned to {tolerance_m:.2g} m."]
 
 
 def _first_and_worst(tracks: Sequence[Track], worst: Sequence[int], most: int) -> list[int]:
-    """Indices of at most about `most` tracks: the worst, and the first ones of each block in equal number."""
+    """Indices of at most about `most` tracks: the worst, and equally many first ones of each block."""
     rank: Counter[str] = Counter()
     ranked = []
     for i, track in enumerate(tracks):
@@ -293,7 +301,7 @@ def _first_and_worst(tracks: Sequence[Track], worst: Sequence[int], most: int) -
 
 
 def _impacts(run: Simulation, worst: Sequence[int], most: int) -> tuple[dict[str, Any], list[str]]:
-    """The impacts of the worst and of the first releases, while there is room for them: `most`."""
+    """Up to `most` impacts, of the worst and of the first releases, and a note."""
     tracks, total = run.tracks, 0
     chosen = []
     for i in dict.fromkeys([*worst, *_first_and_worst(tracks, (), len(tracks))]):

@@ -1,6 +1,6 @@
-"""How much the answer depends on what nobody knows: the law, the roughness, the soil and the shape of the blocks.
+"""Range of the results over models: other law, roughness, soil and shapes of blocks.
 
-`rock2d run --compare` runs the same releases with each of these changed, one at a time.
+`rock2d run --compare` runs the same releases with one of these changed at a time.
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 Data = dict[str, Any]
 
 BASE = "as in the file"
-NATURAL = tuple(
-    name for name in SOIL_CLASSES if name not in ("asphalt", "compacted_fill")
-)  # from soft to hard
+NATURAL_SOILS = tuple(name for name in SOIL_CLASSES if name not in ("asphalt", "compacted_fill"))
 SHAPES = ("circle", "square", "rectangle")
 RECTANGLE_ASPECT = 2.0
 PANELS_IN_A_ROW = 4
@@ -43,13 +41,13 @@ SHOWN = {
 
 
 def compared(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """`before_after.MODEL_COLUMNS` of the scenario and of each `alternative`."""
+    """`before_after.model_table` of the scenario and its `alternatives`."""
     return model_table([Model(BASE, scenario, engine), *alternatives(scenario, engine)], seed, releases)
 
 
 def alternatives(scenario: Scenario, engine: str) -> Iterator[Model]:
     """The scenario with the other law, on rough or smooth ground, with soil one class softer and harder, and with
-    blocks of other profiles of the same mass and area; those that make sense for this file."""
+    blocks of other profiles of the same mass and area, as far as these make sense for the file."""
     own = compiled_engine(engine)
     for other in ENGINES.values():
         if (
@@ -68,11 +66,11 @@ def _has_law(scenario: Scenario, engine: str) -> bool:
             ENGINES[engine].parameters(scenario, block)
     except InputError:
         return False
-    return scenario.diagnosed is None  # a diagnosis is about one law
+    return scenario.diagnosed is None  # a diagnosis holds for one law
 
 
 def _changes(scenario: Scenario, law: str) -> Iterator[tuple[str, Callable[[Data], None]]]:
-    """Name and change of the data of the file."""
+    """Name of each model, and function that changes the data of the file."""
 
     def without_roughness(data: Data) -> None:
         del data["roughness"]
@@ -111,19 +109,19 @@ def _roughness(scenario: Scenario) -> Data:
 
 
 def _shifted(soils: Data, step: int) -> Data:
-    """Soils one class softer or harder; a class at the end stays. Numbers of the file's own stay."""
+    """Soils one class softer or harder. The softest and the hardest class, and numbers of the file, do not change."""
     return {
-        zone: {**own, "like": _neighbour(own["like"], step)}
-        if isinstance(own, dict)
-        else _neighbour(own, step)
-        for zone, own in soils.items()
+        zone: {**soil, "like": _neighbour(soil["like"], step)}
+        if isinstance(soil, dict)
+        else _neighbour(soil, step)
+        for zone, soil in soils.items()
     }
 
 
 def _neighbour(name: str, step: int) -> str:
     """The natural class with the next lower or higher restitution."""
     own = SOIL_CLASSES[name].restitution
-    further = [n for n in NATURAL if step * (SOIL_CLASSES[n].restitution - own) > 0.0]
+    further = [n for n in NATURAL_SOILS if step * (SOIL_CLASSES[n].restitution - own) > 0.0]
     return min(further, key=lambda n: abs(SOIL_CLASSES[n].restitution - own), default=name)
 
 
@@ -144,23 +142,23 @@ def _reshape(data: Data, scenario: Scenario, shape: str) -> None:
 
 
 def shown_lines(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
-    """Line and quantities (keys of SHOWN) that a designer asks for: what arrives, and what passes the crest; without
-    an embankment at the last line of the file. Of several embankments one after the other."""
+    """(line, keys of SHOWN) that matter for a design: loads at the arrival line and shares at the crest, of one
+    embankment after the other; without an embankment, both at the last line of the file."""
     lines = list(table["line"].unique())
     arriving = [line for line in lines if is_line(line, ARRIVAL_LINE)] or lines[-1:]
     crests = [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]
     shares, loads = ["frequency", "per_arriving"], ["kinetic", "height"]
     shown = [*((line, shares) for line in crests), *((line, loads) for line in arriving)]
-    return sorted(shown, key=lambda own: number_of_line(own[0]) or 0)
+    return sorted(shown, key=lambda item: number_of_line(item[0]) or 0)
 
 
 def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the lines that a designer asks for."""
+    """The rows of the lines of `shown_lines`."""
     return table[table["line"].isin([line for line, _ in shown_lines(table)])]
 
 
 def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
-    """Line and key of SHOWN -> from least to most over the models, of the block that has most with each."""
+    """(line, key of SHOWN) -> range over the models in words, of the block with the largest value in each."""
     found = {}
     for line, quantities in shown_lines(table):
         for key in quantities:
@@ -174,7 +172,7 @@ def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
 
 
 def range_remarks(table: pd.DataFrame) -> list[str]:
-    """A sentence on each block and quantity: from least to most over the models, and with which."""
+    """A sentence on each block and quantity: smallest and largest value over the models, and their models."""
     found = []
     for line, quantities in shown_lines(table):
         for block, own in table[table["line"] == line].groupby("block", sort=False):
@@ -191,8 +189,8 @@ def range_remarks(table: pd.DataFrame) -> list[str]:
 
 
 def range_figure(table: pd.DataFrame) -> Figure:
-    """Each model with its 95 % interval of sampling: shares at the crest, energy and height on arrival; a row for each
-    embankment."""
+    """Values and 95 % intervals of sampling with each model: shares at the crest, energy and height at arrival; one row
+    of panels for each embankment."""
     from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
     from rock2d.graphics.palette import block_colours
 

@@ -1,9 +1,9 @@
-"""Design values by two norms: characteristic percentiles at a measure line times the norm's partial factors.
+"""Design values by two norms: characteristic percentiles at a measure line times partial factors.
 
 UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4, after D. Peila and C. Ronco, Nat. Hazards Earth Syst. Sci.
-9 (2009) 1291; ONR 24810:2017, Technischer Steinschlagschutz. The texts of the norms were not compared, and there are
-later editions, UNI 11211-4:2018 and ONR 24810:2021. NORM_NUMBERS says which published source states which number; it is
-verified if two independent sources do.
+9 (2009) 1291; ONR 24810:2017, Technischer Steinschlagschutz. The numbers were not compared with the texts of the norms,
+and there are later editions, UNI 11211-4:2018 and ONR 24810:2021. NORM_NUMBERS lists the published sources of each
+number; a number is verified if two independent sources agree.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class DesignValue(NamedTuple):
 
     Attributes
     ----------
-    quantity : with its unit at the end
-    factors : how it follows from the characteristic value, in words and numbers
-    uses : names in NORM_NUMBERS of what it uses
+    quantity : name with the unit at its end
+    factors : the partial factors, in words and numbers
+    uses : names in NORM_NUMBERS of the numbers that it uses
     """
 
     norm: str
@@ -49,13 +49,13 @@ SOURCES = {
 
 
 class NormNumber(NamedTuple):
-    """A number of a norm, and who states it.
+    """A number of a norm, and its published sources.
 
     Attributes
     ----------
-    name : key of the scenario under design_values, or its name in words if it has none
-    values : what the norm is said to give
-    sources : keys of SOURCES whose text states these values
+    name : key under design_values in a scenario, or its name in words if it has no key
+    values : values of the norm according to the sources
+    sources : keys of SOURCES that state these values
     """
 
     norm: str
@@ -85,7 +85,7 @@ NORM_NUMBERS = (
 
 
 def not_verified(norm: str, given: Collection[str] = ()) -> list[str]:
-    """Names of the numbers of a norm that fewer than FEWEST_SOURCES state, without those that a scenario gives."""
+    """Names of the numbers of a norm with fewer than FEWEST_SOURCES sources, without those that a scenario gives."""
     return [n.name for n in NORM_NUMBERS if n.norm == norm and not n.verified and n.name not in given]
 
 
@@ -97,7 +97,8 @@ def uni_11211_4(
     Parameters
     ----------
     at_line : "speed_m_s" and "passing_height_m" -> 95th percentile of the blocks that pass
-    mass_kg, size_m : of the design block
+    mass_kg, size_m : mass and size of the design block
+    factors : partial factors
 
     v_d = v_95 γTr γDp; m_d = m γVol γγ; E_d = γR ½ m_d v_d²; H_d = H_95 γTr γDp + f, with the freeboard f the radius of
     the block and at least 0.5 m.

@@ -1,9 +1,9 @@
-"""Possible sites: draws of everything that is not known about a site, and what blocks do there.
+"""Possible sites: draws of everything that is not known about a site, and the results there.
 
-The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: N groups of two independent sites, and of
-d that share all values but one with the first, from which Sobol indices tell how much of the spread each value makes.
-The sites of a group have the same releases (common random numbers). Each group has its own: a chance that all sites
-share would not show in their spread.
+The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: N groups of two independent sites and d
+sites that share all values but one with the first. From these follow Sobol indices, that is the share of each value in
+the variance. The sites of a group have the same releases (common random numbers). Different groups have different
+releases, so that the error of sampling appears in the spread of the sites.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 
 Array = np.ndarray
 
-EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # of a distribution
+EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # quantiles that count as extreme
 IN_THIS_PROCESS: Crew = Processes(1).as_finished
 RELEASES_OF_A_GROUP = 7  # first number of the spawn key
 
 
 @dataclass(frozen=True)
 class PossibleSites:
-    """Values of what is not known.
+    """Values of everything that is not known, at N (d + 2) sites.
 
     Attributes
     ----------
-    places : (d,) where the values stand in the scenario file
-    values : (N (d + 2), d) in the order of SALib's Sobol sample: in each of N groups the first and the last site are
-        independent draws, the d in between take one value each from the last
-    seed : from which the releases of each group follow
-    posterior : draws of a calibration; the value of its factor is the number of a draw
+    places : (d,) places of the values in the scenario file
+    values : (N (d + 2), d) in the order of the Sobol sample of SALib: in each of N groups the first and the last site
+        are independent draws; each of the d sites between them takes one value from the last site
+    seed : seed of the releases of all groups
+    posterior : draws of a calibration; the value of its factor is the number of a row
     """
 
     places: tuple[str, ...]
@@ -58,7 +58,7 @@ class PossibleSites:
         return np.arange(0, len(self.values), len(self.places) + 2)
 
     def release_seed(self, i: int) -> int:
-        """Seed of the releases of site i, which its group shares."""
+        """Seed of the releases of site i; all sites of a group have the same."""
         group = i // (len(self.places) + 2)
         return int(
             np.random.SeedSequence(self.seed, spawn_key=(RELEASES_OF_A_GROUP, group)).generate_state(1)[0]
@@ -71,9 +71,9 @@ class PossibleSites:
 
 
 def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
-    """Sites that are possible under the scenario's `uncertainty`; `count` instead of its base number N.
+    """Draw possible sites of a scenario; `count` replaces its base number N of groups.
 
-    Raises InputError if the scenario says nothing about what is not known.
+    Raises InputError if the scenario has no key `uncertainty`.
     """
     from SALib.sample import sobol
 
@@ -85,20 +85,20 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     power = int(np.ceil(np.log2(count or scenario.uncertainty.sites)))
     u = sobol.sample(problem, 2**power, calc_second_order=False, seed=seed)
     columns = []
-    for place, own in zip(places, u.T, strict=True):
-        columns.append(unknown[place](own.clip(1e-9, 1 - 1e-9)))
+    for place, column in zip(places, u.T, strict=True):
+        columns.append(unknown[place](column.clip(1e-9, 1 - 1e-9)))
     return PossibleSites(places, np.column_stack(columns), seed, scenario.posterior)
 
 
 @dataclass(frozen=True)
 class SiteResults:
-    """What n releases of each of b blocks do at l measure lines of s sites.
+    """Results of n releases of each of b blocks at l measure lines of s sites.
 
     Attributes
     ----------
-    passed, unresolved : (s, b, l, n) bool, of each line: passed, or cut short or buried before it
-    arrived : (s, b, l, n) bool, came to the arrival line of each line
-    crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN where not passed
+    passed, unresolved : (s, b, l, n) bool: whether a release passed a line; whether it was cut short or buried before
+    arrived : (s, b, l, n) bool: whether it came to the arrival line of a line
+    crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN if it did not pass
     """
 
     blocks: tuple[str, ...]
@@ -118,15 +118,15 @@ def simulate_sites(
     descents: list[SharedDescents] | None = None,
     crew: Crew = IN_THIS_PROCESS,
 ) -> SiteResults:
-    """Simulate releases on each of these scenarios, which have the same blocks and lines; the seed of each says which.
+    """Simulate releases on each of these scenarios, which have the same blocks and lines, with these seeds.
 
-    `on_progress` gets the number of further scenarios that are done; `descents` of each site, which are kept, are what
-    the releases share with those of other sizes; `crew` does the work. Raises InputError if a scenario cannot be
-    simulated.
+    `on_progress` gets the number of further scenarios that are done. `descents` are the descents on each site that the
+    releases share with those of other sizes; computed ones are kept there. `crew` distributes the work. Raises
+    InputError if a scenario cannot be simulated.
     """
     jobs = [
-        (own, engine, seed, releases, descents[s] if descents else None)
-        for s, (own, seed) in enumerate(zip(scenarios, seeds, strict=True))
+        (scenario, engine, seed, releases, descents[s] if descents else None)
+        for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True))
     ]
     found: dict[int, SiteResults] = {}
     with closing(crew(_simulated, jobs)) as finished:
@@ -140,7 +140,7 @@ def simulate_sites(
 def _simulated(
     scenario: Scenario, engine: str, seed: int, releases: int, descents: SharedDescents | None
 ) -> tuple[SiteResults, SharedDescents | None]:
-    """One site, and its descents if they were not known."""
+    """Results of one site, and its descents if they were not known before."""
     known = descents is None or descents.found is not None
     shared = descents.of_blocks() if descents else []
     blocks, lines = tuple(scenario.make_blocks()), tuple(scenario.make_cross_section().measure_lines)
@@ -151,35 +151,36 @@ def _simulated(
     job.conditions.check_starts(releases)
     for b in range(len(job.blocks)):
         group = job.conditions.group(b, 0, releases)
-        served = bool(shared) and shared[b].serves(group)
-        found = shared[b].outcome(job, group) if served else job.outcome(group)
-        own = found.passed(len(lines))
-        passed[0, b], unresolved[0, b] = own.T, found.unresolved(len(lines)).T
-        arrived[0, b] = [own[:, here].any(axis=1) for here in arrivals(job.cross_section)]
+        applies = bool(shared) and shared[b].applies_to(group)
+        found = shared[b].outcome(job, group) if applies else job.outcome(group)
+        passing = found.passed(len(lines))
+        passed[0, b], unresolved[0, b] = passing.T, found.unresolved(len(lines)).T
+        arrived[0, b] = [passing[:, here].any(axis=1) for here in arrivals(job.cross_section)]
         for k, ends in enumerate(job.cross_section.measure_lines.values()):
-            masses = group.masses()[own[:, k]]
-            values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
-            for quantity, of in crossings.items():
-                of[0, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
+            masses = group.masses()[passing[:, k]]
+            values = crossing_values(found.crossings[passing[:, k], k], ends, job.cross_section, masses)
+            for quantity, table in crossings.items():
+                table[0, b, k, passing[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
     results = SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
     return results, None if known else descents
 
 
 def _joined(results: Sequence[SiteResults]) -> SiteResults:
-    """Results of several sites, one after the other."""
+    """Results of several sites, concatenated."""
     first = results[0]
     passed, unresolved, arrived = (
-        np.concatenate([getattr(own, name) for own in results])
+        np.concatenate([getattr(site, name) for site in results])
         for name in ("passed", "unresolved", "arrived")
     )
     crossings = {
-        quantity: np.concatenate([own.crossings[quantity] for own in results]) for quantity in first.crossings
+        quantity: np.concatenate([site.crossings[quantity] for site in results])
+        for quantity in first.crossings
     }
     return SiteResults(first.blocks, first.lines, passed, unresolved, arrived, crossings)
 
 
 def check_extremes(scenario: Scenario) -> None:
-    """Raises InputError if an extreme value of what is not known makes no sense."""
+    """Raise InputError if an extreme value of something that is not known makes no sense."""
     for place, quantile in scenario.unknown().items():
         for value in quantile(EXTREME_SHARES) if place != FACTOR else ():
             variant(scenario, {place: float(value)})

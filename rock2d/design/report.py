@@ -1,4 +1,4 @@
-"""The report of a site, one page to hand in: what was assumed, what blocks do, how sure that is, what limits it has."""
+"""The report of a site, one page to hand in: assumptions, results, their uncertainty and their limits."""
 
 from __future__ import annotations
 
@@ -55,35 +55,35 @@ if TYPE_CHECKING:
 PAGE, PRINTED = "report.html", "report.pdf"
 REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
 LEAST_SHARE = 1e-6
-ZOOM_HEIGHTS = 3.0  # heights of the embankment that are shown before and behind it
+ZOOM_HEIGHTS = 3.0  # width of the enlarged view on each side of an embankment, in heights of the embankment
 LIMITS = (
     "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
     "can leave the section.",
-    "Trees take no energy. Use a 3D code with single trees.",
-    "Blocks do not break. Use a code with a fragmentation model where that matters.",
+    "Trees absorb no energy. Use a 3D code with single trees.",
+    "Blocks do not break. Use a code with a fragmentation model if that matters.",
     "The embankment is ground with a contact law: it does not slide, yield or fail. Check its stability with a model "
     "of the structure.",
-    "Intervals cover sampling and what is listed as not known, and nothing else.",
-    "Few numbers of UNI 11211-4 and ONR 24810 could be compared with two published sources: compare those that are "
-    "marked with the text of the norm before use.",
+    "Intervals cover only sampling and what is listed as not known.",
+    "Few numbers of UNI 11211-4 and ONR 24810 are verified by two published sources: compare those that are marked "
+    "with the text of the norm before use.",
 )
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """What a report tells.
+    """Content of a report.
 
     Attributes
     ----------
-    sample : the releases that figures and envelopes show: all of a run, the first ones of a campaign
+    sample : the releases in figures and envelopes: all of a run, the first ones of a campaign
     tables : passing, percentiles and stops of all releases
-    remarks : what is not resolved
-    assessment : over the possible sites, if something is not known
-    answer : result of the search for the least size, if there was one
-    combinations : of a search for the least volume, the best first
-    compared : before and after the scenario's diagnosis
-    models : with other models, see `design.model_range`
-    views : `sample` and runs with other models, or of a search with each size that it tried, in ascending order
+    remarks : remarks on unresolved releases
+    assessment : results over the possible sites, if something is not known
+    answer : answer of a search for the least size
+    combinations : combinations of a search for the least volume, the best first
+    compared : table before and after the diagnosis of the scenario
+    models : table with other models, see `design.model_range`
+    views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order
     """
 
     scenario: Scenario
@@ -99,23 +99,23 @@ class ReportContent:
 
     @property
     def fails(self) -> bool:
-        """Whether a target was asked for that no size meets."""
+        """Whether no size of a search meets its target."""
         return self.answer is not None and self.answer.least is None
 
     @property
     def releases(self) -> int:
-        """How many releases the tables count."""
+        """Number of releases in the tables."""
         stops = self.tables.get("stops", ())
         return int(self.tables["stops"]["releases"].sum()) if "releases" in stops else len(self.sample.tracks)
 
     @cached_property
     def diagnosis(self) -> list[str]:
-        """What is to be said of the scenario's diagnosis."""
+        """Remarks on the diagnosis of the scenario."""
         return diagnosis_remarks(self.scenario)
 
     @cached_property
     def design_values(self) -> pd.DataFrame:
-        """The design values of all lines, if there are percentiles."""
+        """Table of design values at all lines. Needs the table percentiles."""
         uncertain = self.assessment.uncertain if self.assessment is not None else None
         return design_table(self.scenario, self.tables["percentiles"], uncertain)
 
@@ -138,7 +138,7 @@ def write_report(
 
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
-    """The page; its live view is a figure, too."""
+    """The HTML of the page; without figures it has no live view either."""
     scenario = content.scenario
     context = {
         "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
@@ -166,7 +166,7 @@ def _live(content: ReportContent) -> LiveSlope | None:
 
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
-    """The function that draws each figure, and what it takes."""
+    """Name of each figure -> the function that draws it, and its arguments."""
     from rock2d.design.design_curve import design_figure
     from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
@@ -195,7 +195,7 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
 
 
 def _embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
-    """Each embankment with the name of its figure and in words."""
+    """(name of the figure, name in words, embankment) of each embankment."""
     banks = ground.embankments
     if len(banks) == 1:
         return [("embankment", "the embankment", banks[0])]
@@ -204,9 +204,9 @@ def _embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
 
 def _window(ground: CrossSection, bank: Embankment) -> tuple[float, float, float, float]:
     """The surroundings of an embankment: x_min, x_max, y_min, y_max in m."""
-    own = ground.points_m[bank.left : bank.right + 1]
+    points = ground.points_m[bank.left : bank.right + 1]
     reach = ZOOM_HEIGHTS * bank.height_m
-    low, high = own.min(axis=0), own.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     return (
         float(low[0] - reach), float(high[0] + 0.5 * reach), float(low[1] - 0.3 * reach), float(high[1] + reach)
     )  # fmt: skip
@@ -220,7 +220,7 @@ def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
 
 
 def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
-    """What, value, note of each tile. A tile with an answer shows the bound that is judged."""
+    """(label, value, note) of each tile. With an answer, a tile shows the judged bound."""
     run, answer, found = content.sample, content.answer, []
     ranges = short_ranges(content.models) if content.models is not None else {}
     over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
@@ -244,7 +244,7 @@ def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
 
 
 def _with_range(tile: tuple[str, str, str], over_models: str | None) -> tuple[str, str, str]:
-    """The tile with the range over the models in its note."""
+    """The tile with the range over the models added to its note."""
     what, value, note = tile
     return (what, value, f"{note}; {over_models}") if over_models else tile
 
@@ -252,8 +252,8 @@ def _with_range(tile: tuple[str, str, str], over_models: str | None) -> tuple[st
 def demand_tiles(
     content: ReportContent, ranges: Mapping[tuple[str, str], str] = MappingProxyType({})
 ) -> list[tuple[str, str, str]]:
-    """What each embankment must take: what it is, the largest value of all blocks with its interval, the block, and the
-    range over the models (line and key of `model_range.SHOWN` -> words)."""
+    """Tiles of what each embankment must withstand: label, largest value of all blocks with its interval, and the block
+    with the range over the models. `ranges`: (line, key of `model_range.SHOWN`) -> words."""
     if "percentiles" not in content.tables:
         return []
     words = {
@@ -274,7 +274,7 @@ def demand_tiles(
 
 def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section | None]:
     def noted(section: Section | None) -> Section | None:
-        """The section whose tables say what the run leaves out."""
+        """The section with a note in its tables on the changes that the run leaves out."""
         note = table_note(content.scenario)
         if section is None or not note:
             return section
@@ -330,7 +330,7 @@ def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
 
 
 def _percent(share: float) -> str:
-    """In %, without numbers that no sample can show."""
+    """In %; shares below LEAST_SHARE are 0."""
     return three_digits(100.0 * share) if share >= LEAST_SHARE else "0"
 
 
@@ -338,13 +338,13 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
     run = content.sample
     points = run.cross_section.points_m
     alt = (
-        f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the ways of the blocks; "
+        f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the paths of the blocks; "
         f"height from {points[:, 1].min():.3g} to {points[:, 1].max():.3g} m"
     )
     near = [
         picture
         for name, words, _ in _embankments(run.cross_section)
-        for picture in _picture(figures, name, f"The ways of the blocks at {words}, enlarged")
+        for picture in _picture(figures, name, f"The paths of the blocks at {words}, enlarged")
     ]
     return Section(
         "Site and blocks",
@@ -360,8 +360,8 @@ def _assumption_section(content: ReportContent) -> Section:
         f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()
     ]
     points += [
-        f"Rough ground in {zone}: local slopes vary by {own.sd_deg:g} degrees (1 sigma) over {own.length_m:g} m"
-        for zone, own in scenario.roughness.items()
+        f"Rough ground in {zone}: local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
+        for zone, rough in scenario.roughness.items()
     ]
     if scenario.uncertainty is not None:
         points += [f"Not known: {place}, {_drawn(draw)}" for place, draw in scenario.uncertainty.site.items()]
@@ -373,8 +373,7 @@ def _drawn(draw: Any) -> str:
     kind, numbers = next(iter(draw.model_dump().items()))
     if kind == "times":
         return "the value of the file times " + _drawn(draw.times)
-    said = ", ".join(f"{key} {value:g}" for key, value in numbers.items())
-    return f"{kind} ({said})"
+    return f"{kind} ({', '.join(f'{key} {value:g}' for key, value in numbers.items())})"
 
 
 def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
@@ -388,7 +387,7 @@ def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Sec
     )
     alt = "Histogram of the places at which releases ended, below the cross-section"
     texts = [] if content.answer is None else [
-        "One sample, on the site as in the file. The verdict is judged over all possible sites: see above."
+        "One sample, on the site as in the file. The verdict holds over all possible sites: see above."
     ]  # fmt: skip
     return Section(
         "Do blocks pass, and where do they end",
@@ -431,9 +430,9 @@ def _design_section(content: ReportContent) -> Section | None:
     if not len(values):
         return None
     text = (
-        "An embankment must take what arrives at it. Characteristic values are 95th percentiles of the blocks that "
-        "pass the line. Each block is a design block of its own; the mass is that of the scenario (of a population, "
-        "the block that is larger than 95 %)."
+        "An embankment must withstand what arrives at it. Characteristic values are 95th percentiles of the blocks "
+        "that pass the line. Each block of the scenario is a design block, with its mass (of a population, the 95th "
+        "percentile of size)."
     )
     tables = [design_value_rows(values), norm_rows(content.scenario)]
     texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
@@ -442,10 +441,10 @@ def _design_section(content: ReportContent) -> Section | None:
 
 def _without_assessment(content: ReportContent) -> str:
     if content.scenario.uncertainty is None:
-        return "The scenario says nothing about what is not known. All intervals are those of sampling alone."
+        return "The scenario has no key uncertainty. All intervals cover only sampling."
     return (
-        "The size holds over all that is listed as not known. The other intervals on this page are those of sampling "
-        "alone: `rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
+        "The size holds over all that is listed as not known. The other intervals on this page cover only sampling: "
+        "`rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
     )
 
 
@@ -454,8 +453,8 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
 
     title = "How much depends on the model"
     if content.models is None:
-        text = "Not computed: `rock2d run SCENARIO --compare --report` runs the other law, rough or smooth ground, "
-        return Section(title, texts=[text + "softer and harder soil, and blocks of other shapes."])
+        text = "Not computed: `rock2d run SCENARIO --compare --report` also runs the other law, rough or smooth ground,
+        " return Section(title, texts=[text + "softer and harder soil, and blocks of other shapes."])
     text = "One change at a time, the same releases. None of these models is known to be the right one."
     alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
     return Section(
@@ -479,9 +478,9 @@ def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> S
 
 
 def tornado_words(assessment: Assessment) -> str:
-    """The tornado figure of an assessment, for those who do not see it."""
+    """Alternative text of the tornado figure of an assessment."""
     table: Any = assessment.told_apart
-    alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
+    alt = "Tornado figure: share of each unknown value in the variance of the passing frequency"
     if len(table):
         first = table.loc[table["total"].idxmax()]
         alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
@@ -489,7 +488,7 @@ def tornado_words(assessment: Assessment) -> str:
 
 
 def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
-    """What an assessment says; `pictures`: its tornado figure, if it has one."""
+    """The section of an assessment; `pictures`: its tornado figure, if it has one."""
     remark = assessment.sampling_remark()
     return Section(
         "How sure is that",

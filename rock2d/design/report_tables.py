@@ -1,4 +1,4 @@
-"""Tables of a report, as a person reads them: three significant digits, kJ where kJ are usual."""
+"""Tables of a report, with three significant digits and the usual units."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LARGE_J = 1000.0
 
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
-    """A value with its interval and its unit, which the name of the quantity ends with."""
+    """A value with its interval and its unit, which is the end of the name of the quantity."""
     if not np.isfinite(value):
         return "-"
     unit = next((text for end, text in UNITS.items() if quantity.endswith(end)), "")
@@ -54,7 +54,7 @@ def _rows(table: pd.DataFrame) -> list[Any]:
 
 
 def data_of(name: str, table: pd.DataFrame) -> Download:
-    """A table with its full numbers as a link."""
+    """Download link of a table with all digits."""
     return download(name, list(table.columns), table.itertuples(index=False))
 
 
@@ -69,14 +69,14 @@ def passing_rows(passing: pd.DataFrame) -> Table:
 
 
 def stop_rows(stops: pd.DataFrame) -> Table:
-    """What the shares rest on: how releases ended."""
+    """Numbers of releases by kind of stop."""
     counts = stop_counts(stops)
-    rows = [(str(block), *(str(n) for n in own)) for block, own in counts.iterrows()]
+    rows = [(str(block), *(str(n) for n in by_stop)) for block, by_stop in counts.iterrows()]
     return Table(("block", *map(str, counts.columns)), rows)
 
 
 def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
-    """Angle of reach and energy line angle; `held`: an embankment stands on the ground."""
+    """Angle of reach and energy line angle; `held`: whether the ground has an embankment."""
     rows = []
     for r in _rows(reach):
         most = "≤ " if r.not_stopped else ""
@@ -84,11 +84,11 @@ def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
         rows.append((r.block, ANGLES[r.angle], str(r.left_source), str(r.not_stopped),
                      *(f"{most}{angle}°" if angle[0] != "-" else "-" for angle in angles)))  # fmt: skip
     note = (
-        "Slope of the line from the start of a block (energy line: from its energy head there) to its end; of the "
-        f"blocks that left their source. {USUAL_REACH}"
+        "Slope of the line from the start of a block (energy line: from its energy head there) to its end, for blocks "
+        f"that left their source. {USUAL_REACH}"
     )
     if held:
-        note += " The embankment holds blocks that would run farther: compare a run without it."
+        note += " The embankment stops blocks that would run farther: compare a run without it."
     if reach["not_stopped"].any():
         note += " ≤: some blocks left the cross-section or were cut short; they would run farther."
     head = ("block", "angle", "left source", "not stopped", "flattest", "95 % of blocks stop above")
@@ -96,7 +96,7 @@ def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
 
 
 def percentile_rows(percentiles: pd.DataFrame) -> Table:
-    """Percentiles of what passes each line."""
+    """Percentiles of the blocks that pass each line."""
     rows = [
         (r.line, r.block, NAMES[r.quantity], f"{r.percentile:g} %", str(r.passed),
          quantity_text(r.quantity, r.value, r.low95, r.high95))
@@ -104,7 +104,7 @@ def percentile_rows(percentiles: pd.DataFrame) -> Table:
     ]  # fmt: skip
     return Table(
         ("line", "block", "quantity", "percentile", "passed", "value [95 % interval]"), rows,
-        note="Intervals: sampling only, free of assumptions. A percentile of too few passings is left out.",
+        note="Intervals: sampling only, distribution-free. Percentiles of too few blocks are left out.",
         data=data_of("percentiles.csv", percentiles),
     )  # fmt: skip
 
@@ -125,17 +125,17 @@ def design_value_rows(values: pd.DataFrame) -> Table:
 
 
 def norm_rows(scenario: Scenario) -> Table:
-    """The numbers of the norms, and who states them."""
+    """The numbers of the norms, and their sources."""
     return Table(
         ("norm", "number", "here", "of the norm", "source 1", "source 2", "verified"), norm_table(scenario),
         "Numbers of the norms",
-        note="Verified: two independent published sources state the values. The texts of the norms were not compared. "
+        note="Verified: two independent published sources give the values. They were not compared with the norms. "
         + " ".join(f"{name}: {source}." for name, source in SOURCES.items()),
     )  # fmt: skip
 
 
 def uncertain_rows(uncertain: pd.DataFrame) -> Table:
-    """What is known over all possible sites."""
+    """Results over all possible sites."""
     rows = []
     for r in _rows(uncertain.dropna(subset="value")):
         base = str(r.quantity).removesuffix("_95")
@@ -148,14 +148,13 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
         rows.append((r.line, r.block, NAMES[base] + ("" if base in SHARES else ", 95 %"), shown, share))
     return Table(
         ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,
-        note="Not known: the share of the variance that comes from what is not known about the site; the rest is "
-        "sampling.",
+        note="Not known: share of the variance from what is not known about the site; the rest is sampling.",
         data=data_of("uncertainty.csv", uncertain),
     )  # fmt: skip
 
 
 def model_rows(compared: pd.DataFrame, name: str) -> Table:
-    """Design values with each of several models; `name` is that of the file with the full numbers."""
+    """Passing frequencies, energy and height with each of several models; `name`: file name of the full table."""
     rows = []
     for r in _rows(compared):
         energy = (r.kinetic_p95_J, r.kinetic_p95_low95_J, r.kinetic_p95_high95_J)
@@ -174,7 +173,7 @@ def model_rows(compared: pd.DataFrame, name: str) -> Table:
 
 
 def model_text(table: pd.DataFrame, what: str, note: str = "") -> str:
-    """The table as a person reads it, in the units of the report."""
+    """`model_rows` as text."""
     import pandas as pd
 
     if not len(table):
@@ -198,23 +197,24 @@ def block_rows(scenario: Scenario) -> Table:
 
 
 def parameter_tables(scenario: Scenario, engine: str) -> list[Table]:
-    """Parameters of the engine's law in every zone, for every block for which they differ; and where they come from."""
+    """Parameters of the law of the engine in every zone, one table for blocks with the same parameters; and the sources
+    of soil classes."""
     zones = scenario.make_cross_section().zone_names
-    alike: list[tuple[Mapping[str, Any], list[str]]] = []  # parameters, and the blocks that have them
+    groups: list[tuple[Mapping[str, Any], list[str]]] = []  # parameters, and the blocks that have them
     for block in scenario.make_blocks().values():
         of_zone = engine_named(engine).parameters(scenario, block)
-        names_of = next((names for other, names in alike if other == of_zone), None)
-        if names_of is None:
-            alike.append((of_zone, [block.name]))
+        same = next((blocks for other, blocks in groups if other == of_zone), None)
+        if same is None:
+            groups.append((of_zone, [block.name]))
         else:
-            names_of.append(block.name)
+            same.append(block.name)
     tables: list[Table] = []
-    for of_zone, blocks in alike:
-        own = {zone: asdict(of_zone.get(zone) or of_zone["default"]) for zone in zones}
-        names = list(next(iter(own.values())))
-        rows = [(zone, *(_parameter(values[name]) for name in names)) for zone, values in own.items()]
+    for of_zone, blocks in groups:
+        by_zone = {zone: asdict(of_zone.get(zone) or of_zone["default"]) for zone in zones}
+        names = list(next(iter(by_zone.values())))
+        rows = [(zone, *(_parameter(values[name]) for name in names)) for zone, values in by_zone.items()]
         title = f"Parameters of the {engine_named(engine).law} law"
-        title += f": {', '.join(blocks)}" if len(alike) > 1 else ""
+        title += f": {', '.join(blocks)}" if len(groups) > 1 else ""
         tables.append(Table(("zone", *names), rows, title))
     if scenario.model.soils:
         tables.append(_soil_sources(scenario))

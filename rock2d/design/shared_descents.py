@@ -1,7 +1,8 @@
-"""The descent that all sizes of an earthwork share: simulated once, down to where their grounds part.
+"""The descent that all sizes of an earthwork share, simulated once down to the place where their grounds differ.
 
-Upslope of an embankment or a ditch nothing depends on its size, and most of a release's time is spent there. Each
-release is suspended before the grounds part, with the memory of its contacts, and goes on from there with each size.
+Uphill of an embankment or a ditch nothing depends on its size, and most of the computing time is spent there. Each
+release is suspended before the grounds differ, with the memory of its contacts, and continues from there with each
+size.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change nothing but the ground
-SHARING_ENGINE = "batch"  # the one that holds releases
-OVERSHOOT = 2.0  # radii that a release may move on in one look before it is suspended
-REACH = 5.0  # radii ahead of its centroid up to which a block looks at the ground, at most
+EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change only the ground
+SHARING_ENGINE = "batch"  # the engine that can suspend releases
+OVERSHOOT = 2.0  # radii that a release may move beyond the place where it is suspended
+REACH = 5.0  # largest distance ahead of the centroid within which a block searches the ground, in radii
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,12 @@ class Descent:
 
     Attributes
     ----------
-    starts : (n, 6) the states at which they start
+    starts : (n, 6) incident states
     grounds : one for each release, or a single one for all
-    suspend_x_m, radius_m : the x at which they are suspended, and the largest radius of the blocks
-    states : (n, 6) where they go on with each size, or ended
-    suspended : time and contact memory with which they go on
-    stop : (n,) index into STOPS, why they ended; STOP_REACHED: they go on
+    suspend_x_m, radius_m : the x at which releases are suspended, and the largest radius of the blocks
+    states : (n, 6) states at which they are suspended, or ended
+    suspended : time and contact memory of suspended releases
+    stop : (n,) index into STOPS; STOP_REACHED: suspended
     """
 
     starts: Array
@@ -48,22 +49,23 @@ class Descent:
     suspended: Suspended
     stop: Array
 
-    def serves(self, group: Group) -> bool:
-        """Whether these releases have the same starts and ground, and no measure line, as far as the descent goes."""
+    def applies_to(self, group: Group) -> bool:
+        """Whether a group has the same starts, the same ground as far as the descent goes, and no measure line
+        there."""
         return np.array_equal(self.starts, group.states) and all(
-            parting_m(own, met.cross_section) >= self.suspend_x_m + REACH * self.radius_m
-            and _first_line_m(met.cross_section) >= self.suspend_x_m + OVERSHOOT * self.radius_m
-            for own, met in zip(self.grounds, group.conditions, strict=True)
+            equal_until_m(ground, condition.cross_section) >= self.suspend_x_m + REACH * self.radius_m
+            and _first_line_m(condition.cross_section) >= self.suspend_x_m + OVERSHOOT * self.radius_m
+            for ground, condition in zip(self.grounds, group.conditions, strict=True)
         )
 
     def outcome(self, job: Job, group: Group) -> Outcome:
-        """What becomes of the releases with the ground of a size."""
+        """The outcome of the releases on the ground of one size."""
         n, lines = len(group.states), len(job.cross_section.measure_lines)
         ends, crossings = np.full((n, N_INSTANT), np.nan), np.full((n, lines, N_INSTANT), np.nan)
         ends[:, TIME], ends[:, INSTANT_STATE], stop = self.suspended.elapsed_s, self.states, self.stop.copy()
         on = np.flatnonzero(stop == STOP_REACHED)
         if len(on):
-            resumed = group.part(on)._replace(states=self.states[on], suspended=self.suspended.part(on))
+            resumed = group.subset(on)._replace(states=self.states[on], suspended=self.suspended.subset(on))
             found = batch_outcome(job, resumed)
             ends[on], crossings[on], stop[on] = found.ends, found.crossings, found.stop
         return Outcome(stop, ends, crossings)
@@ -71,14 +73,14 @@ class Descent:
 
 @dataclass
 class SharedDescents:
-    """Descents of all blocks on a site, which are simulated when they are first asked for.
+    """Descents of all blocks on a site, simulated at the first use.
 
     Attributes
     ----------
-    extremes : scenarios of the site, with the smallest sizes first and with the largest last; between them, where
-        several sizes vary, the other corners of their ranges. Empty once the descents are found
-    seed, releases : seed of the releases, and their number, of each block
-    found : the descent of each block
+    extremes : scenarios of the site for all corners of the ranges of sizes; the last one has the largest sizes. Empty
+        once the descents are computed
+    seed, releases : seed of the releases, and their number for each block
+    found : the descent of each block, None before the first use
     """
 
     extremes: Sequence[Scenario]
@@ -90,9 +92,9 @@ class SharedDescents:
         """The descent of each block."""
         if self.found is None:
             largest = crossings_job(self.extremes[-1], SHARING_ENGINE, self.seed)
-            grounds = [own.make_cross_section() for own in self.extremes]
+            grounds = [scenario.make_cross_section() for scenario in self.extremes]
             limits = (
-                min(parting_m(own, largest.cross_section) for own in grounds),
+                min(equal_until_m(ground, largest.cross_section) for ground in grounds),
                 min(map(_first_line_m, grounds)),
             )
             groups = (largest.conditions.group(b, 0, self.releases) for b in range(len(largest.blocks)))
@@ -101,33 +103,33 @@ class SharedDescents:
 
 
 def shares_descents(scenario: Scenario, place: str, engine: str) -> bool:
-    """Whether variants that differ in the number at this place differ in the ground alone, for an engine that can
-    suspend releases. Effects of a diagnosis may remember more than the contacts do."""
-    ground_alone = place.split(".")[0] in EARTHWORKS
-    return engine == SHARING_ENGINE and scenario.diagnosed is None and ground_alone
+    """Whether variants in the number at this place can share descents: they differ only in the ground, the engine can
+    suspend releases, and there is no diagnosis, whose effects may have further memory."""
+    only_ground = place.split(".")[0] in EARTHWORKS
+    return engine == SHARING_ENGINE and scenario.diagnosed is None and only_ground
 
 
-def parting_m(one: CrossSection, other: CrossSection) -> float:
-    """The x up to which two grounds are the same."""
+def equal_until_m(one: CrossSection, other: CrossSection) -> float:
+    """The x up to which two grounds are equal."""
     least = min(len(one.zones), len(other.zones))
     same = (one.points_m[: least + 1] == other.points_m[: least + 1]).all(axis=1)
     same[1:] &= [a == b for a, b in zip(one.zones[:least], other.zones[:least], strict=True)]
     common = len(same) if same.all() else int(np.argmin(same))
-    return min(float(own.points_m[max(common - 1, 0) :, 0].min()) for own in (one, other))
+    return min(float(ground.points_m[max(common - 1, 0) :, 0].min()) for ground in (one, other))
 
 
 def _first_line_m(ground: CrossSection) -> float:
-    """The x up to which no measure line comes."""
+    """The smallest x of all measure lines."""
     return min((float(ends[:, 0].min()) for ends in ground.measure_lines.values()), default=np.inf)
 
 
 def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
-    """The descent before `limits`: where the grounds part, and the first measure line."""
-    radius = max(own.block.reach_m for own in group.conditions)
+    """The descent before `limits`: the x where the grounds differ, and the x of the first measure line."""
+    radius = max(condition.block.reach_m for condition in group.conditions)
     suspend_x_m = min(limits[0] - REACH * radius, limits[1] - OVERSHOOT * radius)
     found = batch_outcome(job, group, suspend_x_m)
     assert found.saved_contacts is not None
-    grounds = [own.cross_section for own in group.conditions]
+    grounds = [condition.cross_section for condition in group.conditions]
     suspended = Suspended(found.ends[:, TIME], found.saved_contacts)
     return Descent(
         group.states, grounds, suspend_x_m, radius, found.ends[:, INSTANT_STATE], suspended, found.stop

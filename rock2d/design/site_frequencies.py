@@ -1,8 +1,8 @@
-"""What counts at many possible sites say about the frequency at a further one: a beta-binomial model of all of them.
+"""Frequency at a further site from counts at many possible sites, by a beta-binomial model.
 
 The frequencies of the sites are Beta(mu nu, (1 - mu) nu), the counts binomial. mu has Jeffreys' prior, nu is uniform in
-its logarithm. So sites that agree support each other: none of 200 blocks at each of 30 sites says more about a further
-one than none of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
+its logarithm. So sites that agree support each other: 0 of 200 blocks at each of 30 sites say more about a further site
+than 0 of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
 """
 
 from __future__ import annotations
@@ -12,33 +12,35 @@ import numpy as np
 Array = np.ndarray
 
 DRAWS = 4000
-MEAN_VALUES = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
+MEAN_VALUES = (
+    120  # number of values of mu, equally spaced in arcsin sqrt mu, where Jeffreys' prior is uniform
+)
 LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
 def further_site_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS,) draws of the frequency at a further site, from what is known of all: `passed` (sites,) releases `of`
-    (sites,), or of the same number at each.
+    """(DRAWS,) draws of the frequency at a further site, given `passed` (sites,) of `of` releases at each site,
+    (sites,) or one number.
 
-    The real site is a further one: mu and nu are drawn from their posterior, the frequency from Beta(mu nu,
-    (1 - mu) nu). With a single site, whose spread is not known: the posterior of its frequency with Jeffreys' prior.
+    The real site counts as a further one: mu and nu are drawn from their posterior, the frequency from Beta(mu nu,
+    (1 - mu) nu). With a single site, the draws are from the posterior of its frequency with Jeffreys' prior.
     """
     k, n = np.broadcast_arrays(np.asarray(passed, float), np.asarray(of, float))
     if len(k) == 1:
         return rng.beta(k[0] + 0.5, n[0] - k[0] + 0.5, DRAWS)
     angle = (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES * 0.5 * np.pi
-    grid = _finer(k, n, angle)
+    grid = _refined(k, n, angle)
     a, b, weight = _posterior(k, n, np.sin(grid) ** 2)
     chosen = rng.choice(len(weight), DRAWS, p=weight)
     return rng.beta(a[chosen], b[chosen])
 
 
-def _finer(k: Array, n: Array, angle: Array) -> Array:
-    """Angles, evenly spread where the posterior of mu has its weight."""
+def _refined(k: Array, n: Array, angle: Array) -> Array:
+    """Equally spaced angles in the range where the posterior of mu has its weight."""
     for _ in range(2):
         _, _, weight = _posterior(k, n, np.sin(angle) ** 2)
-        own = weight.reshape(-1, STRENGTH_VALUES).sum(axis=1)
-        support = np.flatnonzero(own > 1e-6 * own.max())
+        marginal = weight.reshape(-1, STRENGTH_VALUES).sum(axis=1)
+        support = np.flatnonzero(marginal > 1e-6 * marginal.max())
         step = angle[1] - angle[0]
         low, high = max(angle[support[0]] - step, 0.0), min(angle[support[-1]] + step, 0.5 * np.pi)
         angle = low + (high - low) * (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES
@@ -46,7 +48,7 @@ def _finer(k: Array, n: Array, angle: Array) -> Array:
 
 
 def _posterior(k: Array, n: Array, mu: Array) -> tuple[Array, Array, Array]:
-    """a, b and weight (sum 1) on the grid of mu and nu, flat."""
+    """a, b and weight (with sum 1) at all points of the grid of mu and nu, one-dimensional."""
     from scipy.special import betaln
 
     nu = np.geomspace(LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES)

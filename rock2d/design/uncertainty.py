@@ -1,4 +1,4 @@
-"""How sure results are: what is not known about the site, and the error of sampling, apart in every number."""
+"""Uncertainty of results: what is not known about the site and the error of sampling, separately."""
 
 from __future__ import annotations
 
@@ -24,18 +24,20 @@ SENSITIVITY_COLUMNS = (
 )  # fmt: skip
 FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"
 SHARES = {FREQUENCY: "passing frequency", PER_ARRIVING: "passing, of arriving blocks"}
-FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
+FEWEST_CROSSINGS = 5  # fewest crossings at a site for a percentile
 FURTHER_SITES = 4000  # draws of a further site, for the bounds of a percentile
-DRAWS_PER_SITE = 200  # draws of the sampling error of a site's percentile
+DRAWS_PER_SITE = 200  # draws of the sampling error of the percentile of a site
 
 
 def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:
     """Passing frequencies of the released and of the arriving blocks, and 95th percentiles of energy, passing height
     and speed over all possible sites; UNCERTAIN_COLUMNS.
 
-    value: median over the sites. low95, high95: bounds for a further site, as the real one is. share_not_known and
-    share_sampling: shares of the variance of what is written here. A frequency's upper bound counts unresolved
-    releases as passed; unresolved: their share over all sites.
+    - value: median over the sites
+    - low95, high95: bounds for a further site, such as the real one; the upper bound of a frequency counts unresolved
+      releases as passed
+    - share_not_known, share_sampling: shares of the variance
+    - unresolved: share of unresolved releases over all sites
     """
     import pandas as pd
 
@@ -57,11 +59,11 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
 
 
 def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Generator) -> tuple[float, ...]:
-    """(median, low, high, share not known, share of sampling) of the frequency with which releases `of` a kind pass;
-    arrays (sites, releases) bool. NaN if there are none.
+    """(median, low, high, share not known, share of sampling) of the share of the releases `of` that pass; arrays
+    (sites, releases) bool. NaN if there are no such releases.
 
-    Where no release passes at more than 2.5 % of the sites the lower bound is 0, and where all pass the upper is 1:
-    a posterior never reaches either, a site can.
+    If no release passes at more than 2.5 % of the sites, the lower bound is 0; if all pass at more than 2.5 %, the
+    upper bound is 1. A posterior never reaches these values, but a site can.
     """
     some = of.any(axis=1)
     if not some.any():
@@ -97,31 +99,31 @@ def _shares(not_known: float, sampling: float) -> tuple[float, float]:
 
 
 def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
-    """As `_frequency`, of the percentile of `values` (sites, releases), NaN where a release did not cross.
+    """As `_frequency`, for the percentile of `values` (sites, releases), NaN if a release did not cross.
 
-    Of few values the sample percentile lies too low: of m values it has the rank p (m - 1) + 1, a level of (p (m - 1)
-    + 1) / (m + 1) on average, and its level is a Beta variable with that mean and m + 1 values. How far that is from
-    the true percentile follows from the values of all sites together, whose tail is known much better than that of a
-    single site. Sites with few crossings say nothing of it. The percentiles of n sites spread by their sampling
-    error, too. The bounds are those of a further site: normal about a mean that is known to the spread over sqrt(n),
-    with the variance between the sites that is left of a variance drawn from its posterior ((n - 1) s² / chi²) after
-    that of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
+    The percentile of a small sample is biased low. Of m values it has the rank p (m - 1) + 1, so its level is a Beta
+    variable with mean (p (m - 1) + 1) / (m + 1) and m + 1 values. The values of all sites together, whose tail is known
+    much better, give its deviation from the true percentile. Sites with few crossings are not used.
+
+    The bounds are those of a further site, which is normally distributed. The error of the mean is the spread over
+    sqrt(n). The variance between the n sites is a draw from the posterior of the total variance, (n - 1) s² / chi²,
+    minus the variance of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
     """
     share = DESIGN_PERCENTILE / 100.0
     crossed = [row[np.isfinite(row)] for row in values]
-    crossed = [own for own in crossed if len(own) >= FEWEST_CROSSINGS]
+    crossed = [at_site for at_site in crossed if len(at_site) >= FEWEST_CROSSINGS]
     if not crossed:
         return (np.nan,) * 5
     together = np.concatenate(crossed)
     true = np.quantile(together, share)
-    known = []
-    for own in crossed:
-        m = len(own)
+    draws = []
+    for at_site in crossed:
+        m = len(at_site)
         rank = share * (m - 1) + 1.0
         levels = rng.beta(rank, m + 1 - rank, DRAWS_PER_SITE)
-        known.append(np.quantile(own, share) + true - np.quantile(together, levels))
-    at = np.mean(known, axis=1)
-    error = np.array(known) - at[:, None]
+        draws.append(np.quantile(at_site, share) + true - np.quantile(together, levels))
+    at = np.mean(draws, axis=1)
+    error = np.array(draws) - at[:, None]
     sampling = float(error.var(axis=1).mean())
     shares = _shares(max(float(np.var(at)) - sampling, 0.0), sampling)
     n = len(at)
@@ -140,8 +142,8 @@ def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
 def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:
     """Sobol indices of the passing frequencies; SENSITIVITY_COLUMNS.
 
-    first_order: the share of the variance between sites that a parameter makes alone; total: with its interactions.
-    Lines are left out whose frequency is the same at all independent sites: there is no variance to share.
+    first_order: share of a parameter alone in the variance between sites; total: share with its interactions. Lines
+    whose frequency is the same at all independent sites are left out, because they have no variance.
     """
     import warnings
 
@@ -156,7 +158,7 @@ def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> 
             frequency = results.passed[:, b, k].mean(axis=1)
             if np.ptp(frequency[sites.independent]) == 0.0:
                 continue
-            with warnings.catch_warnings():  # resamples of few sites can be constant: they widen the errors
+            with warnings.catch_warnings():  # bootstrap samples of few sites can be constant
                 warnings.simplefilter("ignore")
                 found = sobol.analyze(problem, frequency, calc_second_order=False, seed=seed)
             for i, name in enumerate(names):

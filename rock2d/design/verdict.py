@@ -1,4 +1,4 @@
-"""The answer of a report in plain words: what was asked, what holds, and the bound by which that is judged."""
+"""The verdict of a report in words: the target, the answer, and the bound that decides."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Worst(NamedTuple):
-    """The block that passes the last line most often, and its frequency."""
+    """The block that passes a line most often, and its frequency."""
 
     block: str
     line: str
@@ -26,8 +26,8 @@ class Worst(NamedTuple):
 
 
 def worst_blocks(content: ReportContent) -> list[Worst]:
-    """By the upper bounds, at the crest of each embankment from uphill to downhill, or at the last line; of a search at
-    the line of its target those bounds that its verdict is judged by. Empty without a measure line."""
+    """The block with the largest upper bound, at the crest of each embankment from uphill to downhill, or at the last
+    line; for a search at the line of its target, by the judged bounds. Empty without a measure line."""
     if content.answer is not None:
         shown = shown_judgement(content.answer)
         block = max(shown.high, key=lambda name: shown.high[name])
@@ -35,8 +35,8 @@ def worst_blocks(content: ReportContent) -> list[Worst]:
         return [Worst(block, content.answer.target.line, found)]
     table: Any = content.tables.get("passing")
     if content.assessment is not None:
-        own = content.assessment.uncertain
-        table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
+        uncertain = content.assessment.uncertain
+        table = uncertain[uncertain["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
     if table is None or not len(table):
         return []
     lines = list(map(str, table["line"].unique()))
@@ -53,7 +53,7 @@ def worst_blocks(content: ReportContent) -> list[Worst]:
 
 
 def shown_judgement(answer: Answer) -> Judgement:
-    """That of the least size, or of the largest if none meets the target."""
+    """The judgement of the least size, or of the largest if none meets the target."""
     size = answer.judgements[-1].size if answer.least is None else answer.least
     return next(judged for judged in answer.judgements if judged.size == size)
 
@@ -71,7 +71,7 @@ def headline(content: ReportContent) -> str:
 
 
 def first_sentence(content: ReportContent) -> str:
-    """What was asked, the answer, and how sure it is; empty without a measure line."""
+    """The answer and its uncertainty in one sentence; empty without a measure line."""
     found = worst_blocks(content)
     if content.answer is not None:
         return answer_sentence(content.answer, content.scenario)
@@ -85,12 +85,14 @@ def first_sentence(content: ReportContent) -> str:
     )
     loads = [_governing(content, quantity) for quantity in ("energy_J", "height_m")]
     if all(loads):
-        text += f"; what arrives asks for a design energy of {loads[0]} and a design height of {loads[1]}"
+        text += (
+            f"; the arriving blocks require a design energy of {loads[0]} and a design height of {loads[1]}"
+        )
     return f"{text}."
 
 
 def answer_sentence(answer: Answer, scenario: Scenario) -> str:
-    """The verdict of a search with its target and the upper bound that is judged."""
+    """The verdict of a search with its target and the judged upper bound."""
     target, high = answer.target, shown_judgement(answer).high
     block = max(high, key=lambda name: high[name])
     asked = target.text.rpartition(", at ")[0]
@@ -103,18 +105,18 @@ def answer_sentence(answer: Answer, scenario: Scenario) -> str:
 
 
 def bound_text(bound: float, target: float) -> str:
-    """An upper bound in %, with as many digits as show on which side of the target it lies."""
+    """An upper bound in %, with enough digits to show on which side of the target it lies."""
     shown = three_digits(100.0 * bound)
     return shown if (float(shown) <= 100.0 * target) == (bound <= target) else f"{100.0 * bound:.12g}"
 
 
 def norm_sentence(content: ReportContent) -> str:
-    """The least height of a search beside the height that the norms ask for, and which governs; empty if no height was
-    sought or none arrives."""
+    """The least height of a search, the height that the norms require, and which one governs; empty if the search did
+    not vary a height, or if no block arrives."""
     answer, height = content.answer, _largest(content, "height_m")
     if answer is None or height is None or not _is_height(answer):
         return ""
-    norm, asked = f"{height.norm} asks for {_estimate_text(height)}", height.design
+    norm, asked = f"{height.norm} requires {_estimate_text(height)}", height.design
     most = answer.judgements[-1].size
     if answer.least is None:
         own, governs = (
@@ -127,11 +129,11 @@ def norm_sentence(content: ReportContent) -> str:
         own = answer.least_text.replace(" (", " m (", 1)
         governs = "not known: begin the range lower" if answer.is_bound else "the target"
     where = f"above the ground at the line {height.line}"
-    return f"Height: the target asks for {own}, {norm} {where}. What governs: {governs}."
+    return f"Height: the target requires {own}, {norm} {where}. What governs: {governs}."
 
 
 def _subject(answer: Answer, scenario: Scenario) -> str:
-    """The size that is shown, as the subject of a sentence."""
+    """The shown size as the subject of a sentence."""
     size = shown_judgement(answer).size
     text = f"{answer.place} = {size:.4g}"
     if _is_height(answer) and scenario.document is not None:
@@ -156,8 +158,8 @@ def _largest(content: ReportContent, quantity: str) -> Any:
         return None
     table = content.design_values
     arriving = table["line"].isin([line for line in table["line"].unique() if is_line(line, ARRIVAL_LINE)])
-    own = table[arriving & (table["quantity"] == quantity)].dropna(subset="design")
-    return next(own.sort_values("design", ascending=False, kind="stable").itertuples(), None)
+    rows = table[arriving & (table["quantity"] == quantity)].dropna(subset="design")
+    return next(rows.sort_values("design", ascending=False, kind="stable").itertuples(), None)
 
 
 def _estimate_text(row: Any) -> str:

@@ -1,7 +1,7 @@
-"""The batch engine: whole ensembles of releases in one compiled call, with the contact law of the pymunk engine.
+"""The batch engine: an ensemble of releases in one compiled call, with the same contact law as the pymunk engine.
 
-Every release may have its own block, cross-section and parameters; `release` runs one. Releases are independent, so
-results do not depend on the number of threads.
+Each release may have its own block, cross-section and parameters. Releases are independent, so results do not depend on
+the number of threads.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Array = np.ndarray
 FIRST_KNOTS, KNOTS_PER_IMPACT = (
     4096,
     64,
-)  # room for the knots of a track, and how many there are at least to an impact
+)  # first room for the knots of a track, and least number of them per impact
 BATCH_STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
 
 
@@ -74,8 +74,8 @@ class Packed(NamedTuple):
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What releases may refer to, by index: blocks, cross-sections, parameter tables (zones, columns) in SI (thousands
-    of tables are best given as one array)."""
+    """Blocks, cross-sections and parameter tables (zones, columns; SI), to which releases refer by index. One array
+    (n, zones, columns) is the fastest form of thousands of tables."""
 
     blocks: Sequence[Block]
     cross_sections: Sequence[CrossSection]
@@ -89,15 +89,14 @@ class BatchResult:
     Attributes
     ----------
     stop : (n,) index into STOPS
-    ends : (n, 7) t and state where each release stopped
-    impact_count : (n,) impacts of each release
-    impacts : (n, room, 17) zone id, t and state before, t and state after, penetration_m, force_N; NaN beyond
-        the impacts that were, and after an impact that had not ended
-    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if never
-    samples : (n, times, 3) x, y, theta at the asked times
-    energy_J : (n, 10) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
-        energy, and the residual: what the audit does not account for
-    saved_contacts : (n, contacts, N_SAVED) contacts at the end, of releases that are or were suspended; else none
+    ends : (n, 7) t and state at the end of each release
+    impact_count : (n,) number of impacts of each release
+    impacts : (n, room, 17) zone id, t and state before, t and state after, penetration_m, force_N; rows beyond the last
+        impact are NaN, and so are the values after an impact that had not ended
+    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
+    samples : (n, times, 3) x, y, theta at the given times
+    energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
+    saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
     """
 
     stop: Array
@@ -154,7 +153,7 @@ def _tree(cross_section: CrossSection) -> Array:
 
 
 def _tables(ensemble: Ensemble) -> Array:
-    """(tables, zones, columns) parameters as the engines read them, NaN in the zones that a table has not."""
+    """(tables, zones, columns) parameters as the engines read them; NaN for zones that a table lacks."""
     given = ensemble.tables
     if isinstance(given, np.ndarray):
         return engine_rows(given)
@@ -165,8 +164,8 @@ def _tables(ensemble: Ensemble) -> Array:
 
 
 def world_ensemble(world: World) -> tuple[Ensemble, Array]:
-    """What `run_batch` needs of a world: the ensemble (blocks in the world's order), and the `table_ids` of its
-    releases: (1,) if all are alike, else (n,)."""
+    """The ensemble of a world, with blocks in the order of the world, and the `table_ids` of its releases: (1,) if all
+    have the same parameters, else (n,)."""
     return Ensemble(list(world.blocks.values()), [world.cross_section], world.contact), np.arange(
         len(world.contact)
     )
@@ -194,19 +193,20 @@ def run_batch(
 
     Parameters
     ----------
-    block_ids, cross_section_ids, table_ids : which block, cross-section and parameters each release has
-    impact_limit : stop at the end of this many impacts (0: no limit); 1 is the segment mode
-    impact_room : how many impacts of a release are recorded
-    stop_when_spent : stop a release that has not the energy left to reach any measure line it has not crossed
-    stop_when_captured : count a release as at rest as soon as the little energy left cannot carry it 0.4 of its radius
-        (`rest.captured`), instead of when it lies still: it trembles in between
-    times_s : (n, k) or (k,) instants at which to sample the motion
+    block_ids, cross_section_ids, table_ids : block, cross-section and parameters of each release, (n,) or one index
+    impact_limit : number of impacts after which a release stops (0: no limit)
+    impact_room : largest number of impacts that are recorded of a release
+    stop_when_spent : stop a release if its energy is too small to reach any measure line that it has not crossed
+    stop_when_captured : count a release as at rest as soon as its energy cannot move it by more than 0.4 of its radius
+        (`rest.captured`); otherwise only when the trembling of the block has ended
+    times_s : (n, k) or (k,) instants at which poses are sampled
     suspend_x_m : x beyond which a release is suspended: after a contact step, or before a flight that leads there
-    saved_contacts : (n, contacts, N_SAVED) of releases that go on from `states`; effects must not act
+    saved_contacts : (n, contacts, N_SAVED) contacts of suspended releases that continue from `states`; effects must not
+        act
 
     Raises ValueError if states are not finite or an index does not exist.
     """
-    # copies: compiled code would be compiled anew for a read-only view or another memory order
+    # copies, because numba compiles again for a read-only view or another memory order
     states = np.array(np.atleast_2d(states), float, order="C")
     n = len(states)
     if states.shape != (n, N_STATE) or not np.isfinite(states).all():
@@ -241,8 +241,8 @@ def run_batch(
 
 
 def run_world(world: World, states: Array, blocks: Array, **options: Any) -> BatchResult:
-    """`run_batch` of releases in a world, from `states` (n, 6), with the `blocks` (n,) of these numbers. The world has
-    parameters for all of them, or for each."""
+    """`run_batch` of releases in a world, from `states` (n, 6), with blocks of the indices `blocks` (n,). The world has
+    common parameters, or parameters for each release."""
     ensemble, tables = world_ensemble(world)
     gravity = world.gravity_m_s2
     return run_batch(ensemble, states, block_ids=blocks, table_ids=tables, gravity_m_s2=gravity, **options)
@@ -257,18 +257,19 @@ def run_batch_track(
     release: int = 0,
     gravity_m_s2: float = 9.81,
     time_limit_s: float = 5.0,
-    impact_limit: int = 0,
-    step_fraction: float = BATCH_STEP_FRACTION,
 ) -> Track:
-    """One release of the batch engine as a track, every contact step a knot."""
+    """Run one release with the batch engine and return its track, with a knot at every contact step.
+
+    `table` is (zones, columns) in SI; `state` is (6,) as in `run_batch`.
+    """
     packed = pack(Ensemble([block], [cross_section], [table]))
-    steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
+    steps = contact_step.contact_steps_s(block, packed.tables[0], BATCH_STEP_FRACTION)
     none = np.zeros(1, np.int64)
     inputs = _Inputs(
         np.array(state, float)[None], none, none, none, np.array([steps]), np.array([float(time_limit_s)]),
         np.empty((1, 0)),
     )  # fmt: skip
-    rules = StopRules(0.0, impact_limit, False, False, np.inf)
+    rules = StopRules(0.0, 0, False, False, np.inf)
     room = FIRST_KNOTS
     while True:
         most = max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT)
@@ -277,7 +278,7 @@ def run_batch_track(
         count = int(outputs.impact_count[0])
         if used <= room and count <= most:
             break
-        room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
+        room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # repeat the release with room for all knots
     rows = impact_mappings(outputs.impacts[0, :count], cross_section.zone_names)
     knots = outputs.knots[:used]
     start, end = knots[0, INSTANT_STATE], knots[-1, INSTANT_STATE]
@@ -293,14 +294,14 @@ def _contact_steps(
     """(n, 2) contact steps in s of every release."""
     steps = np.empty((len(block_ids), 2))
     for b in np.unique(block_ids):
-        own = block_ids == b
-        used, table = np.unique(table_ids[own], return_inverse=True)
-        steps[own] = np.transpose(contact_step.contact_steps_s(blocks[b], tables[used], fraction))[table]
+        of_block = block_ids == b
+        used, table = np.unique(table_ids[of_block], return_inverse=True)
+        steps[of_block] = np.transpose(contact_step.contact_steps_s(blocks[b], tables[used], fraction))[table]
     return steps
 
 
 class _Inputs(NamedTuple):
-    """What is given of n releases."""
+    """Inputs of n releases."""
 
     states: Array  # (n, 6)
     block_ids: Array  # (n,)
@@ -312,7 +313,7 @@ class _Inputs(NamedTuple):
 
 
 class _Outputs(NamedTuple):
-    """What n releases write, see `BatchResult`."""
+    """Outputs of n releases, see `BatchResult`."""
 
     stop: Array
     ends: Array
@@ -322,11 +323,11 @@ class _Outputs(NamedTuple):
     samples: Array
     audit: Array  # (n, N_AUDIT)
     saved_contacts: Array  # (n, contacts, N_SAVED)
-    knots: Array  # (room, N_KNOT) of one release; without room none are written
+    knots: Array  # (room, N_KNOT) of one release; with room 0 none are written
 
 
 def _new_outputs(packed: Packed, impacts: int, times: int, saved_contacts: Array, knots: int) -> _Outputs:
-    """Outputs with room for so many impacts and samples of each release, and knots."""
+    """Empty outputs with room for `impacts` and `times` samples of each release, and for `knots`."""
     n = len(saved_contacts)
     return _Outputs(
         np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64), np.full((n, impacts, N_IMPACT), np.nan),
@@ -337,7 +338,7 @@ def _new_outputs(packed: Packed, impacts: int, times: int, saved_contacts: Array
 
 @njit(nogil=True)
 def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
-    """The releases from `low` to `high` - 1; returns the number of knots of the last, those without room included."""
+    """Run the releases `low` to `high` - 1; returns the number of knots of the last one, also of those without room."""
     used = np.int64(0)
     rows = np.int64(inputs.times.shape[0])
     for i in range(low, high):
@@ -347,13 +348,13 @@ def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
             SampleRecord(inputs.times[min(i, rows - 1)], outputs.samples[i]), outputs.impacts[i], outputs.audit[i],
             outputs.knots,
         )  # fmt: skip
-        own = StopRules(
+        own_rules = StopRules(
             inputs.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.suspend_x
         )
         ids = (inputs.block_ids[i], inputs.cross_section_ids[i], inputs.table_ids[i])
         steps = (inputs.step_sizes[i, 0], inputs.step_sizes[i, 1])
         code, t, count, used = release_kernel(
-            packed, q, ids, gravity, steps, own, recorder, outputs.saved_contacts[i]
+            packed, q, ids, gravity, steps, own_rules, recorder, outputs.saved_contacts[i]
         )
         outputs.stop[i] = code
         outputs.ends[i, TIME] = t

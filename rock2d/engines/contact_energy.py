@@ -1,4 +1,4 @@
-"""Energy and pressure of a block in contact, and how long a contact step may be, compiled."""
+"""Energy and forces of a block in contact, and the growth of contact steps, compiled."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import OMEGA, VX, VY
 
-LARGEST_STEP_GROWTH = 5.0  # largest factor on contact steps as the motion dies down
+LARGEST_STEP_GROWTH = 5.0  # largest factor on contact steps while the motion decays
 
 
 @kernel
@@ -40,7 +40,7 @@ def kinetic_energy(q, block):
 
 @kernel
 def stored_energy(memory, law):
-    """Energy in J that the springs of all contacts hold; `law`: rows (zones, columns)."""
+    """Energy in J stored in the springs of all contacts; `law`: rows (zones, columns)."""
     ints, reals = memory.ints, memory.reals
     total = 0.0
     for j in range(ints.shape[0]):
@@ -49,16 +49,14 @@ def stored_energy(memory, law):
             force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
             force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
             if p[ANY_EFFECT_ACTS] != 0.0:
-                force_t = (
-                    p[K_T] * reals[j, DISPLACEMENT]
-                )  # kept within what friction was when it was last stretched
+                force_t = p[K_T] * reals[j, DISPLACEMENT]  # the step before has limited it to friction
             total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
     return total
 
 
 @kernel
 def pressure(memory, law):
-    """(sum of normal forces, and of what effects add, in N, largest penetration in m, number of active contacts)."""
+    """(sum of normal forces in N, forces of effects included; largest penetration in m; number of active contacts)."""
     ints, reals = memory.ints, memory.reals
     force, deepest, active = 0.0, 0.0, 0
     for j in range(ints.shape[0]):
@@ -75,10 +73,10 @@ def pressure(memory, law):
 
 @kernel
 def step_growth(reference_energy, block, memory, law):
-    """Factor (1 to LARGEST_STEP_GROWTH) by which a contact step may grow as the oscillation in the contacts dies down.
+    """Factor (1 to LARGEST_STEP_GROWTH) by which a contact step may grow while the oscillation in the contacts decays.
 
-    The energy that a step errs by is of order energy × step⁵, so a step ∝ 1/√energy, once a sixteenth is left, lets it
-    shrink; steady rolling and sliding take no part in it.
+    The energy error of a step is of order energy × step⁵. With a step ∝ 1/√energy, below a sixteenth of the reference
+    energy, it still decreases. Steady rolling and sliding do not count as oscillation.
     """
     ints, reals = memory.ints, memory.reals
     energy, touching = stored_energy(memory, law), False

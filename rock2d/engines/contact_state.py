@@ -1,7 +1,7 @@
 """Contact state: the memory of each contact of a block, and the search for the feature that it meets.
 
-A polygon has a contact for each corner and VERTEX_SLOTS for ground corners under its faces; a circle or ellipse has
-SMOOTH_SLOTS. A contact follows its feature from facet to facet, so it keeps its memory at joints.
+A polygon has a contact for each corner and VERTEX_CONTACTS for ground corners under its faces; a circle or ellipse has
+SMOOTH_CONTACTS. A contact follows its feature from facet to facet, so it keeps its memory at joints.
 """
 
 from __future__ import annotations
@@ -28,36 +28,35 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     VERTEX_FACE,
     along_and_above,
-    approach,
     beyond_corner,
     corner_place,
+    depth_rate,
     load_feature,
     near_depth,
     place_feature,
     polygon_depth,
     pose_of,
-    repeats,
+    repeats_corner,
     under_face,
 )
 from rock2d.scene.blocks import Block
 
-# memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the other columns do
-# not determine
+# memory of a contact: integers, then reals; ACTING is the force of a contact with effects
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
 DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING = range(7)
 N_INTS, N_REALS = KEY + 1, ACTING + 1
-# a contact of a release that is suspended, to go on later: its integers, its reals, and the release's largest kinetic
-# energy at the beginning of a contact
+# saved contact of a suspended release: its integers, its reals, and the largest kinetic energy of the release at the
+# beginning of a contact
 SAVED_ENERGY = N_INTS + N_REALS
 N_SAVED = SAVED_ENERGY + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
-SAME_FOOT = 1e-9  # share by which depths differ that are those of one foot of a vertex on an ellipse
+SAME_FOOT = 1e-9  # relative difference of depths below which they belong to the same point of an ellipse
 
 
 class Contacts(NamedTuple):
-    """The memory of all contacts of a block, or what a search of the ground found for each of them."""
+    """The memory of all contacts of a block, or the features that a search found for them."""
 
     ints: np.ndarray  # (contacts, N_INTS): ACTIVE, KIND, INDEX, PART, ZONE, KEY
     reals: np.ndarray  # (contacts, N_REALS): DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING
@@ -114,8 +113,8 @@ def restore_contacts(saved, memory):
 def find_features(q, reach, near, world, memory, found):
     """Fill `found` with each contact's nearest feature and depth at state q; contacts keep the feature they follow.
 
-    near : (first, one past the last) index of the facets that are looked at
-    reach : features of vertices and smooth profiles farther above the ground (in m) are left out (depth NOWHERE)
+    near : (first, one past the last) index of the facets that are searched
+    reach : features of vertices and smooth profiles farther above the ground (in m) are ignored (depth NOWHERE)
     """
     pose = pose_of(q)
     f0, f1 = near
@@ -133,7 +132,7 @@ def find_features(q, reach, near, world, memory, found):
             if block.rounding > 0.0:
                 outside = depth < 0.0
                 depth += block.rounding
-                if repeats(sides, i) or (
+                if repeats_corner(sides, i) or (
                     outside and kind == CORNER_VERTEX and facets[index, CONVEX] > 0.0
                     and beyond_corner(i, facets[index, POINT_X], facets[index, POINT_Y], pose, sides)[0] < 0.0
                 ):  # fmt: skip
@@ -161,15 +160,15 @@ def find_features(q, reach, near, world, memory, found):
         _, nx, ny, rx, ry = place_feature(kind, feature, pose)
         if kind == CORNER_VERTEX and depth < 0.0 and block.rounding == 0.0:
             nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
-        found_r[j, RATE] = approach(q, nx, ny, rx, ry)
+        found_r[j, RATE] = depth_rate(q, nx, ny, rx, ry)
 
 
 @kernel
 def hand_over(corners, memory, found, loaded, active):
-    """Where a ground corner has passed between the circle of a rounded corner (a corner's contact) and the flat part
-    of a face (a vertex's contact), let the other contact go on with the contact's memory.
+    """Move the memory of a contact to the contact that continues it, where a ground corner has passed between the
+    circle of a rounded corner (contact of a corner) and the flat part of a face (contact of a vertex).
 
-    loaded : LoadedContacts, of which `active` are in use; a row goes with its memory
+    loaded : LoadedContacts, of which `active` are in use; their rows follow the memory
     """
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     for j in range(ints.shape[0]):
@@ -287,9 +286,11 @@ def _offer_vertex(f, pose, reach, world, memory, found):
 
 @kernel
 def _keep_vertex(j, pose, world, memory, found):
-    """Let active contact j, whose feature is none of the nearest any more, go on at its vertex, or at the end of its
-    facet, as long as that vertex lies inside the profile and its own half of the profile is the nearer one: far inside,
-    the nearest features leave gaps. Beyond the longer axis of an ellipse the contact ends: soon its foot would."""
+    """Continue active contact j, whose feature is no longer found, at its vertex or at the end of its facet.
+
+    Far inside the ground, the nearest features leave gaps. The contact continues as long as that vertex lies inside the
+    profile, in the same half of it. Beyond the longer axis of an ellipse the contact ends.
+    """
     block, facets, ints = world.block, world.ground.facets, memory.ints
     x, y, _, _ = pose
     vertex, half = ints[j, INDEX], ints[j, PART]
@@ -312,13 +313,13 @@ def _keep_vertex(j, pose, world, memory, found):
 
 @kernel
 def _vertex_depth(v, half, pose, block, facets):
-    """Depth in m of vertex v in a smooth profile, seen from a half of it."""
+    """Depth in m of vertex v in a smooth profile, measured to one half of the profile."""
     return place_feature(SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose)[0]
 
 
 @kernel
 def _half_at(v, pose, block, facets):
-    """Half of an ellipse that is nearest to vertex v; 0 of a circle."""
+    """Half of an ellipse that is nearest to vertex v; 0 for a circle."""
     if block.semi_a == block.semi_b:
         return np.int64(0)
     x, y, c, s = pose
@@ -329,7 +330,7 @@ def _half_at(v, pose, block, facets):
 
 @kernel
 def _offer(memory, found, feature, depth, key):
-    """Give a feature to the contact of its key, keeping the deepest of that key."""
+    """Give a feature to the contact of its key, unless that contact has a deeper one."""
     for j in range(found.ints.shape[0]):
         if found.reals[j, DEPTH] != NOWHERE and found.ints[j, KEY] == key:
             if depth > found.reals[j, DEPTH]:

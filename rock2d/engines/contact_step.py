@@ -1,9 +1,8 @@
 """One block in contact, advanced in time: fourth-order steps that land on the events of the law, compiled.
 
-The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *contact* that carries its memory.
-Within a step features are frozen and the law is evaluated at four Runge-Kutta stages. A step in which a contact
-begins, ends, reloads, meets its former peak or passes its deepest point is repeated so that it ends right there. This
-keeps the order of the scheme and the energy audit. Outside contacts a step is exact.
+The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *contact*, which holds its memory. Within a
+step, features do not change, and the law is evaluated at four Runge-Kutta stages. `trial_step` ends the step at the
+first event. Without contacts a step is exact.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ from rock2d.engines.loaded_contacts import (
     load_active,
     new_loaded,
 )
-from rock2d.engines.trial_step import keep_energy, step_to_event
+from rock2d.engines.trial_step import correct_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
     K_R,
@@ -68,7 +67,7 @@ from rock2d.laws.contact import (
 from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, RECOIL, ROLLING, VX, VY
 from rock2d.scene.blocks import Block
 
-SURFACE_TOLERANCE = 1e-10  # share of the block's radius by which a landing may fall short by rounding
+SURFACE_TOLERANCE = 1e-10  # share of the radius by which rounding may leave a landing above the surface
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
@@ -88,10 +87,12 @@ def new_scratch(count):
 def contact_steps_s(
     block: Block, tables: np.ndarray, fraction: float = FINE_STEP_FRACTION
 ) -> tuple[Any, Any]:
-    """Contact steps in s, while every contact is on its loading branch and else: `fraction` of a radian of the
-    stiffest oscillation, ω² = k (1/m + r²/I), where r is the largest lever of the force: the normal force of a
-    circle has none. Damping c of effects counts as the rate c (1/m + r²/I). For parameters (zones, columns) two
-    numbers; for tables (n, zones, columns) two (n,) arrays."""
+    """Contact steps in s: (while every contact is in first loading, otherwise).
+
+    A step covers the phase `fraction` in rad of the stiffest oscillation, ω² = k (1/m + r²/I), with the largest lever r
+    of the force; the normal force of a circle has no lever. Damping c of effects counts as the rate c (1/m + r²/I). For
+    parameters (zones, columns) two numbers; for tables (n, zones, columns) two (n,) arrays.
+    """
     lever, reach = block.reach_m, block.reach_m
     if block.smooth:
         lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) + float(np.hypot(*block.centre_of_mass_m))
@@ -99,7 +100,7 @@ def contact_steps_s(
     freest = 1 / block.mass_kg + reach**2 / block.inertia_kg_m2
 
     def greatest(values: np.ndarray) -> Any:
-        return np.fmax.reduce(values, axis=-1)  # zones that a table has not are NaN
+        return np.fmax.reduce(values, axis=-1)  # zones that a table lacks are NaN
 
     tangential = greatest(tables[..., K_T]) * freest
     others = np.maximum(tangential, greatest(tables[..., K_R]) / block.inertia_kg_m2)
@@ -110,8 +111,8 @@ def contact_steps_s(
 
 @kernel
 def _commit(world, contacts, active, works, audit):
-    """Take a finished step, whose outcome is in the rows of `active` loaded contacts, into the memory and the audit;
-    works : see `step_to_event`."""
+    """Write the outcome of a finished step, from the rows of `active` loaded contacts, into memory and audit; works :
+    see `step_to_event`."""
     memory, found, _ = contacts
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     block, ground = world.block, world.ground
@@ -125,7 +126,7 @@ def _commit(world, contacts, active, works, audit):
         reals[j, RATE], ints[j, KEY] = found_r[j, RATE], found_i[j, KEY]
         if _touches(depth, found_r[j, RATE], block):
             _begin(j, memory, found, ground)
-    change_t, change_r = 0.0, 0.0  # energy that the tangential and the rolling springs gain, in J
+    change_t, change_r = 0.0, 0.0  # energy in J that the tangential and the rolling springs gain
     for a in range(active):
         gained_t, gained_r = _commit_contact(a, world, contacts, audit)
         change_t += gained_t
@@ -138,12 +139,12 @@ def _commit(world, contacts, active, works, audit):
 
 @kernel
 def _commit_contact(a, world, contacts, audit):
-    """`_commit` of the a-th loaded contact; returns what its (tangential, rolling) spring gained in J by the step."""
+    """`_commit` of the a-th loaded contact; returns the energy in J that its (tangential, rolling) spring gained."""
     memory, found, scratch = contacts
     ints, reals, found_r, loaded = memory.ints, memory.reals, found.reals, scratch.loaded
     trial, j, law = loaded.trial, loaded.which[a], world.law
     p = law[ints[j, ZONE]]
-    gone = found_r[j, DEPTH] == NOWHERE  # slid off its feature: the step still acted on it
+    gone = found_r[j, DEPTH] == NOWHERE  # the contact has slid off its feature in this step
     jump, depth = 0.0, trial[a, DEPTH_1]
     if not gone and _changes(j, memory, found):
         jump, depth = found_r[j, DEPTH] - depth, found_r[j, DEPTH]
@@ -162,12 +163,12 @@ def _commit_contact(a, world, contacts, audit):
         audit[PLASTIC] += lost
     after_r = rolling_energy(reals[j, ROTATION], p) if depth > 0.0 else 0.0
     zone = _zone(j, memory, world.ground)
-    if zone != ints[j, ZONE] and depth > 0.0 and _differ(p, law[zone]):  # clear, nothing is stored
+    if zone != ints[j, ZONE] and depth > 0.0 and _parameters_differ(p, law[zone]):
         audit[PLASTIC] += _enter_zone(j, depth, (force_n, force_t), p, law[zone], memory)
     ints[j, ZONE] = zone
-    if gone or depth <= 0.0:  # what is still stored is lost
-        _lose_stored(j, depth, law[zone], memory, audit)
-        _release(j, memory)
+    if gone or depth <= 0.0:
+        _dissipate_stored(j, depth, law[zone], memory, audit)
+        _reset(j, memory)
         reals[j, DEPTH] = NOWHERE if gone else depth
         ints[j, KEY] = -1 if gone else ints[j, KEY]
     return gained_t, after_r - before_r
@@ -175,7 +176,7 @@ def _commit_contact(a, world, contacts, audit):
 
 @kernel
 def _changes(j, memory, found):
-    """Whether the feature found for contact j is another one than it has."""
+    """Whether the feature found for contact j differs from its present one."""
     ints, found_i = memory.ints, found.ints
     same = ints[j, KIND] == found_i[j, KIND] and ints[j, INDEX] == found_i[j, INDEX]
     return not (same and ints[j, PART] == found_i[j, PART])
@@ -183,7 +184,7 @@ def _changes(j, memory, found):
 
 @kernel
 def _enter_zone(j, depth, forces, p, new, memory):
-    """Let contact j slide from a zone with parameters `p` into one with `new`; returns the energy in J that is lost.
+    """Move contact j from a zone with parameters `p` into one with `new`; returns the energy in J that is lost.
 
     forces : (normal force of the law, tangential force) in N before
     """
@@ -191,7 +192,7 @@ def _enter_zone(j, depth, forces, p, new, memory):
     force_n, force_t = forces
     kept = reals[j, ROTATION]
     stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
-    # lifted off within its indentation, the contact meets the new soil at the indentation's bottom
+    # an unpressed contact meets the new soil at the bottom of its indentation
     bottom = reals[j, OFFSET] + residual_indentation(reals[j, PEAK], p[K_L], p[K_UL])
     loaded, reals[j, DISPLACEMENT], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, depth, p, new)
     reals[j, PEAK] = loaded
@@ -201,8 +202,8 @@ def _enter_zone(j, depth, forces, p, new, memory):
 
 
 @kernel
-def _lose_stored(j, depth, p, memory, audit):
-    """Take what the springs of contact j, which ends, still hold into the audit."""
+def _dissipate_stored(j, depth, p, memory, audit):
+    """Book the energy in the springs of contact j, which ends, as dissipated."""
     reals = memory.reals
     force_n = normal_force(depth - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
     force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
@@ -214,13 +215,13 @@ def _lose_stored(j, depth, p, memory, audit):
 
 @kernel(forceinline=True)
 def _touches(depth, rate, block):
-    """Whether a contact begins: at the surface to rounding, if it goes in."""
+    """Whether a contact begins: below the surface, or at the surface to rounding and moving in."""
     return depth > 0.0 or (depth > -SURFACE_TOLERANCE * block.radius and rate >= 0.0)
 
 
 @kernel
 def _follow(j, memory, found):
-    """Let contact j follow the feature found for it."""
+    """Give contact j the feature found for it."""
     ints, found_i = memory.ints, found.ints
     ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
     ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
@@ -228,15 +229,15 @@ def _follow(j, memory, found):
 
 @kernel
 def _begin(j, memory, found, ground):
-    """Let contact j begin at its depth, without force."""
+    """Begin contact j at its depth, without force."""
     _follow(j, memory, found)
-    memory.ints[j, ZONE] = _zone(j, memory, ground)  # while not active: not that of the contact before it
-    _release(j, memory)
+    memory.ints[j, ZONE] = _zone(j, memory, ground)  # before ACTIVE is set: `_zone` reads it
+    _reset(j, memory)
     memory.ints[j, ACTIVE], memory.reals[j, OFFSET] = 1, memory.reals[j, DEPTH]
 
 
 @kernel
-def _differ(p, new):
+def _parameters_differ(p, new):
     same = True
     for i in range(FIRST_EFFECT_COLUMN):
         same = same and p[i] == new[i]
@@ -244,7 +245,7 @@ def _differ(p, new):
 
 
 @kernel
-def _release(j, memory):
+def _reset(j, memory):
     memory.ints[j, ACTIVE] = 0
     reals = memory.reals
     reals[j, PEAK], reals[j, DISPLACEMENT], reals[j, ROTATION], reals[j, OFFSET] = 0.0, 0.0, 0.0, 0.0
@@ -253,7 +254,8 @@ def _release(j, memory):
 
 @kernel
 def _zone(j, memory, ground):
-    """Zone of a contact's feature; a vertex belongs to the facet before it, unless the contact knows better."""
+    """Zone of a contact's feature. A vertex belongs to the facet before it, or to the one after it if the contact is
+    already in that zone."""
     ints, facets = memory.ints, ground.facets
     index = ints[j, INDEX]
     if ints[j, KIND] in (CORNER_FACET, SMOOTH_FACET):
@@ -264,10 +266,10 @@ def _zone(j, memory, ground):
 
 
 @kernel
-def seat_contacts(q, near, world, memory, found):
-    """Look at the ground for the first time: note depths, and seat what already touches.
+def begin_contacts(q, near, world, memory, found):
+    """Search the ground for the first time: set depths, and begin contacts that touch the ground.
 
-    near : (first, one past the last) index of the facets that are looked at. Returns the number of active contacts.
+    near : (first, one past the last) index of the facets that are searched. Returns the number of active contacts.
     """
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     active = 0
@@ -284,7 +286,7 @@ def seat_contacts(q, near, world, memory, found):
 
 @kernel
 def refresh_depths(q, near, world, memory, found):
-    """Note afresh the depths of contacts that do not touch, after steps that did not look."""
+    """Update the depths of inactive contacts, after steps that did not search the ground."""
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     find_features(q, world.block.radius, near, world, memory, found)
     for j in range(ints.shape[0]):
@@ -294,8 +296,9 @@ def refresh_depths(q, near, world, memory, found):
 
 
 @kernel(forceinline=True)
-def _search(q, q1, h, whole, _, view):
-    """The end of a step in `trial_step.step_to_event`: the nearest features there, and the first event."""
+def _inspect(q, q1, h, whole, _, view):
+    """`inspect` of `trial_step.step_to_event`: find the nearest features at the end of the step, and the first
+    event."""
     reach, near, world, memory, found = view
     find_features(q1, reach, near, world, memory, found)
     return np.int64(0), first_event(h, whole, q, q1, world, memory, found)
@@ -303,11 +306,11 @@ def _search(q, q1, h, whole, _, view):
 
 @kernel
 def step(q, h, near, world, contacts, audit, floating):
-    """Advance q in place by at most h, to the first event of the law if that comes before. Returns the time gone.
+    """Advance q in place by at most h (s), or to the first event of the law. Returns the elapsed time in s.
 
-    near : (first, one past the last) index of the facets that are looked at
+    near : (first, one past the last) index of the facets that are searched
     contacts : (memory, found, scratch) as `new_contacts` and `new_scratch` make them
-    floating : no contact touches the bottom of its indentation, so that the way to the next event is a parabola
+    floating : no contact touches the bottom of its indentation, so that the block moves on a parabola to the next event
     """
     memory, found, scratch = contacts
     block, q1, loaded = world.block, scratch.state, scratch.loaded
@@ -319,10 +322,10 @@ def step(q, h, near, world, contacts, audit, floating):
     _, _, c, s = pose_of(q)
     counts, view = (np.int64(0) if floating else active, active), (reach, near, world, memory, found)
     _, h, _, works, (error, scale), _ = step_to_event(
-        q, (c, s), h, body, counts, loaded, q1, effects, _search, view
+        q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view
     )
     if active > 0 and not effects:
-        keep_energy(q, q1, h, error, scale, body, audit)
+        correct_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, loaded, active)

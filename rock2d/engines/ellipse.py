@@ -9,8 +9,8 @@ from rock2d.compiled import kernel
 
 @kernel
 def half_of_ellipse(px, py, a, b):
-    """Half of the ellipse x²/a² + y²/b² = 1 that holds its point nearest to (px, py): 0, or 1 on the negative side of
-    its longer axis."""
+    """Half of the ellipse x²/a² + y²/b² = 1 that contains the point nearest to (px, py): 1 on the negative side of the
+    longer axis, else 0."""
     return np.int64((py if a >= b else px) < 0.0)
 
 
@@ -18,9 +18,9 @@ def half_of_ellipse(px, py, a, b):
 def nearest_on_ellipse(px, py, a, b, half):
     """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration (A. Kemper's method).
 
-    half : that of the ellipse where the search begins, `half_of_ellipse`. Deep inside, each half has a point of its own
-        that is nearest. Beyond the longer axis the one of the given half is followed on, so that the depth of a contact
-        is smooth; near the ends of that axis, and outside, both halves give the same point.
+    half : half of the ellipse in which the search begins, see `half_of_ellipse`. Deep inside, each half has its own
+        nearest point. If (px, py) crosses the longer axis, the point of the given half is followed, so that the depth
+        of a contact is smooth. Near the ends of that axis, and outside, both halves give the same point.
     """
     upright = a < b
     if upright:
@@ -43,7 +43,7 @@ def nearest_on_ellipse(px, py, a, b, half):
         if change < 1e-15:
             break
     if change > 1e-9 and qy >= 0.0:
-        # near the centre of a thin ellipse the iteration can go round in a circle
+        # near the centre of a thin ellipse the iteration can cycle
         tx, ty = _bisected(qx, qy, a, b)
     along, across = np.copysign(a * tx, px), side * b * ty
     return (across, along) if upright else (along, across)
@@ -51,8 +51,8 @@ def nearest_on_ellipse(px, py, a, b, half):
 
 @kernel
 def _bisected(qx, qy, a, b):
-    """(cos φ, sin φ) of the point (a cos φ, b sin φ) of an ellipse that is nearest to (qx, qy) in the first quadrant:
-    the one root there of the distance's derivative with respect to φ."""
+    """(cos φ, sin φ) of the point (a cos φ, b sin φ) of an ellipse that is nearest to (qx, qy) in the first quadrant,
+    by bisection of the derivative of the distance with respect to φ."""
     low, high = 0.0, 0.5 * np.pi
     for _ in range(55):
         phi = 0.5 * (low + high)

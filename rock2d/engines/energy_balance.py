@@ -1,4 +1,4 @@
-"""The closing energy balance of releases: whether what an engine says was taken is what is missing."""
+"""The final energy balance of releases: it compares the dissipation in the audit of an engine with the energy lost."""
 
 from __future__ import annotations
 
@@ -29,27 +29,25 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-AUDIT_TOLERANCE = 1e-6  # share of the initial energy: an audit that leaves less than this closes
-# the same where effects act: their work is known no better than the motion, so nothing corrects the contact steps
+AUDIT_TOLERANCE = 1e-6  # largest residual of a balance that closes, as a share of the initial energy
+# the same with effects: their work is known only as well as the motion, so contact steps are not corrected
 AUDIT_TOLERANCE_WITH_EFFECTS = 1e-3
 
 
 class Masses(NamedTuple):
-    """What the energy of n states depends on, each a number or (n,)."""
+    """Masses, gravity and reference height for the energy of n states, each a number or (n,)."""
 
     mass_kg: Array | float
     inertia_kg_m2: Array | float
     gravity_m_s2: float
-    lowest_m: (
-        Array | float
-    )  # height of the lowest point of the cross-section: potential energy counts from there
+    lowest_m: Array | float  # lowest point of the cross-section, where potential energy is 0
 
 
 def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) -> Array:
-    """(n, columns of ENERGY_NAMES) in J, from states (n, 6) at start and end and the engine's audit (n, N_AUDIT).
+    """(n, columns of ENERGY_NAMES) in J, from states (n, 6) at start and end and the audit (n, N_AUDIT) of the engine.
 
-    At the start no spring holds energy: a block that begins inside the ground begins in an indentation.
-    residual = energy at the end + energy taken - energy at the start; corrected: see `contact_energy.keep_energy`.
+    At the start springs hold no energy: a block that starts inside the ground starts in an indentation. residual =
+    energy at the end + dissipated energy - energy at the start; corrected: see `trial_step.correct_energy`.
     """
     out = np.empty((len(starts), len(ENERGY_NAMES)))
     out[:, E_KINETIC], out[:, E_POTENTIAL] = mechanical_energy(masses, ends)
@@ -63,7 +61,7 @@ def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) ->
 def energy_balance(
     block: Block, cross_section: CrossSection, gravity_m_s2: float, start: Array, end: Array, audit: Array
 ) -> dict[str, float]:
-    """The closing balance in J of one release, by ENERGY_NAMES; states (6,) and audit (N_AUDIT,)."""
+    """The final balance in J of one release, by ENERGY_NAMES; states (6,) and audit (N_AUDIT,)."""
     masses = Masses(
         block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min())
     )
@@ -79,11 +77,12 @@ def mechanical_energy(masses: Masses, states: Array) -> tuple[Array, Array]:
 
 
 def audit_tolerance(effects_J: Array) -> Array:
-    """(n,) share of the initial energy that an audit may leave in which effects took `effects_J` (n,)."""
+    """(n,) largest residual of a balance that closes, as a share of the initial energy; effects dissipated `effects_J`
+    (n,)."""
     return np.where(np.asarray(effects_J) != 0.0, AUDIT_TOLERANCE_WITH_EFFECTS, AUDIT_TOLERANCE)
 
 
 def unclosed(balances: Array) -> Array:
-    """(n,) bool, which of these balances leave more of the initial energy than `audit_tolerance`."""
+    """(n,) bool: whether the residual of a balance exceeds `audit_tolerance`."""
     allowed = audit_tolerance(balances[:, E_TAKEN][:, EFFECTS])
     return np.abs(balances[:, E_RESIDUAL]) > allowed * np.abs(balances[:, E_INITIAL])

@@ -1,4 +1,4 @@
-"""Where within a trial step the law has an event, or a contact begins, ends or changes its feature, compiled."""
+"""The first event within a trial step: of the law, or where a contact begins, ends or changes its feature, compiled."""
 
 from __future__ import annotations
 
@@ -29,36 +29,38 @@ from rock2d.engines.geometry import (
     SMOOTH_VERTEX,
     TANGENT_X,
     TANGENT_Y,
-    approach,
     beyond_corner,
     contact_point,
+    depth_rate,
     pose_of,
 )
 from rock2d.engines.loaded_contacts import LEAST_EVENT
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual_indentation
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-MOST_LANDINGS = 8  # landings of a step on its events: near a vertex the way to an event is far from a cubic
-LEAST_GAP = 1e-12  # gap between two features as a share of the block's radius: more than rounding
-LANDED = 0.99  # share of a step: an event that comes later is the one that it has landed on
+MOST_LANDINGS = (
+    8  # repetitions of a step to land on an event: near a vertex a cubic approximates the motion badly
+)
+LEAST_GAP = 1e-12  # gap between two features as a share of the radius: larger than rounding
+LANDED = 0.99  # share of a step: a later event is the one on which the step has landed
 
 
 @kernel(forceinline=True)
 def lands(event_s, h, landings):
-    """Whether a step of h (s) that has landed on so many events goes on to land on the one at `event_s`."""
+    """Whether a step of h (s), repeated `landings` times so far, is repeated to land on the event at `event_s`."""
     return event_s < h and landings < MOST_LANDINGS and (landings == 0 or event_s <= LANDED * h)
 
 
 @kernel(forceinline=True)
 def later(t, dt):
-    """The instant dt after t, in s, and after t in any case: a step on an event just before a time limit can be shorter
-    than the clock resolves, and would be repeated for ever."""
+    """t + dt in s, but always later than t: a step to an event just before a time limit can be shorter than the
+    resolution of t, and would be repeated for ever."""
     return max(t + dt, np.nextafter(t, np.inf))
 
 
 @kernel
 def hermite_root(g0, r0, g1, r1, h):
-    """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""
+    """Time in (0, h) just after the sign change of the cubic through (g0, rate r0) and (g1, rate r1)."""
     a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
     low, high = 0.0, 1.0
     s = g0 / (g0 - g1)
@@ -80,9 +82,9 @@ def hermite_root(g0, r0, g1, r1, h):
 
 @kernel
 def turning_time(g0, r0, g1, r1, h):
-    """Time in (0, h) at which the cubic through (g0, rate r0) and (g1, rate r1 of the other sign) turns back."""
+    """Time in (0, h) of the extremum of the cubic through (g0, rate r0) and (g1, rate r1 of the other sign)."""
     a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
-    # its rate a1 + 2 a2 s + 3 a3 s² has one zero in (0, 1); r0 > 0 says which, in the form without cancellation
+    # the rate a1 + 2 a2 s + 3 a3 s² has one zero in (0, 1), because r0 > 0 > r1; this form avoids cancellation
     root = np.sqrt(max(a2 * a2 - 3.0 * a1 * a3, 0.0))
     s = a1 / (root - a2) if a2 < 0.0 else (-a2 - root) / (3.0 * a3)
     return h * s if 0.0 < s < 1.0 else h * r0 / (r0 - r1)
@@ -91,10 +93,10 @@ def turning_time(g0, r0, g1, r1, h):
 @kernel
 def law_event(d0, r0, d1, r1, peak, bottom, h):
     """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its
-    indentation; h if it does not. Without pressure also the top of a hop, so that the way back is not missed.
+    indentation; h if it does not. For an unpressed contact also the top of a hop, so that its way down is not missed.
 
-    d, r : penetration in m and its rate before and after the step; peak, bottom : the deepest so far, and the depth
-    at which the unloading force vanishes
+    d, r : penetration in m and its rate before and after the step; peak : peak penetration; bottom : residual
+    indentation
     """
     if d0 >= peak and r0 > 0.0 and r1 < 0.0:
         return turning_time(d0, r0, d1, r1, h)
@@ -109,7 +111,7 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 @kernel
 def force_limit_event(row, first, before, after, memory, stiffness, h, whole):
-    """Time in (0, h] at which the force of a pressing contact with effects reaches or leaves its lower limit 0; h if it
+    """Time in (0, h] at which the force of a pressed contact with effects reaches or leaves its lower limit 0; h if it
     does not, or if the step has landed there. `row`, `first` as in `forces.ground_forces`.
 
     before, after : (penetration in m, its rate in m/s) at the two ends of the step
@@ -137,15 +139,15 @@ def _depth_and_rate(j, q, world, memory):
     depth, nx, ny, rx, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), world.block, world.ground
     )
-    return depth, approach(q, nx, ny, rx, ry)
+    return depth, depth_rate(q, nx, ny, rx, ry)
 
 
 @kernel
 def _gap_to_found(j, q, world, memory, found):
-    """What changes sign where contact j passes from its feature to the one found for it, and its rate.
+    """A distance in m that changes sign when contact j passes from its feature to the one found for it, and its rate.
 
-    Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
-    lies from the facet's end (their depths touch there without crossing).
+    Between two facets or faces: the difference of the depths. Between a facet and its vertex: the distance of the foot
+    of the contact point from the end of the facet, because there the depths touch without crossing.
     """
     block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
     pose = pose_of(q)
@@ -165,7 +167,7 @@ def _gap_to_found(j, q, world, memory, found):
         tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
         dx, dy = q[X] + rx - facets[vertex, POINT_X], q[Y] + ry - facets[vertex, POINT_Y]
         if ints[j, KIND] >= SMOOTH_FACET:
-            # the foot moves with the profile's centre, not with the material
+            # the foot moves with the centre of the profile, not with the material
             vx = q[VX] - q[OMEGA] * (s * block.centre_x + c * block.centre_y)
             vy = q[VY] + q[OMEGA] * (c * block.centre_x - s * block.centre_y)
         return dx * tx + dy * ty, vx * tx + vy * ty
@@ -173,14 +175,13 @@ def _gap_to_found(j, q, world, memory, found):
     d1, nx, ny, rx, ry = contact_point(
         found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], pose, block, ground
     )
-    return d0 - d1, -approach(q, nx, ny, rx, ry) - r0
+    return d0 - d1, -depth_rate(q, nx, ny, rx, ry) - r0
 
 
 @kernel
 def _corner_event(j, q0, q1, h, world, memory, found):
-    """Time in (0, h] just after which a ground corner passes between a rounded corner of the block (a corner's
-    contact) and the flat part of a face next to it (a vertex's contact): there the other contact continues it, see
-    `contact_state.hand_over`."""
+    """Time in (0, h] just after a ground corner passes between a rounded corner of the block (contact of a corner) and
+    the flat part of a face next to it (contact of a vertex), see `contact_state.hand_over`."""
     block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
     n = block.sides.shape[0]
     corner, vertex = j, found_i[j, INDEX]
@@ -224,9 +225,9 @@ def _beyond(corner, vertex, q, ground, block):
 
 @kernel
 def _appearance(j, q0, q1, h, world, found):
-    """Time in (0, h] up to which a step may go where a smooth profile's contact is found in the ground at its end and
-    at nothing before it: the foot of a profile can run along the ground faster than the block moves. The feature's own
-    depth tells when it touches; if that is of no help, half the step."""
+    """Time in (0, h] to which a step is shortened if the contact of a smooth profile lies in the ground at its end, but
+    has no feature at its start: the foot of a profile can move along the ground faster than the block. It is the time
+    at which the depth of the new feature passes 0, or half the step if that is not known."""
     if world.block.sides.shape[0] > 0:
         return h
     d0, r0 = _depth_and_rate(j, q0, world, found)
@@ -238,7 +239,7 @@ def _appearance(j, q0, q1, h, world, found):
 def first_event(h, whole, q0, q1, world, memory, found):
     """Time in (0, h] of the first event of the law within a trial step of h; h if there is none.
 
-    whole : the step in s that was tried first; it sets how far behind an event a step lands
+    whole : the step in s that was tried first; it determines how far behind an event a step lands
     """
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     first = h
@@ -248,7 +249,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
         if d1 == NOWHERE and ints[j, ACTIVE]:
             if world.block.rounding > 0.0:
                 first = min(first, _corner_event(j, q0, q1, h, world, memory, found))
-            d1, r1 = _depth_and_rate(j, q1, world, memory)  # slid off its feature, which acts until then
+            d1, r1 = _depth_and_rate(j, q1, world, memory)  # slid off its feature, which acts until the end
         if d1 > 0.0 and not ints[j, ACTIVE] and (d0 == NOWHERE or ints[j, KEY] != found_i[j, KEY]):
             t = _appearance(j, q0, q1, h, world, found)
             first = t if LEAST_EVENT * whole < t < first else first
@@ -258,11 +259,11 @@ def first_event(h, whole, q0, q1, world, memory, found):
         t = h
         if not ints[j, ACTIVE]:
             if d0 < 0.0 < d1:
-                # rounding can put a landing just above the ground: the touch must not wait for the end of the next step
+                # rounding can leave a landing just above the ground: then a short step ends at the touch
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * whole)
         else:
             p = world.law[ints[j, ZONE]]
-            # land a little behind the surface: there is no force on either side, and the cubic errs by less
+            # land a little behind the surface: there is no force on either side, and the error of the cubic is smaller
             clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * whole if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, PEAK]
@@ -286,7 +287,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
                 g0, s0 = _gap_to_found(j, q0, world, memory, found)
                 g1, s1 = _gap_to_found(j, q1, world, memory, found)
                 if (g0 > 0.0) != (g1 > 0.0):
-                    # however soon: the old feature must not act where another is nearest; but so far that it shows
+                    # however soon, because the old feature must not act where another is nearest; but beyond rounding
                     behind = max(1e-5 * whole, LEAST_GAP * world.block.radius / max(abs(s0), abs(s1), 1e-300))
                     first = min(first, hermite_root(g0, s0, g1, s1, h) + behind)
         if LEAST_EVENT * whole < t < first:

@@ -1,13 +1,12 @@
-"""Contact steps in a row while the block keeps its contacts: the fast part of an impact, compiled.
+"""Series of contact steps in which the block keeps its contacts, compiled.
 
 A full step of `contact_step.step` searches the ground for the nearest features. As long as the block stays within the
-*guard* of a pose (`guard.guard_distance`) that search would find the same features again, so it is left out. Whatever
-ends a series of fast steps (a contact that begins, ends or changes its feature or zone) is left to
-`contact_step.step`.
+*guard* of a pose (`guard.guard_distance`), the search would find the same features, so it is omitted. The series ends
+when a contact begins, ends or changes its feature or zone; `contact_step.step` handles that.
 
-A ball that rolls or slides fast trembles, and is off the bottom of its indentation most of the time. There nothing
-acts but gravity: each hop is one exact parabola, and one contact step. Contacts pass on along a run of facets all but
-in line: nothing of the contact changes there.
+A ball that rolls or slides fast trembles, and is above the bottom of its indentation most of the time. There only
+gravity acts: each hop is one exact parabola and one contact step. Within a run of facets that are nearly in line, a
+contact moves from facet to facet without a change.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     Body,
     along_and_above,
-    approach,
+    depth_rate,
     is_ball,
 )
 from rock2d.engines.guard import GUARD, TURN_ARM
@@ -67,7 +66,7 @@ from rock2d.engines.loaded_contacts import (
     placed,
 )
 from rock2d.engines.recording import note_pressure
-from rock2d.engines.trial_step import keep_energy, step_to_event
+from rock2d.engines.trial_step import correct_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
     K_R,
@@ -82,11 +81,11 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
-# why a series of fast steps ended; 0: none of these. After a hop the guard still holds
+# why a series of fast steps ended; 0: none of these. After a hop the guard is still valid
 GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
 GUARD_SHARE = 0.3  # share of the guard that one step without pressure may use
-BEHIND_LANDING = 1.01  # duration of a hop as a multiple of the time to its landing, so that the step finds it
-BEFORE_LIFT_OFF = 0.9  # duration of a hop as a share of the time to lift-off: the rest is for a full step
+BEHIND_LANDING = 1.01  # duration of a hop over the time to its landing, so that the step detects the landing
+BEFORE_LIFT_OFF = 0.9  # duration of a hop over the time to lift-off, which a full step must detect
 
 
 class StepSizes(NamedTuple):
@@ -95,16 +94,16 @@ class StepSizes(NamedTuple):
     loading: float  # while every contact goes deeper in first loading
     floating: float  # while no contact touches the bottom of its indentation
     other: float
-    share: float  # what is left of `loading` and `other` after steps that erred too much
+    share: float  # factor on `loading` and `other` after steps with too large an error
 
 
 class SeriesLimits(NamedTuple):
-    """How far a series of fast steps may go."""
+    """Limits of a series of fast steps."""
 
     steps: Any  # int64
     time_limit: float  # s
     next_sample: (
-        float  # instant in s that only the first step may reach, so that a caller sees the states around it
+        float  # instant in s that only the first step may reach, so that the caller can interpolate there
     )
     longest_hop: float  # of a ball, in s, see `hops`
     suspend_x: float  # m; only the last step may pass it, and no hop
@@ -112,14 +111,15 @@ class SeriesLimits(NamedTuple):
 
 @kernel(forceinline=True)
 def floats(depth, rate, step):
-    """Whether a contact point at this depth below its indentation's bottom does not press, and will not press
-    within a hundredth of the step. Rounding can stop a landing that far above the bottom; such a step presses."""
+    """Whether a contact point at this depth below the bottom of its indentation does not press, and will not press
+    within a hundredth of the step. Rounding can end a landing slightly above the bottom; it counts as pressed."""
     return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
 @kernel(forceinline=True)
 def goes_deeper(depth, rate, step):
-    """Whether a contact in first loading does not turn back at once: then the stiffer unloading sets the step."""
+    """Whether a contact in first loading does not unload at once; otherwise the stiffer unloading determines the
+    step."""
     return rate * step > LEAST_EVENT * depth
 
 
@@ -130,15 +130,15 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     limits : (SeriesLimits, StepSizes)
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     contacts : (memory, scratch)
-    log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
+    log : (row of the open impact, whether the block has lifted off, audit); see `recording.note_pressure`
 
-    Returns (time now in s, number of steps, whether the ground has stopped pressing, why it ended: GUARD_LEFT,
-    CONTACT_ENDS if a contact is about to end, HOPPED if the one step of the series was a hop, a free flight, else 0,
-    share that is left of the step sizes).
+    Returns (time now in s, number of steps, whether the block has lifted off, why the series ended: GUARD_LEFT,
+    CONTACT_ENDS if a contact is about to end, HOPPED if the only step was a hop, else 0; new `share` of the step
+    sizes).
     """
     loaded = contacts[1].loaded
     active = load_active(world, contacts[0], loaded)
-    # compiled twice: the code of effects slows the plain law down
+    # compiled twice, because the code of effects slows the plain law down
     if effects_act(world.block, active, loaded.rows):
         return _with_effects(q, t, limits, anchor, world, contacts, log, active)
     return _plain(q, t, limits, anchor, world, contacts, log, active)
@@ -156,10 +156,9 @@ def _plain(q, t, limits, anchor, world, contacts, log, active):
 
 @kernel(forceinline=True)
 def _series(q, t, limits, anchor, world, contacts, log, active, effects):
-    """`fast_contact_steps` with `active` contacts loaded; effects: whether those of the catalogue may act. Nine
-    parameters: it is written once and compiled for both."""
+    """`fast_contact_steps` with `active` contacts loaded; effects: whether effects of the catalogue may act."""
     limit, sizes = limits
-    current, left, audit = log
+    current, lifted, audit = log
     memory, scratch = contacts
     ints, reals, body = memory.ints, memory.reals, Body(world.block, world.gravity)
     q1, loaded = scratch.state, scratch.loaded
@@ -169,7 +168,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
     done, why, share = zero, zero, sizes.share
     while done < limit.steps and q[X] < limit.suspend_x:
         loading, unpressed = _branches(active, rows, trial, sizes, effects)
-        unpressed = unpressed and left
+        unpressed = unpressed and lifted
         h, hops = share * (sizes.loading if loading else sizes.other), False
         if unpressed:
             h, hops = _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects)
@@ -180,7 +179,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
             break
         counts, view = (zero if unpressed else active, active), (world.block, anchor, active, loaded)
         why, taken, (c1, s1), works, (error, scale), halved = step_to_event(
-            q, (c, s), h, body, counts, loaded, q1, effects, _within_guard, view
+            q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view
         )
         if why > 0:
             break
@@ -190,7 +189,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
             audit[EFFECTS] += works[2]
             audit[RECOIL] += works[3]
         else:
-            keep_energy(q, q1, taken, error, scale, body, audit)
+            correct_energy(q, q1, taken, error, scale, body, audit)
         for a in range(active):
             ints[which[a], INDEX] = _follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
@@ -199,7 +198,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         c, s = c1, s1
         t = later(t, taken)
         done += 1
-        left = note_pressure(current, left, force, deepest, t, q)
+        lifted = note_pressure(current, lifted, force, deepest, t, q)
         if hops:
             why = zero + HOPPED
             break
@@ -208,16 +207,16 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         reals[j, DEPTH], reals[j, RATE], reals[j, PEAK] = trial[a, DEPTH_0], trial[a, RATE_0], rows[a, L_PEAK]
         reals[j, OFFSET] = rows[a, L_OFFSET]
         reals[j, DISPLACEMENT], reals[j, ROTATION] = rows[a, L_DISPLACEMENT], rows[a, L_ROTATION]
-    return t, done, left, why, share
+    return t, done, lifted, why, share
 
 
 @kernel(forceinline=True)
-def _within_guard(q, q1, h, whole, effects, view):
-    """The end of a step in `trial_step.step_to_event`: whether it ends the series (GUARD_LEFT or CONTACT_ENDS), and the
+def _inspect(q, q1, h, whole, effects, view):
+    """`inspect` of `trial_step.step_to_event`: whether the step ends the series (GUARD_LEFT or CONTACT_ENDS), and the
     first event."""
     block, anchor, active, loaded = view
     ball, trial = is_ball(block), loaded.trial
-    arm = 0.0 if ball else TURN_ARM * block.radius  # a ball that turns comes no nearer to anything
+    arm = 0.0 if ball else TURN_ARM * block.radius  # rotation does not move the profile of a ball
     why: Any = np.int64(0)
     moved = abs(q1[X] - anchor[X]) + abs(q1[Y] - anchor[Y]) + arm * abs(q1[THETA] - anchor[THETA])
     if moved >= anchor[GUARD]:
@@ -234,7 +233,7 @@ def _within_guard(q, q1, h, whole, effects, view):
 
 @kernel(forceinline=True)
 def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
-    """(step in s while no contact presses, whether it is a hop)."""
+    """(length in s of a step without pressed contacts, whether it is a hop)."""
     block, (limit, sizes) = world.block, limits
     if not effects and is_ball(block):
         longest = (
@@ -249,7 +248,7 @@ def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
 
 @kernel(forceinline=True)
 def _branches(active, rows, trial, sizes, effects):
-    """(every contact goes deeper in first loading, none presses or will within a step of `sizes.floating`)."""
+    """(whether every contact goes deeper in first loading, whether no contact presses within `sizes.floating`)."""
     loading, unpressed = True, True
     for a in range(active):
         d0, peak = trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK]
@@ -283,9 +282,9 @@ def _first_event(h, whole, active, rows, trial, effects):
 
 @kernel(forceinline=True)
 def _commit(active, loaded, works, audit):
-    """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth).
+    """Write a finished step into the loaded memory and the audit; returns (sum of forces in N, largest depth in m).
 
-    works : work in J that the tangential and the rolling springs took
+    works : work in J done on the tangential and on the rolling springs
     """
     rows, trial = loaded.rows, loaded.trial
     stored_t = stored_r = total = deepest = 0.0
@@ -312,8 +311,8 @@ def _commit(active, loaded, works, audit):
 
 @kernel
 def _hop_s(q, active, loaded, ints, world, anchor, longest):
-    """Time in s (at most `longest`) that a ball above the bottom of its indentation may fly in one step, on an exact
-    parabola: until just behind its landing there, or before it leaves the ground, its facet or the guard."""
+    """Time in s (at most `longest`) of a hop, an exact parabola of a ball above the bottom of its indentation: until
+    just behind its landing there, or until just before it leaves the ground, its facet or the guard."""
     rows, trial, gravity, time = loaded.rows, loaded.trial, world.gravity, longest
     pace = abs(q[VX]) + abs(q[VY]) + gravity * longest
     time = min(time, (anchor[GUARD] - abs(q[X] - anchor[X]) - abs(q[Y] - anchor[Y])) / max(pace, 1e-300))
@@ -340,8 +339,8 @@ def _hop_s(q, active, loaded, ints, world, anchor, longest):
 
 @kernel(forceinline=True)
 def _follow_run(loaded, a, facets, index, q, direction, audit):
-    """Load the facet of its run that a contact has moved to at state q, whose direction is (cos θ, sin θ); returns the
-    facet's index."""
+    """Load the facet to which a contact has moved within its run at state q, whose direction is (cos θ, sin θ); returns
+    the index of the facet."""
     rows = loaded.rows
     c, s = direction
     kind, px, py = int(rows[a, L_KIND]), q[X], q[Y]
@@ -369,14 +368,14 @@ def _follow_run(loaded, a, facets, index, q, direction, audit):
 
 @kernel(forceinline=True)
 def _below_centre(rows, a):
-    """Whether a smooth profile is a ball's, whose contact point lies below its centre."""
-    round_about = rows[a, F_SHAPE + 2] == 0.0 and rows[a, F_SHAPE + 3] == 0.0
-    return round_about and rows[a, F_SHAPE] == rows[a, F_SHAPE + 1]
+    """Whether a smooth profile is that of a ball: then its contact point lies below its centre."""
+    centred = rows[a, F_SHAPE + 2] == 0.0 and rows[a, F_SHAPE + 3] == 0.0
+    return centred and rows[a, F_SHAPE] == rows[a, F_SHAPE + 1]
 
 
 @kernel
 def _load_facet(loaded, a, facet, q, pose, audit):
-    """Let a contact go on at the next facet of its run, see `change_feature`."""
+    """Continue a contact at another facet of its run, see `change_feature`."""
     rows, trial = loaded.rows, loaded.trial
     rows[a, F_POINT], rows[a, F_POINT + 1] = facet[POINT_X], facet[POINT_Y]
     rows[a, F_NORMAL], rows[a, F_NORMAL + 1] = facet[NORMAL_X], facet[NORMAL_Y]
@@ -389,4 +388,4 @@ def _load_facet(loaded, a, facet, q, pose, audit):
     )
     audit[PLASTIC] += lost
     trial[a, DEPTH_0] = depth
-    trial[a, RATE_0] = approach(q, nx, ny, rx, ry)
+    trial[a, RATE_0] = depth_rate(q, nx, ny, rx, ry)

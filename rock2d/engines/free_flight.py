@@ -1,4 +1,4 @@
-"""Free flight, compiled: the exact parabola, or fourth-order steps where air acts on the block too."""
+"""Free flight, compiled: the exact parabola, or fourth-order steps if air acts on the block."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rock2d.compiled import kernel
 from rock2d.effects.forces import flight
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-# a stride of a flight through air, as a share of the time in which air or weight change the motion much
+# step of a flight through air, as a share of the time in which air or gravity change the motion by its own size
 STRIDE_SHARE = 0.1
 
 
@@ -20,9 +20,9 @@ def in_air(block):
 
 @kernel
 def fly(q, tau, gravity, block):
-    """Carry q on by tau; returns the energy in J that air has taken.
+    """Advance q by tau (s) in place; returns the energy in J that air has dissipated.
 
-    With air a classical fourth-order step, and the work by the same rule: keep tau below `air_stride`.
+    With air this is one classical Runge-Kutta step, and tau must be below `air_stride`.
     """
     if not in_air(block):
         q[X] += q[VX] * tau
@@ -51,7 +51,7 @@ def fly(q, tau, gravity, block):
 
 @kernel
 def air_stride(q, gravity, block):
-    """(longest stride in s, bound of what air adds meanwhile to the acceleration of any point of the block in m/s²)."""
+    """(longest step in s, bound of the acceleration in m/s² that air adds meanwhile at any point of the block)."""
     if not in_air(block):
         return np.inf, 0.0
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY] + gravity * block.radius)

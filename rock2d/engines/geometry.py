@@ -1,15 +1,15 @@
-"""Contact geometry: how deep a block's contact points lie, compiled.
+"""Contact geometry: depths of contact points, compiled.
 
-Five kinds of contact point, each with a depth δ (positive inside) whose rate is minus the normal velocity of
-the block's material there, so that a force k δ along the normal is conservative:
+There are five kinds of contact point. The rate of each depth δ (positive inside) is minus the normal velocity of the
+material of the block there, so that a force k δ along the normal is conservative:
 
-- CORNER_FACET: a block corner below a facet; CORNER_VERTEX: the same where a vertex is nearest (a re-entrant one, or
-  a convex one if the corner is rounded)
-- VERTEX_FACE: a convex corner of the ground inside a polygon, measured to the nearest block face
-- SMOOTH_FACET, SMOOTH_VERTEX: a circle's or ellipse's lowest point against a facet, or a vertex against it
+- CORNER_FACET: a corner of the block below a facet; CORNER_VERTEX: the same where a vertex is nearest (a re-entrant
+  one, or a convex one if the corner is rounded)
+- VERTEX_FACE: a convex corner of the ground inside a polygon, measured to the nearest face of the block
+- SMOOTH_FACET, SMOOTH_VERTEX: the lowest point of a circle or ellipse below a facet, or a vertex inside the profile
 
-Depths come from the nearest feature only. They are continuous at joints, so dividing a facet changes nothing. A
-rounded corner is a circle; convex ground corners meet it or the flat part of a face, never both.
+Only the nearest feature gives the depth. Depths are continuous at joints, so dividing a facet changes nothing. A
+rounded corner is a circle; a convex ground corner touches it or the flat part of a face, never both.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 F_POINT, F_NORMAL, F_SHAPE, N_FEATURE = 0, 2, 4, 8
 
 
-MOST_FACETS_UNSORTED = 8  # with more facets, a search looks only at those near the point
-CACHED_ARRAYS = 64  # blocks and cross-sections whose arrays are kept
-RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
+MOST_FACETS_UNSORTED = 8  # with more facets, a search uses only those near the point
+CACHED_ARRAYS = 64  # number of blocks and of cross-sections whose arrays are cached
+RUN_TURN_RAD = 0.01  # joints with a smaller turn are no events: a contact passes them within a step
 # columns of a row of GroundArrays.facets
 (
     POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST,
@@ -44,15 +44,14 @@ CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 
 
 class GroundArrays(NamedTuple):
-    """What compiled code reads of a cross-section; its end facets are prolonged.
+    """A cross-section as compiled code reads it; its end facets are extended.
 
-    One array for all facets: passing and indexing many arrays costs more than the arithmetic.
+    All facets are in one array, because passing and indexing many arrays costs more than the arithmetic.
     """
 
-    facets: (
-        Array  # (n + 1, 12): start point, tangent, normal, length, zone id, patch, start is a convex corner,
-        # first and last facet of the run of facets that are all but in line
-    )
+    # (n + 1, 12): start point, tangent, normal, length, zone id, patch, start is a convex corner, first and last facet
+    # of the run of facets that are nearly in line
+    facets: Array
     first: Array  # (bins,) lowest facet that overlaps this bin of x or a later one
     last: Array  # (bins,) highest facet that overlaps this bin of x or an earlier one
     x_start: float
@@ -63,19 +62,18 @@ class GroundArrays(NamedTuple):
 
 
 class BlockArrays(NamedTuple):
-    """What compiled code reads of a block; its axes begin in the centre of mass.
+    """A block as compiled code reads it; the origin of its axes is the centre of mass.
 
-    The corners of a polygon are circles of radius `rounding` (0: sharp) about centres so far inside that they touch
-    the faces.
+    The corners of a polygon are circles of radius `rounding` (0: sharp) that touch the faces from inside.
     """
 
     sides: Array  # (n, 5) centre of a corner, outward normal and distance from the centre of mass of the face behind it
-    air: Array  # columns of the laws of flight, none without them
+    air: Array  # columns of the laws of flight; empty if no air acts
     semi_a: float
     semi_b: float
     mass: float
     inertia: float
-    radius: float  # radius of the smallest circle about the centre of mass that holds the block
+    radius: float  # radius of the smallest circle about the centre of mass that contains the block
     rounding: float
     centre_x: float  # centre of a smooth profile, in the block's axes
     centre_y: float
@@ -83,9 +81,10 @@ class BlockArrays(NamedTuple):
 
 @lru_cache(CACHED_ARRAYS)
 def ground_arrays(ground: CrossSection) -> GroundArrays:
-    """Arrays of a cross-section whose two end facets are prolonged by ten times its width, far beyond any block.
+    """Arrays of a cross-section. Its two end facets are extended by ten times its width, far beyond any block.
 
-    Facets joined by turns below SMOOTH_TURN_RAD share a patch; by turns below RUN_TURN_RAD, and of one zone, a run.
+    Facets with turns below SMOOTH_TURN_RAD between them form a patch; facets of one zone with turns below RUN_TURN_RAD
+    form a run.
     """
     points = ground.points_m.copy()
     x_low, x_high = float(points[0, 0]), float(points[-1, 0])
@@ -147,7 +146,7 @@ def block_arrays(block: Block) -> BlockArrays:
 
 
 class WorldArrays(NamedTuple):
-    """What compiled code reads of a world: one block on one cross-section."""
+    """One block on one cross-section as compiled code reads them."""
 
     block: BlockArrays
     ground: GroundArrays
@@ -156,7 +155,7 @@ class WorldArrays(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A block under gravity: narrower than a world, for the calls that are made in every step."""
+    """A block and gravity, for calls in every step that do not need the ground."""
 
     block: BlockArrays
     gravity: float  # m/s²
@@ -170,7 +169,7 @@ def pose_of(q):
 
 @kernel(forceinline=True)
 def along_and_above(px, py, f, facets):
-    """Where a point lies in m along facet f, from its start, and above its line."""
+    """(distance in m of a point from the start of facet f along it, height in m above its line)."""
     dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
     along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
     return along, dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
@@ -178,30 +177,33 @@ def along_and_above(px, py, f, facets):
 
 @kernel(forceinline=True)
 def corner_place(i, pose, sides):
-    """Where the centre of corner i of a polygon is, in m."""
+    """(x, y) in m of the centre of corner i of a polygon."""
     x, y, c, s = pose
     px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
     return px, y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
 
 
 @kernel(forceinline=True)
-def approach(q, nx, ny, rx, ry):
+def depth_rate(q, nx, ny, rx, ry):
     """Rate in m/s at which the depth of a contact point grows: normal (nx, ny), arm (rx, ry)."""
     return -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
 
 
 @kernel(forceinline=True)
 def is_ball(block):
-    """Whether the block looks the same at any angle."""
-    round_about = block.centre_x == 0.0 and block.centre_y == 0.0
-    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b and round_about
+    """Whether the profile is a circle about the centre of mass."""
+    centred = block.centre_x == 0.0 and block.centre_y == 0.0
+    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b and centred
 
 
 @kernel(forceinline=True)
 def profile_bend(block):
-    """Largest distance in m for an angle of 1 that the lowest point of a smooth profile moves, relative to the centre
-    of mass, when the block turns. It lies h = √(a² u² + b² w²) below the profile's centre, where (u, w) is the ground's
-    normal in the block's axes, and h'' = a² b² / h³ - h is (a² - b²) / b at most, with a the longer semi-axis."""
+    """Bound in m/rad of the motion of the lowest point of a smooth profile, relative to the centre of mass, when the
+    block turns.
+
+    The point lies h = √(a² u² + b² w²) below the centre of the profile, where (u, w) is the normal of the ground in
+    body axes; h'' = a² b² / h³ - h is at most (a² - b²) / b, with the longer semi-axis a.
+    """
     a, b = block.semi_a, block.semi_b
     off = np.sqrt(block.centre_x * block.centre_x + block.centre_y * block.centre_y)
     return off + abs(a * a - b * b) / min(a, b)
@@ -274,8 +276,8 @@ def polygon_depth(px, py, pose, sides):
 
 
 @kernel
-def crosses(f, pose, facets, sides):
-    """Whether facet f passes through a polygon."""
+def facet_intersects(f, pose, facets, sides):
+    """Whether facet f intersects a polygon."""
     x, y, c, s = pose
     dx, dy = facets[f, POINT_X] - x, facets[f, POINT_Y] - y
     bx, by = c * dx + s * dy, -s * dx + c * dy
@@ -310,8 +312,8 @@ def under_face(face, px, py, pose, sides):
 
 @kernel
 def beyond_corner(i, px, py, pose, sides):
-    """How far in m a point lies beyond the end of a face next to corner i, and the direction (block's axes) in which
-    that grows. Positive beyond the ends of both faces: there the corner's circle is what is nearest."""
+    """Distance in m of a point beyond the ends of the faces next to corner i (of two, the smaller one), and the
+    direction in body axes in which it grows. If it is positive, the circle of the corner is nearest."""
     x, y, c, s = pose
     bx = c * (px - x) + s * (py - y) - sides[i, CORNER_X]
     by = -s * (px - x) + c * (py - y) - sides[i, CORNER_Y]
@@ -325,8 +327,8 @@ def beyond_corner(i, px, py, pose, sides):
 
 
 @kernel
-def repeats(sides, i):
-    """Whether corner i is the circle of a corner before it: rounded until a face between two of them has vanished."""
+def repeats_corner(sides, i):
+    """Whether corner i has the same circle as a corner before it, because rounding has removed the face between."""
     other = i - 1
     if i == 0:
         return False
@@ -352,9 +354,12 @@ def contact_point(kind, index, part, pose, block, ground):
 
 @kernel(forceinline=True)
 def load_feature(kind, index, part, block, facets):
-    """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: for a corner its centre,
-    its radius and on which side of a vertex it lies; for a face its normal and offset; for a smooth profile semi-axes
-    and centre. For a smooth profile at a vertex, `part` is the half of the ellipse and stands for the normal."""
+    """The eight numbers of a feature for `place_feature`: ground point, facet normal, and four numbers of the block.
+
+    The four numbers are: for a corner its centre, its radius and on which side of a vertex it lies; for a face its
+    normal and offset; for a smooth profile semi-axes and centre. For a smooth profile at a vertex, the half of the
+    ellipse, `part`, replaces the normal.
+    """
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]

@@ -1,4 +1,4 @@
-"""How far a block may move before its contacts can change, compiled."""
+"""The guard: the distance that a block can move before its contacts can change, compiled."""
 
 from __future__ import annotations
 
@@ -33,16 +33,20 @@ from rock2d.engines.geometry import (
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
-TURN_ARM = 1.5  # block radii with which rotation counts as motion: a vertex near the block is as far off
-VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
+TURN_ARM = (
+    1.5  # lever, in block radii, by which rotation counts as motion: vertices near the block are so far away
+)
+VIEW_RADII = 2.0  # radii to each side within which the ground is searched
 BALL_VIEW_RADII = 10.0  # the same for a ball, which hops far between two contacts
-VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
+VIEW_FACETS = 16  # largest number of facets beyond the block that are searched
 
 
 @kernel
 def set_anchor(anchor, q, h, world, memory):
-    """Take q as the pose whose guard is known, if it lasts for a step of h (s); returns whether the centroid lies below
-    the surface. Within the guard it stays above."""
+    """Write pose q and its guard into `anchor`; a guard too small for a step of h (s) becomes 0.
+
+    Returns whether the centroid lies below the surface. Within the guard it stays above.
+    """
     block, ground = world.block, world.ground
     ball = is_ball(block)
     most = (BALL_VIEW_RADII if ball else VIEW_RADII) - 1.0
@@ -53,7 +57,7 @@ def set_anchor(anchor, q, h, world, memory):
     depth, _, _ = near_depth(q[X], q[Y], ground, near[0], near[1], block.radius)
     anchor[GUARD] = guard_distance(q, allowance, near, world, memory)
     pace = abs(q[VX]) + abs(q[VY])
-    if not ball:  # `fast_contact_steps` sees how deep a ball is
+    if not ball:  # `fast_contact_steps` checks the depth of a ball
         anchor[GUARD] = min(anchor[GUARD], max(-depth, 0.0))
         pace += TURN_ARM * block.radius * abs(q[OMEGA])
     if anchor[GUARD] < h * pace:
@@ -63,11 +67,12 @@ def set_anchor(anchor, q, h, world, memory):
 
 @kernel
 def guard_distance(q, allowance, near, world, memory):
-    """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
+    """Distance in m that any point of the block may move from pose q before a contact begins or changes its feature; 0
+    if it is not known.
 
-    near : (first, one past the last) index of the facets that are looked at
-    allowance : width in m that these facets reach beyond the block: the most that is returned; 0 where the distance is
-        not known. Passing on within a run of facets is no change: `fast_contact_steps` follows it.
+    near : (first, one past the last) index of the facets that are searched
+    allowance : width in m of these facets beyond the block, the largest guard. A contact that moves within a run of
+        facets does not change: `fast_contact_steps` follows it.
     """
     pose = pose_of(q)
     x, y, c, s = pose
@@ -120,7 +125,7 @@ def guard_distance(q, allowance, near, world, memory):
 
 @kernel(forceinline=True)
 def _within_run(px, py, own, facets):
-    """How far in m a point may move along the ground before it leaves the run of facet `own`."""
+    """Distance in m that a point may move along the ground before it leaves the run of facet `own`."""
     first, last = int(facets[own, RUN_FIRST]), int(facets[own, RUN_LAST])
     behind, _ = along_and_above(px, py, first, facets)
     dx, dy = px - facets[last, POINT_X], py - facets[last, POINT_Y]
@@ -130,8 +135,8 @@ def _within_run(px, py, own, facets):
 
 @kernel
 def _smooth_guard(q, guard, near, world, memory):
-    """`guard_distance` of a smooth profile. The contact point of a ball lies below its centre. That of another profile
-    moves along the ground when the block turns, by at most `profile_bend` times the angle."""
+    """`guard_distance` of a smooth profile. The contact point of a ball lies below its centre; that of another profile
+    moves along the ground by at most `profile_bend` times the angle when the block turns."""
     pose = pose_of(q)
     block, facets, ints = world.block, world.ground.facets, memory.ints
     f0, f1 = near
@@ -144,7 +149,7 @@ def _smooth_guard(q, guard, near, world, memory):
             guard = min(guard, _within_run(px, py, ints[j, INDEX], facets))
     f = f0
     while f < f1 and guard > 0.0:
-        owned = False  # by a contact: its run has been seen to
+        owned = False  # whether f lies in the run of a contact, which is checked above
         for j in range(ints.shape[0]):
             if ints[j, ACTIVE] and facets[f, RUN_FIRST] <= ints[j, INDEX] <= facets[f, RUN_LAST]:
                 owned = True
@@ -157,7 +162,7 @@ def _smooth_guard(q, guard, near, world, memory):
         f += 1
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0 or not ball:
-            owned = False  # by a contact in whose run it lies, or whose run it ends
+            owned = False  # whether v lies in the run of a contact, or at its end
             for j in range(ints.shape[0]):
                 if ints[j, ACTIVE]:
                     own = ints[j, INDEX]
@@ -171,8 +176,8 @@ def _smooth_guard(q, guard, near, world, memory):
 
 @kernel(forceinline=True)
 def _lowest(f, pose, block, facets):
-    """The point of a smooth profile that is lowest above facet f, and its height above the facet's line; of a ball, the
-    centre instead of the point: it lies above it."""
+    """(x, y) in m of the point of a smooth profile nearest to the line of facet f, and its height above the line. For a
+    ball, x and y of the centre, which lies above that point."""
     x, y, _, _ = pose
     if is_ball(block):
         return x, y, along_and_above(x, y, f, facets)[1] - block.radius

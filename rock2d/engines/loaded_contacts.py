@@ -1,4 +1,4 @@
-"""The active contacts of a block, loaded into rows for the steps to come, and the forces that they exert, compiled."""
+"""The active contacts of a block, loaded into rows for the next steps, and their forces, compiled."""
 
 from __future__ import annotations
 
@@ -39,9 +39,8 @@ from rock2d.laws.contact import (
     tangential_force,
 )
 
-# columns of a loaded contact: its feature (`geometry.load_feature`), the law's parameters, its memory, its kind, the
-# depth of its indentation's bottom, whether the ground presses on it in the step at hand, whether effects act in it,
-# and their columns
+# columns of a loaded contact: its feature (`geometry.load_feature`), the parameters of the law, its memory, its kind,
+# its residual indentation, whether the ground presses on it in this step, whether effects act in it, and their columns
 L_FEATURE = 0
 L_LAW = L_FEATURE + N_FEATURE
 L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
@@ -49,25 +48,24 @@ L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFEC
     L_OFFSET + 1, L_OFFSET + 9
 )
 N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
-# columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
+# columns of a contact's row of rates: deformation of its springs at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
-# point after it, and what the step leaves (`trial_step.step_to_event`): peak penetration, states of the springs, the
-# law's normal force before and after, the force that acts, the tangential force before and after, the rolling moment,
-# and the work of plasticity
+# point after it, and the outcome (`trial_step.step_to_event`): peak penetration, states of the springs, normal force of
+# the law before and after, acting force, tangential force before and after, rolling moment, and plastic work
 (
     DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP, PEAK_1, DISPLACEMENT_1, ROTATION_1, NORMAL_0, NORMAL_1, ACTING_1,
     TANGENTIAL_0, TANGENTIAL_1, MOMENT_1, PLASTIC_WORK,
 ) = range(16)  # fmt: skip
-LEAST_FORCE_N = 1e-300  # least force of a pressing contact: its springs hold until it lifts off
-LEAST_EVENT = 1e-3  # share of a step: the step has landed, but for rounding, on an event that comes sooner
+LEAST_FORCE_N = 1e-300  # least force of a pressed contact, so that its springs act until it lifts off
+LEAST_EVENT = 1e-3  # share of a step: the step starts, to rounding, at an event that comes sooner
 
 
 class LoadedContacts(NamedTuple):
-    """Rows of the contacts that are active; the first rows are in use."""
+    """Rows of the active contacts; only the first rows are in use."""
 
     rows: np.ndarray  # (contacts, N_LOADED)
-    which: np.ndarray  # (contacts,) the contact that a row belongs to
+    which: np.ndarray  # (contacts,) index of the contact of a row
     rates: np.ndarray  # (contacts, 4) TAKEN_DISPLACEMENT ... SPIN_RATE
     trial: np.ndarray  # (contacts, 16) DEPTH_0 ... PLASTIC_WORK
 
@@ -118,10 +116,10 @@ def load_active(world, memory, loaded):
 
 @kernel(forceinline=True)
 def note_pressed(active, loaded, h):
-    """Note on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
+    """Set L_PRESSED: on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
 
-    The side of the indentation's bottom is that of the whole step, which ends there if the contact changes sides: the
-    moment of the rolling spring, and friction of 90 degrees, jump to 0 at the bottom.
+    It holds for the whole step, which ends if a contact passes the bottom of its indentation: there the moment of the
+    rolling spring, and friction of 90 degrees, jump to 0.
     """
     rows, trial = loaded.rows, loaded.trial
     for a in range(active):
@@ -131,7 +129,7 @@ def note_pressed(active, loaded, h):
 
 @kernel
 def effects_act(block, active, rows):
-    """Whether effects of the catalogue act on the block, by the air or in a loaded contact."""
+    """Whether effects of the catalogue act on the block, in the air or in a loaded contact."""
     act = in_air(block)
     for a in range(active):
         act = act or rows[a, L_ACTS] != 0.0
@@ -147,11 +145,13 @@ def placed(rows, a, pose):
 
 @kernel(forceinline=True)
 def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
-    """Force (x, y) and moment of one contact, the slip velocity and the spin that wind its springs (none while
-    unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x
-    that recoiling ground adds.
+    """Force and rates of one contact.
 
     velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m and rotation in rad of its springs
+
+    Returns (force along x and y in N, moment in N m, slip velocity in m/s and spin in rad/s that deform its springs,
+    0 while unpressed; power in W of its tangential spring, of its rolling spring and of its effects; acceleration along
+    x in m/s² of recoiling ground).
     """
     depth, nx, ny, rx, ry = placed(rows, a, pose)
     vx, vy, omega = velocity

@@ -1,12 +1,12 @@
-"""The cross-section as flying points meet it: the next impact of a parabola, found through a tree of boxes, compiled.
+"""Intersection of parabolas with the cross-section: the next impact of a flying point, by a tree of boxes, compiled.
 
-No block gets through the ground: the facet just left counts as touched exactly (its root is 2 v_n / (g n_y),
-no distance is compared), every impact puts the point back onto its facet, and facets reach `Surface.reach_m`
-(1e-12 of the coordinates: rounding, not physics) past their ends and to their rear, so a parabola through
-a joint meets one of the two.
+No point passes through the ground. The facet just left counts as touched exactly (its root is 2 v_n / (g n_y), without
+comparing distances); every impact puts the point back onto its facet; and facets extend `Surface.reach_m` (1e-12 of the
+coordinates, for rounding) beyond their ends and to their rear, so that a parabola through a joint meets one of its two
+facets.
 
-What the ensembles run in parallel handles numbers and whole arrays only: a view of a row counts references, and
-all threads would queue for that count.
+Parallel code uses numbers and whole arrays only: a view of a row changes a reference count, for which all threads would
+wait.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ BOX_LOW, BOX_HIGH, BOX_SLOPE, BOX_TOP, ONLY_FROM, ONLY_TO = range(6)
 
 
 class Surface(NamedTuple):
-    """A cross-section as the compiled core reads it.
+    """A cross-section as compiled code reads it.
 
     facets : (n, 5) start x, y, unit tangent x, y, length; zones : (n,) zone ids
-    boxes : (2 leaves - 1, 6) x_low, x_high, slope m and the greatest y - m x in them: boxes that lie along the
-        ground, without a floor; then the x between which there are facets of this box only. The children of
-        box i are 2i+1 and 2i+2; the last `leaves` hold LEAF facets each
-    x_low_m, x_high_m : beyond them a block has left; reach_m : see the module
+    boxes : (2 leaves - 1, 6) x_low, x_high, slope m and greatest y - m x: boxes along the ground, open downwards; then
+        the x range in which all facets belong to this box. The children of box i are 2i+1 and 2i+2; the last `leaves`
+        boxes hold BOX_FACETS facets each
+    x_low_m, x_high_m : ends of the cross-section; reach_m : see the module
     """
 
     facets: Array
@@ -49,7 +49,7 @@ _latest: tuple[CrossSection, Surface] | None = None
 
 
 def make_surface(cross_section: CrossSection) -> Surface:
-    """Prepare a cross-section for the compiled core; the latest is kept, for release after release on it."""
+    """Prepare a cross-section for compiled code; the latest one is cached, because many releases use it in turn."""
     global _latest
     known = _latest
     if known is not None and known[0] is cross_section:
@@ -129,12 +129,12 @@ def next_impact(surface, stack, flight, gravity, current, limit):
     best, found = limit, -1
     best_v_n = 0.0
     per_vx = 1.0 / vx if abs(vx) > 1e-300 else 0.0
-    first_child = 1 if vx >= 0.0 else 2  # the one that the flight gets to first
-    # most flights are short: search the leaf where this one starts, then wider and wider around it
+    first_child = 1 if vx >= 0.0 else 2  # the child that the flight reaches first
+    # most flights are short: search the leaf where this one starts, then larger and larger parts around it
     searched = 0 if current < 0 else first_leaf + current // BOX_FACETS
     box, top, met = searched, 0, True
     while True:
-        # both children are looked at, without a branch between them: the processor could not guess it
+        # both children are checked without a branch, which the processor could not predict
         while met and box < first_leaf:
             near, far = 2 * box + first_child, 2 * box + 3 - first_child
             near_met = _meets(boxes, near, flight, per_vx, gravity, best)
@@ -147,13 +147,13 @@ def next_impact(surface, stack, flight, gravity, current, limit):
             start = (box - first_leaf) * BOX_FACETS
             for j in range(start, min(start + BOX_FACETS, len(facets))):
                 tau, v_n = facet_impact(facets, j, flight, gravity, j == current, surface.reach_m)
-                # if two facets are met at once, at a joint, the one that is hit harder counts
+                # if two facets are met at once, at a joint, the harder impact counts
                 if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
                     best, found = tau, j
                     best_v_n = v_n
             end = x + vx * best
             if (vx >= 0.0 and end < boxes[box, ONLY_TO]) or (vx < 0.0 and end > boxes[box, ONLY_FROM]):
-                top = 0  # what waits lies beyond the end of the flight
+                top = 0  # the waiting boxes lie beyond the end of the flight
         if top > 0:
             top -= 1
             box = stack[top]
@@ -176,7 +176,8 @@ def next_impact(surface, stack, flight, gravity, current, limit):
 
 @njit
 def _meets(boxes, i, flight, per_vx, gravity, limit):
-    """Whether the flight can touch box `i` within `limit`; never wrongly no. `per_vx` is 1/vx, 0 for none."""
+    """Whether the flight may touch box `i` within `limit`; False only if it surely does not. `per_vx` is 1/vx, or 0 if
+    vx is 0."""
     x, y, vx, vy = flight
     t0, t1 = 0.0, limit
     if per_vx == 0.0:
@@ -185,17 +186,15 @@ def _meets(boxes, i, flight, per_vx, gravity, limit):
     else:
         a, b = (boxes[i, BOX_LOW] - x) * per_vx, (boxes[i, BOX_HIGH] - x) * per_vx
         t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    y, vy = (
-        y - boxes[i, BOX_SLOPE] * x,
-        vy - boxes[i, BOX_SLOPE] * vx,
-    )  # sheared, the flight is a parabola still
+    # in sheared coordinates the flight is still a parabola
+    y, vy = y - boxes[i, BOX_SLOPE] * x, vy - boxes[i, BOX_SLOPE] * vx
     y0, y1 = y + (vy - 0.5 * gravity * t0) * t0, y + (vy - 0.5 * gravity * t1) * t1
     return (t0 <= t1) & (min(y0, y1) <= boxes[i, BOX_TOP])
 
 
 @njit
 def facet_impact(facets, j, flight, gravity, touching, reach):
-    """(time, v_n) at which the flight comes down onto the front of facet `j`, (-1, 0) if it does not.
+    """(time in s, v_n in m/s) at which the flight meets the front of facet `j`; (-1, 0) if it does not.
 
     The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0.
     """
@@ -229,7 +228,7 @@ def facet_impact(facets, j, flight, gravity, touching, reach):
 def lifted_to_surface(surface, stack, x, y):
     """`y`, or the height of the surface above (x, y) if that point lies in the ground.
 
-    It does if, of the facets straight above, one more has the ground below it than above it.
+    The point lies in the ground if, of the facets straight above it, one more has the ground below than above.
     """
     facets, boxes = surface.facets, surface.boxes
     first_leaf = len(boxes) // 2

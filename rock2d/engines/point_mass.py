@@ -1,10 +1,9 @@
 """The point-mass engine: exact ballistic flights between rebounds of the probabilistic law.
 
-The point is the block's centroid and meets the surface itself, as point-mass codes have it: the block's
-extent enters through its mass, the radius of its spin and the slope reduction only. Between impacts the point
-flies on a parabola and the block turns freely; the next impact is the first root of a quadratic among the
-facets, found through a tree of boxes along the ground, so that a long cross-section costs little more than a
-short one (`parabola_intersection`).
+The point is the centroid of the block and meets the surface itself, as in other point-mass codes: the size of the block
+enters only through its mass, the radius of its spin and the slope reduction. Between impacts the point flies on a
+parabola and the block turns freely. The next impact is the first root of a quadratic equation among the facets
+(`parabola_intersection`).
 """
 
 from __future__ import annotations
@@ -71,18 +70,18 @@ N_LINE = LINE_HIGH + 1
 
 NO_LINES = np.empty((0, N_LINE))
 FIRST_IMPACTS = 128  # room for the impacts of one track
-CHATTER_IMPACTS = 1000  # impacts between two looks at whether the block still gets anywhere
+CHATTER_IMPACTS = 1000  # impacts between two checks whether the block still moves on
 
 
 class Releases(NamedTuple):
-    """What is given of n releases."""
+    """Start states and seeds of n releases."""
 
     states: Array  # (n, 6)
     seeds: Array  # (n,) uint64
 
 
 class Inputs(NamedTuple):
-    """What `point_mass_release` reads of the block, the law and the limits, in SI."""
+    """Block, law and limits as `point_mass_release` reads them, in SI."""
 
     mass: float
     radius: float  # radius of the spin, see `spin_radius_m`
@@ -94,7 +93,7 @@ class Inputs(NamedTuple):
 
 
 class ReleaseOutputs(NamedTuple):
-    """What `point_mass_release` writes of n releases."""
+    """Results of n releases as `point_mass_release` writes them."""
 
     impacts: Array  # (n, room, N_REBOUND): at most `room` of each release
     crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
@@ -104,7 +103,7 @@ class ReleaseOutputs(NamedTuple):
 
 
 def spin_radius_m(block: Block) -> float:
-    """Radius of the ball whose spin the point carries: a circle's own, else that of the equal-area circle."""
+    """Radius in m of the ball whose spin the point has: that of a circle, else of the circle of equal area."""
     return block.semi_axes_m[0] if block.shape == "circle" else 0.5 * block.size_m
 
 
@@ -123,19 +122,18 @@ def run_point_mass(
 ) -> Track:
     """Run one release from `state6` (x, y, theta, vx, vy, omega of the centroid; SI) to its end.
 
-    `parameters` maps zones, or "default", to the law's parameters. A start below the surface (a measured
-    block may have sunk in) is lifted vertically onto it; one on the surface and moving into it rebounds at
-    once; one beside the cross-section has left it. The release ends as
+    `parameters` maps zones, or "default", to the parameters of the law. A start below the surface (a measured block may
+    have sunk in) is lifted vertically onto it. A block that starts on the surface and moves into it rebounds at once.
+    The release ends as
 
-    - "rest": after an impact on ground that faces upward, √(v² + 2/5 r² ω²) is below `stop_speed_m_s`
-      (default 0.1 √(g size)); or 1000 impacts in a row took the block less than its size away in less than
-      1000 stop_speed / g, the flights of millimetres into which bouncing dies out without ever ending (each
-      one multiplies the motion along the facet by r_t);
-    - "exit": it flew beyond the left- or rightmost point;
+    - "rest": after an impact on ground that faces upward, √(v² + 2/5 r² ω²) is below `stop_speed_m_s` (default
+      0.1 √(g size)); or within 1000 impacts and 1000 stop_speed / g, the block moved by less than its size (bouncing
+      decays into flights of millimetres without end);
+    - "exit": it flew beyond the left- or rightmost point, or started there;
     - "time": the time limit.
 
-    `seed` (in [0, 2^64), else a number that `rng` gives) is that of the release's own stream; only slope
-    reductions drawn from U(0, α) need it. Impacts carry NaN penetration and force, which this law does not know.
+    `seed` (in [0, 2^64), else drawn from `rng`) is the seed of the random stream of the release; only slope reductions
+    drawn from U(0, α) need it. Penetration and force of impacts are NaN, because this law does not know them.
 
     Raises ValueError if the state is not six finite numbers; if gravity, time limit or stop speed is not
     positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed` or `rng`.
@@ -157,7 +155,7 @@ def run_point_mass(
         count = int(outputs.impact_count[0])
         if count <= room:
             break
-        room = count  # the same release once more, with room for all
+        room = count  # repeat the release with room for all impacts
     impacts, ends, stop = outputs.impacts[0, :count], outputs.ends[0], STOPS[outputs.stop[0]]
     return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
 
@@ -170,10 +168,7 @@ def kernel_inputs(
     time_limit_s: float,
     stop_speed_m_s: float | None,
 ) -> Inputs:
-    """What `point_mass_release` reads of the block, the law and the limits.
-
-    Raises ValueError as `run_point_mass` says.
-    """
+    """The `Inputs` of `point_mass_release`. Raises ValueError as `run_point_mass` does."""
     if stop_speed_m_s is None:
         stop_speed_m_s = 0.1 * float(np.sqrt(max(gravity_m_s2, 0.0) * block.size_m))
     for name, value in (
@@ -214,9 +209,9 @@ def _track(
 
 
 def line_rows(lines: Collection[Array], reach_m: float) -> Array:
-    """(n, N_LINE) what `point_mass_release` reads of measure lines (2, 2), columns LINE_X to LINE_HIGH.
+    """(n, N_LINE) measure lines (2, 2) as `point_mass_release` reads them, columns LINE_X to LINE_HIGH.
 
-    The range is widened by `reach_m`, so that rounding cannot hide a crossing.
+    The range of x is extended by `reach_m`, so that rounding cannot hide a crossing.
     """
     rows = []
     for line in lines:
@@ -228,7 +223,7 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
 
 
 def new_outputs(n: int, room: int, lines: int) -> ReleaseOutputs:
-    """Arrays for n releases: `room` impacts of each, crossings of the given number of lines."""
+    """Empty outputs of n releases, with `room` impacts of each and crossings of so many lines."""
     return ReleaseOutputs(
         np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
         np.zeros(n, np.int64), np.zeros(n, np.int64),
@@ -237,7 +232,7 @@ def new_outputs(n: int, room: int, lines: int) -> ReleaseOutputs:
 
 @njit
 def point_mass_release(i, releases, inputs, surface, lines, outputs):
-    """Release `i`, written at [i]; allocates nothing but one small stack.
+    """Run release `i` and write its results at [i]; allocates only one small stack.
 
     `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
     `outputs`: ReleaseOutputs.
@@ -262,7 +257,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
             leave = (edge - x) / vx if vx != 0.0 else np.inf
             stop = STOP_EXIT if leave < tau else STOP_TIME
             tau = min(leave, tau)
-        _cross(lines, crossings, i, (t, x, y, theta, vx, vy, omega), t + tau - t, gravity)
+        _note_crossings(lines, crossings, i, (t, x, y, theta, vx, vy, omega), t + tau - t, gravity)
         x, y = x + vx * tau, y + (vy - 0.5 * gravity * tau) * tau
         vy -= gravity * tau
         theta += omega * tau
@@ -315,10 +310,10 @@ def _store(rows, i, k, instant):
 
 
 @njit
-def _cross(lines, crossings, i, instant, span, gravity):
-    """Note the lines that release `i` crosses for the first time in a flight of `span` from `instant` on.
+def _note_crossings(lines, crossings, i, instant, span, gravity):
+    """Note the lines that release `i` crosses for the first time in a flight of `span` (s) that starts at `instant`.
 
-    `Track.crossings` operation by operation: the two give the same bits.
+    The same operations as in `Track.crossings`, so that both give the same bits.
     """
     t, x, y, theta, vx, vy, omega = instant
     end = x + vx * span

@@ -1,8 +1,7 @@
 """Ensembles of the point-mass engine: all releases of a block in one compiled call, on all threads.
 
-The kernel is that of `run_point_mass`, so a release has the same bits in both, in any order and on any number of
-threads.
-"""
+`run_point_mass` uses the same kernel, so a release has the same bits in both, in any order and on any number of
+threads."""
 
 from __future__ import annotations
 
@@ -20,9 +19,7 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-MOST_ON_ONE_THREAD = (
-    500  # so few releases take less time than waking other threads does, where these are busy
-)
+MOST_ON_ONE_THREAD = 500  # so few releases take less time than starting busy threads
 
 
 @dataclass
@@ -32,10 +29,10 @@ class PointMassBatch:
     Attributes
     ----------
     stop : (n,) index into `point_mass.STOPS`
-    ends : (n, 7) t and state where each release stopped
-    impact_count : (n,) impacts of each release
-    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if never
-    impacts : (n, room, 11) t and state before, velocities after, facet; NaN beyond the impacts that were
+    ends : (n, 7) t and state at the end of each release
+    impact_count : (n,) number of impacts of each release
+    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
+    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
     """
 
     stop: Array
@@ -60,10 +57,10 @@ def run_point_mass_batch(
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega of the centroid; SI); see `run_point_mass`.
 
     `seeds` (n,) are whole numbers in [0, 2^64), each the `seed` of its release in `run_point_mass`; `impact_room` is
-    how many impacts of a release are recorded.
+    the largest number of impacts that are recorded of a release.
 
-    Raises ValueError if states are not finite, seeds are not such numbers, one for each release, `impact_room` is
-    negative; if gravity, time limit or stop speed is not positive; or if a zone has no parameters.
+    Raises ValueError if states are not finite, if seeds are not n such numbers, if `impact_room` is negative, if
+    gravity, time limit or stop speed is not positive, or if a zone has no parameters.
     """
     states = np.ascontiguousarray(np.atleast_2d(states), float)
     n = len(states)

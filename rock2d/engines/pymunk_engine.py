@@ -1,10 +1,9 @@
-"""The reference engine: blocks and cross-section as pymunk bodies, the contact law in collision handlers.
+"""The reference engine: block and cross-section as pymunk bodies, with the contact law instead of pymunk's impulses.
 
-What pymunk does: it holds the bodies and shapes, finds which facets a block comes near, and steps. What is
-replaced: its impulses (`process_collision = False`), by the elasto-plastic law, and its first-order
-integration of gravity, by the exact parabola. The handlers only record the facets met; forces are then applied
-once a step, in a fixed order and in one compiled call, so that a run is bit-identical wherever it runs. Exceptions
-inside callbacks, which pymunk swallows, are kept and raised after the step.
+Pymunk holds the bodies and shapes, finds the facets near a block, and steps. The elasto-plastic law replaces its
+impulses (`process_collision = False`), the exact parabola its first-order integration of gravity. Collision handlers
+only record the facets; forces are applied once a step, in a fixed order and in one compiled call, so that results are
+bit-identical on all machines. Pymunk ignores exceptions in callbacks; they are kept and raised after the step.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_stride import (
-    LEFT,
+    LIFTED,
     N_ROW,
     OPEN,
     ROOM,
@@ -53,17 +52,17 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 BLOCK, GROUND = 1, 2
-MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
+MARGIN = 0.25  # distance from a facet within which pymunk reports it, in block radii
 LONGEST_FLIGHT_STRIDE = 2.0  # longest step in flight, in √(radius / g)
 
 
 class CallbackError(RuntimeError):
-    """An exception inside a pymunk callback, raised again where it can be seen."""
+    """An exception inside a pymunk callback, raised after the step."""
 
 
 class Knot(NamedTuple):
-    """State at one instant; number of active contacts, sum of their normal forces and their largest penetration;
-    whether the block flew freely on the way to it."""
+    """State at one instant; number of active contacts, sum of their normal forces in N and largest penetration in m;
+    whether the block flew freely since the knot before."""
 
     time: float
     q: np.ndarray
@@ -74,14 +73,14 @@ class Knot(NamedTuple):
 
 
 class PymunkRelease:
-    """One block falling onto one cross-section in a pymunk space.
+    """One block on one cross-section in a pymunk space.
 
     `parameters`: contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
-    (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground
-    starts in an indentation of that depth: its contacts have no force.
+    (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground starts in an indentation of
+    that depth, without force.
 
-    `impacts` (rows of IMPACT_NAMES): each begins at the first touch and ends when the ground last presses before the
-    block is clear of it (not when it has climbed out of its own indentation: gravity acts meanwhile, the law does not).
+    `impacts` (rows of IMPACT_NAMES): an impact begins at the first touch and ends when the ground last presses before
+    the block is clear of it. Then the block may still be in its indentation, where only gravity acts.
     """
 
     def __init__(
@@ -113,7 +112,9 @@ class PymunkRelease:
         self._contacts = (self._memory, self._found, contact_step.new_scratch(count))
         self._rows = np.empty((ROOM, N_ROW))
         self._reach = block.reach_m
-        self._met: set[int] = set()  # facets that pymunk has near, and their range at the last step
+        self._near_facets: set[int] = (
+            set()
+        )  # facets that pymunk reports as near, and their range at the last step
         self._near: tuple[int, int] | None = None
         self._watch = np.empty(rest.N_WATCH)
         rest.forget_rest(self._watch)
@@ -126,11 +127,12 @@ class PymunkRelease:
         self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
         self._find_near_ground()
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
-        held = self._world, self._contacts, self.audit
-        self._advance = advance.like(self.q, stride, *held, self._impacts, self._rows)
+        self._advance = advance.like(
+            self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows
+        )
         self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._reach, self._watch)
         self._growth = contact_energy.step_growth.like(0.0, self._block, self._memory, self.table)
-        self.centroid_depth_m, self.at_rest = self._look(False)
+        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(False)
 
     def _build_space(self) -> None:
         margin = MARGIN * self.block.radius_m
@@ -153,33 +155,35 @@ class PymunkRelease:
         shape.filter = pymunk.ShapeFilter(group=1)
         body.position_func = self._guarded(self._move)
         space.add(body, shape, *self._facet_of)
-        space.on_collision(BLOCK, GROUND, begin=self._guarded(self._meet), separate=self._guarded(self._part))
+        space.on_collision(
+            BLOCK, GROUND, begin=self._guarded(self._begin), separate=self._guarded(self._separate)
+        )
         self.space, self.body, self._shape = space, body, shape
         self._write_body()
 
-    # what pymunk calls back -------------------------------------------------------------------------------
+    # callbacks of pymunk ----------------------------------------------------------------------------------
 
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         def call(*args: Any) -> None:
             try:
                 callback(*args)
-            except BaseException as error:  # pymunk would swallow it
+            except BaseException as error:  # pymunk would ignore it
                 self._error = self._error or error
 
         return call
 
-    def _meet(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        """Block and facet come near: no impulse of pymunk's, only note which facet it is."""
+    def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        """The block comes near a facet: suppress the impulse of pymunk and note the facet."""
         arbiter.process_collision = False
-        self._met.add(self._facet_of[arbiter.shapes[1]])
+        self._near_facets.add(self._facet_of[arbiter.shapes[1]])
 
-    def _part(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        """Block and facet are no longer near."""
-        self._met.discard(self._facet_of[arbiter.shapes[1]])
+    def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        """The block is no longer near a facet."""
+        self._near_facets.discard(self._facet_of[arbiter.shapes[1]])
 
     def _move(self, body: pymunk.Body, dt: float) -> None:
-        """Position update: free flight, the contact law near the ground. Without gravity or impulses of its own, pymunk
-        leaves the velocities as they are."""
+        """Position update: free flight, or the contact law near the ground. The pymunk space has no gravity and no
+        impulses, so it does not change velocities."""
         if self._near is not None:
             self._advance_contact(dt)
         else:
@@ -196,12 +200,12 @@ class PymunkRelease:
         self.body.velocity, self.body.angular_velocity = (vx, vy), omega
 
     def _find_near_ground(self) -> None:
-        """Facets near the starting pose, asked of pymunk, and the depths of the contact points there."""
+        """Find the facets near the start pose with pymunk, and begin contacts there."""
         self.space.reindex_shapes_for_body(self.body)
         near = {self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape}
         self._near = _range(near)
         if self._near is not None:
-            active = contact_step.seat_contacts(self.q, self._near, self._world, self._memory, self._found)
+            active = contact_step.begin_contacts(self.q, self._near, self._world, self._memory, self._found)
             open_if_touching(0.0, self.q, active, self._memory, self._impacts)
 
     def _advance_contact(self, dt: float) -> None:
@@ -218,7 +222,7 @@ class PymunkRelease:
                 self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, flew > 0))
 
     def stride(self) -> float:
-        """The longest step in s that cannot pass through the ground unseen."""
+        """The longest step in s in which the block cannot pass through the ground undetected."""
         if self._near is not None:
             growth = self._growth(self._start_kinetic, self._block, self._memory, self.table)
             return self.contact_step * float(growth)
@@ -230,7 +234,7 @@ class PymunkRelease:
         hit = self.space.point_query_nearest((self.q[X], self.q[Y]), far, pymunk.ShapeFilter(group=1))
         if hit is None:
             return limit
-        # distance to the facets' margin, minus a tenth: the handler must be called in time
+        # distance to the margin of the facets, minus a tenth of it, so that pymunk calls the handler in time
         clear = hit.distance - self._reach + 0.9 * margin
         if clear <= 0:
             return self.contact_step
@@ -238,9 +242,9 @@ class PymunkRelease:
         return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
 
     def step(self) -> list[Knot]:
-        """One pymunk step. Returns the knots at its end and at the events of the law within it.
+        """Make one pymunk step. Returns the knots at its end and at the events of the law within it.
 
-        Raises CallbackError from whatever failed inside a pymunk callback.
+        Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
         """
         dt = self.stride()
         self._events.clear()
@@ -252,17 +256,17 @@ class PymunkRelease:
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
         knots = self._events.copy() or [Knot(self.time + dt, self.q.copy())]
         self.time += dt
-        self._near = _range(self._met)
-        self.centroid_depth_m, self.at_rest = self._look(knots[-1].active > 0)
+        self._near = _range(self._near_facets)
+        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(knots[-1].active > 0)
         return knots
 
-    def _look(self, touching: bool) -> tuple[float, bool]:
+    def _check_depth_and_rest(self, touching: bool) -> tuple[float, bool]:
         """(depth of the centroid below the surface nearby in m, whether the block has come to rest)."""
         return self._depth_and_rest(self.q, self.time, touching, self._world, self._reach, self._watch)
 
     @property
     def flying(self) -> bool:
-        """No facet near: the next step is a free flight."""
+        """Whether no facet is near, so that the next step is a free flight."""
         return self._near is None
 
     def pressure(self) -> tuple[float, float, int]:
@@ -270,13 +274,13 @@ class PymunkRelease:
         return contact_energy.pressure(self._memory, self.table)
 
     def close(self) -> None:
-        """The release is over: an impact that still presses has no state after."""
+        """End the release; the state after an impact that has not ended is NaN."""
         if self._impacts.flags[OPEN]:
-            close_impact(self._impacts.current, self._impacts.flags[LEFT] != 0, self._impacts.closed, 0)
+            close_impact(self._impacts.current, self._impacts.flags[LIFTED] != 0, self._impacts.closed, 0)
             self.impacts.append(self._impacts.closed[0].copy())
 
     def energy_balance(self) -> dict[str, float]:
-        """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balance`."""
+        """The present energy balance in J, by ENERGY_NAMES; see `energy_balance.energy_balance`."""
         self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
 
@@ -298,15 +302,15 @@ def run_pymunk(
     contact_step_s: float | None = None,
     impact_limit: int | None = None,
 ) -> Track:
-    """Run one release until it rests, leaves the cross-section, sinks in to its centroid ("buried": the ground is
-    too soft for the law), or the time is over.
+    """Run one release until it rests, leaves the cross-section, sinks in to its centroid ("buried": the ground is too
+    soft for the law), or reaches a limit.
 
     Parameters
     ----------
-    parameters : contact law by zone, key "default" for the rest; or rows (zones, columns) with effects
-    state : of the centre of mass, (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s at t = 0
+    parameters : contact law by zone, key "default" for all other zones; or rows (zones, columns) with effects
+    state : (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s of the centre of mass at t = 0
     contact_step_s : contact step; default 0.03 rad of the stiffest contact oscillation
-    impact_limit : stop at the end of this many impacts
+    impact_limit : number of impacts after which the release stops
 
     Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
     """

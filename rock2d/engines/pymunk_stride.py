@@ -1,4 +1,4 @@
-"""What the pymunk engine computes in one of its steps near the ground, compiled: one call instead of ten."""
+"""One step of the pymunk engine near the ground in a single compiled call."""
 
 from __future__ import annotations
 
@@ -15,39 +15,40 @@ from rock2d.records.columns import I_ZONE, INSTANT_STATE, N_INSTANT, TIME, X, Y
 
 ROOM = 64  # rows for the knots and the impacts of one call
 # columns of a knot: instant and state, number of active contacts, sum of forces in N, largest depth in m, whether the
-# block flew freely on the way to it
+# block flew freely since the knot before
 K_ACTIVE, K_FORCE, K_DEPTH, K_FLEW = range(N_INSTANT, N_INSTANT + 4)
 N_ROW = K_FLEW + 1
 
 
 class Impacts(NamedTuple):
-    """The impact at hand, and those that a call has closed."""
+    """The open impact, and those that a call has closed."""
 
     current: np.ndarray  # (N_IMPACT,)
     closed: np.ndarray  # (ROOM, N_IMPACT)
-    flags: np.ndarray  # (2,) whether an impact is open, whether the ground has stopped pressing in it
+    flags: np.ndarray  # (2,) whether an impact is open, whether the block has lifted off in it
 
 
-OPEN, LEFT = range(2)
+OPEN, LIFTED = range(2)
 
 
 class Stride(NamedTuple):
-    """What a stride is of."""
+    """A step of pymunk, and the facets near the block."""
 
     start: float  # s
     length: float  # s
-    gone: float  # s of it that earlier calls have done
+    gone: float  # s, part of it that earlier calls have computed
     first: int  # index of the first facet near
     last: int  # one past the last
 
 
 @njit
 def advance(q, stride, world, contacts, audit, impacts, rows):
-    """Advance q through a stride in the contact law, with every event of it as a knot.
+    """Advance q through a stride with the contact law, with a knot at every event.
 
     impacts : Impacts; rows : (ROOM, N_ROW) for the knots
 
-    Returns (number of knots, of closed impacts, time gone in s); the stride is not over if rows are full.
+    Returns (number of knots, number of closed impacts, computed time of the stride in s). If the rows are full, the
+    stride is not complete.
     """
     memory, found, _ = contacts
     current, closed, flags = impacts
@@ -64,12 +65,12 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
         if flags[OPEN] == 0:
             open_if_touching(t, q, active, memory, impacts)
             continue
-        flags[LEFT] = note_pressure(current, flags[LEFT] != 0, force, depth, t, q)
+        flags[LIFTED] = note_pressure(current, flags[LIFTED] != 0, force, depth, t, q)
         if active == 0:
             if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, audit):
                 contact_step.refresh_depths(q, near, world, memory, found)
-            count, flags[OPEN] = close_impact(current, flags[LEFT] != 0, closed, count), 0
-            if not _same(q, row[INSTANT_STATE]):  # velocities that change at once
+            count, flags[OPEN] = close_impact(current, flags[LIFTED] != 0, closed, count), 0
+            if not _same(q, row[INSTANT_STATE]):  # an effect has changed the velocities at this instant
                 _knot(rows[used], t, q)
                 rows[used, K_FLEW] = 1.0
                 used += 1
@@ -81,12 +82,12 @@ def open_if_touching(t, q, active, memory, impacts):
     """Begin an impact at time t (s) if there are active contacts."""
     if active > 0:
         open_impact(impacts.current, t, q, memory)
-        impacts.flags[OPEN], impacts.flags[LEFT] = 1, 0
+        impacts.flags[OPEN], impacts.flags[LIFTED] = 1, 0
 
 
 @njit
 def _knot(row, t, q):
-    """A knot that nothing touches."""
+    """Write a knot without contacts."""
     for i in range(N_ROW):
         row[i] = 0.0
     row[TIME] = t

@@ -1,4 +1,4 @@
-"""What a release leaves behind: line crossings, samples, knots and impacts, noted while it runs, compiled."""
+"""Recording of line crossings, samples, knots and impacts while a release runs, compiled."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from rock2d.records.columns import (
     Y,
 )
 
-# share of an impact's largest force; below it the ground no longer presses
+# share of the largest force of an impact, below which the block has lifted off
 LEAST_PRESSURE = 1e-6
 # columns of a measure line: its two ends
 LINE_X, LINE_Y, LINE_END_X, LINE_END_Y = range(4)
@@ -57,18 +57,18 @@ class SampleRecord(NamedTuple):
 
 
 class Recorder(NamedTuple):
-    """Where a release writes what it leaves."""
+    """The arrays into which a release writes its results."""
 
     lines: LineRecord
     samples: SampleRecord
     impacts: np.ndarray  # (room, N_IMPACT)
     audit: np.ndarray  # (N_AUDIT,)
-    knots: np.ndarray  # (room, N_KNOT); no room: no knots
+    knots: np.ndarray  # (room, N_KNOT); with room 0 none are written
 
 
 @kernel
-def cross(interval, q0, q1, flight, body, record):
-    """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new.
+def note_crossings(interval, q0, q1, flight, body, record):
+    """Note the first crossing of each measure line between q0 and q1; returns the number of new ones.
 
     interval : (time in s at q0, time in s from there to q1)
     """
@@ -127,7 +127,7 @@ def cross(interval, q0, q1, flight, body, record):
 
 @kernel
 def near_line(q, reach, record):
-    """True if the centroid is within `reach` of a measure line that it has not crossed."""
+    """Whether the centroid is within `reach` (m) of a measure line that it has not crossed."""
     lines, crossings = record
     for k in range(lines.shape[0]):
         if crossings[k, TIME] == crossings[k, TIME] or lines[k, LINE_X] != lines[k, LINE_X]:
@@ -149,9 +149,9 @@ def _on_line(x, y, line, ax, ay):
 
 @kernel
 def is_spent(q, stored, body, record):
-    """True if no measure line that was not crossed begins low enough for the energy that is left.
+    """Whether the remaining energy is too small to reach any measure line that was not crossed.
 
-    stored : energy in J that the springs of contacts hold
+    stored : energy in J in the springs of contacts
     """
     lines, crossings = record
     highest = q[Y] + (kinetic_energy(q, body.block) + stored) / (body.block.mass * body.gravity)
@@ -165,11 +165,11 @@ def is_spent(q, stored, body, record):
 
 
 @kernel
-def sample(interval, q0, q1, parabola, gravity, record, at):
+def note_samples(interval, q0, q1, parabola, gravity, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
-    interval : (t in s at q0, tau in s from there to q1); parabola: whether the way is a free flight; at: index of the
-    first sample beyond t
+    interval : (t in s at q0, tau in s from there to q1); parabola: whether it is a free flight; at: index of the first
+    sample after t
     """
     t, tau = interval
     times, samples = record
@@ -193,8 +193,8 @@ def sample(interval, q0, q1, parabola, gravity, record, at):
 
 
 @kernel
-def knot(knots, used, t, q, flight):
-    """Note a knot if there is room; returns the number of knots, those without room included."""
+def note_knot(knots, used, t, q, flight):
+    """Note a knot if there is room; returns the number of knots, also of those without room."""
     if used < len(knots):
         knots[used, TIME] = t
         copy(q, knots[used, INSTANT_STATE])
@@ -203,7 +203,7 @@ def knot(knots, used, t, q, flight):
 
 
 @kernel
-def _forget(values):
+def _set_nan(values):
     for i in range(values.size):
         values[i] = np.nan
 
@@ -219,30 +219,30 @@ def open_impact(current, t, q, memory):
             break
     current[I_TIME] = t
     copy(q, current[BEFORE])
-    _forget(current[AFTER_INSTANT])
+    _set_nan(current[AFTER_INSTANT])
     current[I_PENETRATION], current[I_FORCE] = 0.0, 0.0
 
 
 @kernel
-def note_pressure(current, left, force, depth, t, q):
-    """Take the sum of forces and the largest depth at time t into the open impact.
+def note_pressure(current, lifted, force, depth, t, q):
+    """Update the open impact with the sum of forces (N) and the largest depth (m) at time t (s).
 
-    Returns whether the ground has stopped pressing; notes the state at which it last pressed.
+    Returns whether the block has lifted off, that is the ground no longer presses; notes the state at lift-off.
     """
     current[I_PENETRATION] = max(current[I_PENETRATION], depth)
     current[I_FORCE] = max(current[I_FORCE], force)
     if force > LEAST_PRESSURE * current[I_FORCE]:
         return False
-    if not left:
+    if not lifted:
         current[I_TIME_AFTER] = t
         copy(q, current[AFTER])
     return True
 
 
 @kernel
-def depart(state, row, recoil):
-    """What effects make of a block's velocities at the end of an impact in the zone of `row`: back from the frame of
-    recoiling ground, and whatever laws of departure say."""
+def _apply_departure(state, row, recoil):
+    """Change the velocities of a block at the end of an impact by the effects of the zone of `row`: transform them back
+    from the frame of recoiling ground, and apply the laws of departure."""
     state[VX], state[VY], state[OMEGA] = departure(
         row, FIRST_EFFECT_COLUMN, state[VX] - recoil, state[VY], state[OMEGA]
     )
@@ -250,10 +250,11 @@ def depart(state, row, recoil):
 
 @kernel
 def end_impact(q, current, row, block, audit):
-    """Let the block depart from the open impact, and take what that takes into the audit. Returns whether it did."""
+    """End the open impact: apply the laws of departure, and book the energy that they dissipate. Returns whether they
+    changed the energy."""
     before = kinetic_energy(q, block)
-    depart(q, row, audit[RECOIL])
-    depart(current[AFTER], row, audit[RECOIL])
+    _apply_departure(q, row, audit[RECOIL])
+    _apply_departure(current[AFTER], row, audit[RECOIL])
     audit[RECOIL] = 0.0
     taken = before - kinetic_energy(q, block)
     audit[EFFECTS] += taken
@@ -261,10 +262,10 @@ def end_impact(q, current, row, block, audit):
 
 
 @kernel
-def close_impact(current, left, impacts, count):
-    """Record an impact if there is room; one that still presses has no state after."""
+def close_impact(current, lifted, impacts, count):
+    """Record an impact if there is room; without lift-off, its state after is NaN. Returns the number of impacts."""
     if count < len(impacts):
         copy(current, impacts[count])
-        if not left:
-            _forget(impacts[count, AFTER_INSTANT])
+        if not lifted:
+            _set_nan(impacts[count, AFTER_INSTANT])
     return count + 1

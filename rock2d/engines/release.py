@@ -1,8 +1,8 @@
 """One release of the batch engine from its start to its end, compiled.
 
-Flight is not stepped: a lower bound of the time to the ground carries the block there in a few exact parabolas. Then
-contact steps take over until the block is clear again: a full one where contacts begin, change or end, fast ones
-(`fast_contact_steps`) in between.
+A flight is a few exact parabolas; a lower bound of the time to contact determines their lengths. Near the ground,
+contact steps advance the block: a full step where contacts begin, change or end, fast steps (`fast_contact_steps`) in
+between.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from rock2d.engines.geometry import (
 from rock2d.engines.guard import GUARD, set_anchor
 from rock2d.engines.recording import (
     close_impact,
-    cross,
     end_impact,
     is_spent,
-    knot,
     near_line,
+    note_crossings,
+    note_knot,
     note_pressure,
+    note_samples,
     open_impact,
-    sample,
 )
 from rock2d.engines.time_to_contact import time_aloft
 from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_indentation
@@ -78,47 +78,50 @@ from rock2d.records.columns import (
     Y,
 )
 
-LARGEST_BATCH_STEP_GROWTH = 4.0  # largest factor on contact steps as the motion dies down
-STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
-LEAST_STRIDE = 0.01  # share of a contact step: the bound of a ball is renewed as long as it gains this much
-LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
-FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
-TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
+LARGEST_BATCH_STEP_GROWTH = 4.0  # largest factor on contact steps while the motion decays
+STEPS_BETWEEN_CHECKS = 8  # contact steps between two checks of the remaining energy
+LEAST_STRIDE = 0.01  # share of a contact step: a shorter flight of a ball is left to a contact step
+LONGEST_CONTACT_STRIDE = (
+    0.1  # largest motion of a block in a long step in which contacts may change, in radii
+)
+FLOATING_STEPS = 8.0  # factor on steps while no contact touches the bottom of its indentation
+TREE_STACK = 64  # size of the stack for the search in the tree of facets
 
-
-GOES_ON = -1  # beside STOPS: the release does not end
-# Workspace.counts: contact steps, and when their size is looked at again; contacts; impacts, samples and knots so far;
-# whether an impact is open, the ground has stopped pressing in it, the contacts have not looked at the ground since the
-# block moved, they know the ground at the present pose, the centroid is in the ground
-(STEPS, LOOKED, ACTIVE_CONTACTS, IMPACTS, SAMPLES, KNOTS, OPEN, LEFT, STALE, NOTICED, BURIED) = range(11)
-# Workspace.reals: time in s; factor on contact steps, and the share of it that a series of steps leaves; the highest
+GOES_ON = -1  # not one of STOPS: the release does not end
+# Workspace.counts: contact steps so far, and their number at the next check; active contacts; impacts, samples and
+# knots so far; flags: an impact is open, the block has lifted off in it, depths of inactive contacts are out of date,
+# contacts have been searched at the present pose, the centroid is in the ground
+(STEPS, NEXT_CHECK, ACTIVE_CONTACTS, IMPACTS, SAMPLES, KNOTS, OPEN, LIFTED, STALE, SEARCHED, BURIED) = range(
+    11
+)
+# Workspace.reals: time in s; factor on contact steps; a further factor after steps with too large an error; the highest
 # kinetic energy in J at the beginning of a contact so far
 TIME, GROWTH, SHARE, HIGHEST = range(4)
 
 
 class StopRules(NamedTuple):
-    """When a release ends before the block lies still."""
+    """When a release ends before the block is at rest."""
 
     time_limit: float  # s
     impact_limit: int  # number of impacts after which the release ends; 0: no limit
-    spent: bool  # when no measure line that was not crossed is within reach of the energy left
+    spent: bool  # stop when the remaining energy is too small for any measure line that was not crossed
     captured: bool  # stop when the remaining energy cannot move the block on, see `rest.captured`
-    suspend_x: float  # m; beyond it the release is suspended, to go on later: in flight a stride before it
+    suspend_x: float  # m; a release that reaches it is suspended, in flight at the start of the stride
 
 
 class Workspace(NamedTuple):
-    """Scratch of one release."""
+    """Work arrays of one release."""
 
     memory: contact_state.Contacts
     found: contact_state.Contacts
     scratch: contact_step.Scratch
     stack: np.ndarray  # (TREE_STACK,)
-    old: np.ndarray  # (6,) the state before the step at hand
+    old: np.ndarray  # (6,) state before the present step
     anchor: np.ndarray  # (4,) the pose whose guard is known, and the guard in m (0: none)
     watch: np.ndarray  # (rest.N_WATCH,) see `rest.watch_rest`
     impact: np.ndarray  # (N_IMPACT,) the open impact
-    counts: np.ndarray  # (11,) how far the release has come, see STEPS: numbers, and flags that are 0 or 1
-    reals: np.ndarray  # (4,) the same, see TIME
+    counts: np.ndarray  # (11,) progress of the release, see STEPS: counts, and flags that are 0 or 1
+    reals: np.ndarray  # (4,) progress of the release, see TIME
 
 
 @njit
@@ -139,13 +142,13 @@ def _ground(packed, i):
 
 @njit
 def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
-    """One release; q ends as the last state.
+    """Run one release; q becomes its last state.
 
     packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
-    step_sizes : contact steps in s, (while every contact is in first loading, else)
+    step_sizes : contact steps in s, (while every contact is in first loading, otherwise)
     rules : StopRules; recorder : `recording.Recorder`
-    saved : (contacts, N_SAVED) memory of contacts with which the release goes on (NaN: none), and is suspended at
-        `rules.suspend_x`; without room it starts anew
+    saved : (contacts, N_SAVED) contacts with which a suspended release continues (NaN: none); they are overwritten at
+        the end. With 0 contacts nothing is read or saved
 
     Returns (index into STOPS, time in s, number of impacts, number of knots).
     """
@@ -166,7 +169,7 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
 
 @kernel
 def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
-    """`release` on prepared arrays: one phase after the other, until one says why the release ends."""
+    """`release` on prepared arrays: one phase after the other, until a phase ends the release."""
     recorder, saved = outputs
     samples, counts, reals = recorder.samples, workspace.counts, workspace.reals
     workspace.anchor[GUARD], reals[GROWTH], reals[SHARE] = 0.0, 1.0, 1.0
@@ -191,11 +194,13 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
     if stop == GOES_ON:
         stop = STOP_TIME
     if counts[OPEN] != 0 and stop != STOP_IMPACTS:
-        counts[IMPACTS] = close_impact(workspace.impact, counts[LEFT] != 0, recorder.impacts, counts[IMPACTS])
+        counts[IMPACTS] = close_impact(
+            workspace.impact, counts[LIFTED] != 0, recorder.impacts, counts[IMPACTS]
+        )
     while counts[SAMPLES] < samples.times.size and stop == STOP_REST:
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
-    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
     recorder.audit[ELASTIC] = contact_energy.stored_energy(workspace.memory, world.law) - stored
     if len(saved) > 0:
         contact_state.save_contacts(workspace.memory, reals[HIGHEST], saved)
@@ -204,7 +209,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
 
 @kernel
 def _resume(q, world, saved, workspace):
-    """Take over the contacts with which a release was suspended, if any. Returns what their springs store in J."""
+    """Restore the contacts of a suspended release, if any. Returns the energy in J in their springs."""
     counts, memory = workspace.counts, workspace.memory
     if not (len(saved) > 0 and saved[0, 0] == saved[0, 0]):
         return 0.0
@@ -217,8 +222,7 @@ def _resume(q, world, saved, workspace):
 
 @kernel
 def _clear_time(q, world, tree, step_sizes, workspace):
-    """(time in s that the block is surely aloft, 0 if that is less than a contact step; the longest stride in s that
-    the air allows)."""
+    """(lower bound in s of the time to contact, 0 if it is less than a contact step; longest step in s through air)."""
     h_contact = step_sizes[1]
     if workspace.counts[ACTIVE_CONTACTS] > 0:
         return 0.0, 0.0
@@ -235,16 +239,18 @@ def _fly(q, tau, world, rules, recorder, workspace):
     t, flying, airy = reals[TIME], counts[ACTIVE_CONTACTS] == 0, in_air(world.block)
     body, lines = Body(world.block, world.gravity), recorder.lines
     copy(q, old)
-    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
     taken = fly(q, tau, world.gravity, world.block)
     if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
     recorder.audit[EFFECTS] += taken
-    new = cross((t, tau), old, q, flying, body, lines)
-    counts[SAMPLES] = sample((t, tau), old, q, not airy, world.gravity, recorder.samples, counts[SAMPLES])
+    new = note_crossings((t, tau), old, q, flying, body, lines)
+    counts[SAMPLES] = note_samples(
+        (t, tau), old, q, not airy, world.gravity, recorder.samples, counts[SAMPLES]
+    )
     reals[TIME] = t + tau
-    counts[NOTICED] = counts[STALE] = 0
+    counts[SEARCHED] = counts[STALE] = 0
     if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
         return STOP_SPENT
     return GOES_ON
@@ -255,37 +261,39 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     """Contact steps near the ground or on it. Returns why the release ends, or GOES_ON."""
     counts, reals, old = workspace.counts, workspace.reals, workspace.old
     t = reals[TIME]
-    if counts[STEPS] >= counts[LOOKED]:
-        stop = _look(q, world, rules, recorder, workspace)
+    if counts[STEPS] >= counts[NEXT_CHECK]:
+        stop = _check_energy(q, world, rules, recorder, workspace)
         if stop != GOES_ON:
             return stop
     copy(q, old)
     if counts[ACTIVE_CONTACTS] > 0 and workspace.anchor[GUARD] > 0.0:
-        flying, near, t_end = _step_in_series(q, world, step_sizes, rules, recorder, workspace)
+        flying, near, t_end = _fast_steps(q, world, step_sizes, rules, recorder, workspace)
         if t_end == t:
             return GOES_ON
     else:
         near = counts[STEPS] >= 0
-        flying, t_end = _step_alone(q, world, step_sizes, rules, recorder, workspace)
+        flying, t_end = _full_step(q, world, step_sizes, rules, recorder, workspace)
     gone = t_end - t
     if near:
-        cross((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
+        note_crossings((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
     parabola = flying and not in_air(world.block)
-    counts[SAMPLES] = sample((t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
+    counts[SAMPLES] = note_samples(
+        (t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES]
+    )
     reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED
     if counts[ACTIVE_CONTACTS] == 0 and counts[OPEN] != 0:
-        return _leave_ground(q, world, rules, recorder, workspace)
+        return _end_impact(q, world, rules, recorder, workspace)
     return GOES_ON
 
 
 @kernel
-def _look(q, world, rules, recorder, workspace):
-    """How large contact steps may be, and whether the block lies still or is spent: then why the release ends."""
+def _check_energy(q, world, rules, recorder, workspace):
+    """Set the size of contact steps, and check for rest and spent energy. Returns why the release ends, or GOES_ON."""
     counts, reals, memory = workspace.counts, workspace.reals, workspace.memory
     body = Body(world.block, world.gravity)
-    counts[LOOKED] = counts[STEPS] + STEPS_BETWEEN_LOOKS
+    counts[NEXT_CHECK] = counts[STEPS] + STEPS_BETWEEN_CHECKS
     growth = contact_energy.step_growth(reals[HIGHEST], world.block, memory, world.law)
     reals[GROWTH], reals[SHARE] = min(LARGEST_BATCH_STEP_GROWTH, growth), 1.0
     if counts[ACTIVE_CONTACTS] > 0 and counts[OPEN] != 0:
@@ -301,28 +309,28 @@ def _look(q, world, rules, recorder, workspace):
 
 
 @kernel
-def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
-    """A series of fast steps within the guard. Returns (whether it was a hop, whether a measure line may be near, the
-    time in s: that before, if no step was made)."""
+def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
+    """A series of fast steps within the guard. Returns (whether it was a hop, whether a measure line may be near, new
+    time in s, which is unchanged if no step was made)."""
     counts, reals, anchor, memory = workspace.counts, workspace.reals, workspace.anchor, workspace.memory
     lines, samples = recorder.lines, recorder.samples
     t, growth, at = reals[TIME], reals[GROWTH], counts[SAMPLES]
     h = step_sizes[1] * growth
     near = len(lines.ends) > 0 and near_line(q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), lines)
     next_sample = samples.times[at] if at < samples.times.size else np.inf
-    hop = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
-    several = 1 if near or len(recorder.knots) > 0 else counts[LOOKED] - counts[STEPS]
+    hop = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
+    several = 1 if near or len(recorder.knots) > 0 else counts[NEXT_CHECK] - counts[STEPS]
     limit = SeriesLimits(several, rules.time_limit, next_sample, hop, rules.suspend_x)
     grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
-    t_end, done, left, why, reals[SHARE] = fast_contact_steps(
+    t_end, done, lifted, why, reals[SHARE] = fast_contact_steps(
         q, t, (limit, grown), anchor, world, (memory, workspace.scratch),
-        (workspace.impact, counts[LEFT] != 0, recorder.audit),
+        (workspace.impact, counts[LIFTED] != 0, recorder.audit),
     )  # fmt: skip
-    counts[LEFT] = left
+    counts[LIFTED] = lifted
     counts[STEPS] += done
     hopped = why == HOPPED
     if hopped:
-        counts[LOOKED] = counts[STEPS]
+        counts[NEXT_CHECK] = counts[STEPS]
     elif why > 0:
         old = workspace.old
         moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
@@ -332,14 +340,14 @@ def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
     if done == 0:
         return hopped, near, t
     counts[STALE] = 1
-    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, workspace.old, 1.0 if hopped else 0.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, workspace.old, 1.0 if hopped else 0.0)
     return hopped, near, t_end
 
 
 @kernel
-def _step_alone(q, world, step_sizes, rules, recorder, workspace):
-    """A full contact step, which looks for contacts that begin, change or end. Returns (whether nothing touched the
-    ground before it, the time in s)."""
+def _full_step(q, world, step_sizes, rules, recorder, workspace):
+    """A full contact step, in which contacts may begin, change or end. Returns (whether no contact was active before
+    it, new time in s)."""
     counts, reals, memory, found = workspace.counts, workspace.reals, workspace.memory, workspace.found
     block, law, gravity, t, active = (
         world.block,
@@ -351,57 +359,57 @@ def _step_alone(q, world, step_sizes, rules, recorder, workspace):
     h_loading, h_contact = step_sizes
     h = h_contact * reals[GROWTH]
     counts[STEPS] += 1
-    loading, floating = _pressing(memory, law, h_loading * reals[GROWTH], FLOATING_STEPS * h)
-    floating = floating and counts[LEFT] != 0 and active > 0
+    loading, floating = _branches(memory, law, h_loading * reals[GROWTH], FLOATING_STEPS * h)
+    floating = floating and counts[LIFTED] != 0 and active > 0
     if active > 0:
         h = FLOATING_STEPS * h if floating else (h_loading * reals[GROWTH] if loading else h)
     pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius, 1e-300)
     h = min(h, rules.time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * block.radius / pace))
-    half = near_reach(q, h, gravity, block.radius)
-    seen = facet_range(world.ground, q[X] - half, q[X] + half)
-    if active == 0 and counts[NOTICED] == 0:
+    half = _half_width(q, h, gravity, block.radius)
+    near = facet_range(world.ground, q[X] - half, q[X] + half)
+    if active == 0 and counts[SEARCHED] == 0:
         contact_state.clear(memory)
-        active = contact_step.seat_contacts(q, seen, world, memory, found)
-        counts[NOTICED] = 1
+        active = contact_step.begin_contacts(q, near, world, memory, found)
+        counts[SEARCHED] = 1
         if active > 0:
-            _touch(t, q, block, workspace)
+            _begin_impact(t, q, block, workspace)
     flying = active == 0
     if counts[STALE] != 0:
-        contact_step.refresh_depths(q, seen, world, memory, found)
+        contact_step.refresh_depths(q, near, world, memory, found)
         counts[STALE] = 0
     airy = in_air(block)
-    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
     contacts = memory, found, workspace.scratch
-    t_end = later(t, contact_step.step(q, h, seen, world, contacts, recorder.audit, floating))
+    t_end = later(t, contact_step.step(q, h, near, world, contacts, recorder.audit, floating))
     before = active
     force, depth, active = contact_energy.pressure(memory, law)
     counts[ACTIVE_CONTACTS] = active
     if counts[OPEN] != 0:
-        counts[LEFT] = note_pressure(workspace.impact, counts[LEFT] != 0, force, depth, t_end, q)
+        counts[LIFTED] = note_pressure(workspace.impact, counts[LIFTED] != 0, force, depth, t_end, q)
     elif active > 0:
-        _touch(t_end, q, block, workspace)
+        _begin_impact(t_end, q, block, workspace)
     if active > before or flying:
-        counts[LOOKED] = counts[STEPS]  # a contact has begun: how large may its steps be
+        counts[NEXT_CHECK] = counts[STEPS]  # a new contact may need smaller steps
     counts[BURIED] = set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
     return flying, t_end
 
 
 @kernel
-def _touch(t, q, block, workspace):
-    """An impact begins at time t (s)."""
+def _begin_impact(t, q, block, workspace):
+    """Begin an impact at time t (s)."""
     counts, reals = workspace.counts, workspace.reals
-    counts[OPEN], counts[LEFT] = 1, 0
+    counts[OPEN], counts[LIFTED] = 1, 0
     open_impact(workspace.impact, t, q, workspace.memory)
     reals[HIGHEST] = max(reals[HIGHEST], contact_energy.kinetic_energy(q, block))
 
 
 @kernel
-def _leave_ground(q, world, rules, recorder, workspace):
-    """The open impact ends. Returns why the release ends, or GOES_ON."""
+def _end_impact(q, world, rules, recorder, workspace):
+    """End the open impact. Returns why the release ends, or GOES_ON."""
     counts, current = workspace.counts, workspace.impact
     if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, recorder.audit):
-        counts[NOTICED] = 0
-    counts[IMPACTS] = close_impact(current, counts[LEFT] != 0, recorder.impacts, counts[IMPACTS])
+        counts[SEARCHED] = 0
+    counts[IMPACTS] = close_impact(current, counts[LIFTED] != 0, recorder.impacts, counts[IMPACTS])
     counts[OPEN] = 0
     rest.forget_rest(workspace.watch)
     if counts[IMPACTS] == rules.impact_limit:
@@ -413,21 +421,22 @@ def _leave_ground(q, world, rules, recorder, workspace):
 
 @kernel
 def _reach(q, h, world, memory):
-    """How far in m the centroid can come until the next look, if the springs give all the energy that they store."""
+    """Largest distance in m that the centroid can move until the next check, if the springs release all their
+    energy."""
     energy = contact_energy.kinetic_energy(q, world.block) + contact_energy.stored_energy(memory, world.law)
-    span = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
+    span = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
     return span * (np.sqrt(2.0 * energy / world.block.mass) + abs(world.gravity) * span)
 
 
 @kernel(forceinline=True)
-def near_reach(q, h, gravity, radius):
-    """Half-width in m of the ground that a contact step looks at."""
+def _half_width(q, h, gravity, radius):
+    """Half the width in m of the ground that a contact step searches."""
     return (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + gravity * h) * h + 1.1 * radius
 
 
 @kernel
-def _pressing(memory, law, loading_s, floating_s):
-    """(every contact goes deeper in first loading, none touches the bottom of its indentation)."""
+def _branches(memory, law, loading_s, floating_s):
+    """(whether every contact goes deeper in first loading, whether none touches the bottom of its indentation)."""
     ints, reals = memory.ints, memory.reals
     loading, floating = True, True
     for j in range(ints.shape[0]):

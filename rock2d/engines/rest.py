@@ -1,4 +1,4 @@
-"""When a block in contact has come to rest, compiled; one rule for every engine."""
+"""Detection of rest, compiled; all engines use the same rule."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from rock2d.engines.geometry import SMOOTH_FACET, contact_point, is_ball, pose_o
 from rock2d.laws.contact import K_L, K_R, K_UL, MU, normal_force
 from rock2d.records.columns import VX, VY, X, Y
 
-# At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
-# motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
-# below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
-# creeps without gaining speed. A block that slides above the friction angle, or tips, gains speed. A ball that an
-# elastic rolling spring swings to and fro stays in its box, but has more than REST_ENERGY m g radius.
+# A block is at rest after two windows of REST_WINDOW √(radius/g) in contact if it stays within a box of REST_BOX radii
+# in the second one, with a net motion below REST_DRIFT radii that exceeds that of the first by at most 5 % and
+# REST_GROWTH radii. The law has no damping below its thresholds: a resting block keeps an elastic tremor that lowers
+# the friction limit again and again, so that it creeps without gaining speed. A block that slides above the friction
+# angle, or tips, gains speed. A ball that oscillates on its rolling spring stays in its box, but has more energy than
+# REST_ENERGY m g radius.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH, REST_ENERGY = 2.0, 0.6, 0.4, 0.01, 0.25
-HOLDING_SHARE = 0.7  # share of the friction that must hold a captured block; what is over stops it
-# energy that a captured block may have left, in weight × radius: with more, the tremor that lifts it off its contacts
-# carries it on, or the ground falls away nearby
+HOLDING_SHARE = 0.7  # share of the friction that must hold a captured block; the rest stops it
+# largest energy of a captured block, in weight × radius: with more, tremor may lift it off its contacts and move it on
 CAPTURE_ENERGY = 0.02
 LARGEST_FRICTION = 100.0  # friction coefficient used for friction without limit
-# what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, largest kinetic energy, net motion of the
-# window before
+# columns of an observation: start time of the window, x and y there, bounds x_min, x_max, y_min, y_max, largest kinetic
+# energy, net motion of the window before
 W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_KINETIC, W_BEFORE = range(9)
 N_WATCH = W_BEFORE + 1
 
@@ -37,7 +37,8 @@ def forget_rest(watch):
 
 @kernel
 def watch_rest(watch, t, q, body):
-    """Note the state at time t of a block in contact; True if it has come to rest (see REST_WINDOW)."""
+    """Update the observation with the state at time t of a block in contact; True if it is at rest (see
+    REST_WINDOW)."""
     x, y, radius, gravity = q[X], q[Y], body.block.radius, body.gravity
     if watch[W_TIME] < 0.0:
         watch[W_TIME], watch[W_X], watch[W_Y] = t, x, y
@@ -59,12 +60,12 @@ def watch_rest(watch, t, q, body):
 
 @kernel
 def captured(q, world, memory):
-    """True if the remaining energy cannot move the block farther than REST_DRIFT radii, and is at most CAPTURE_ENERGY.
+    """Whether the remaining energy is at most CAPTURE_ENERGY and cannot move the block farther than REST_DRIFT radii.
     The endless creep of a trembling block does not count.
 
-    Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the
-    rest stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that
-    friction holds, that cannot leave its indentation, and that its rolling spring turns back.
+    Either the block stands on contacts to the left and right of its centroid, which hold it with HOLDING_SHARE of the
+    friction (the rest stops it within that distance), and has less than half the energy to tip over the nearer one. Or
+    it is a ball that friction holds, that cannot leave its indentation, and that its rolling spring turns back.
     """
     block, ground, law, ints, reals = world.block, world.ground, world.law, memory.ints, memory.reals
     energy = kinetic_energy(q, block) + stored_energy(memory, law)
@@ -72,7 +73,7 @@ def captured(q, world, memory):
     if energy > CAPTURE_ENERGY * weight * radius:
         return False
     pose = pose_of(q)
-    left, right, count, last = -1, -1, 0, -1  # the outermost contacts, how many, the last
+    left, right, count, last = -1, -1, 0, -1  # outermost contacts, number of contacts, last contact
     left_x, right_x = 0.0, 0.0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
@@ -109,8 +110,8 @@ def captured(q, world, memory):
 
 @kernel
 def _force_slopes(j, pose, world, ints):
-    """(least, greatest ratio of horizontal to upward force, height of contact j above the centroid in m, friction
-    coefficient): within HOLDING_SHARE of the friction cone. An empty range if the cone does not point upward."""
+    """(least and greatest ratio of horizontal to upward force, height of contact j above the centroid in m, friction
+    coefficient), within HOLDING_SHARE of the friction cone. The range is empty if the cone does not point upward."""
     _, nx, ny, _, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground
     )
@@ -123,12 +124,12 @@ def _force_slopes(j, pose, world, ints):
 
 @kernel
 def _stands(first, second):
-    """True if a unit weight at the origin stands on two contacts whose forces keep to their ranges of slopes.
+    """Whether two contacts can hold a unit weight at the origin with forces within their ranges of slopes.
 
     first, second : (x, y, least slope, greatest slope), the first left and the second right of the origin
 
-    The contacts push against each other with H, and bear f1 = a - b H and f2 = 1 - f1: an interval of H must meet
-    low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, all linear in H.
+    The horizontal forces are H and -H, the upward forces f1 = a - b H and f2 = 1 - f1. There must be an H with
+    low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, which are all linear in H.
     """
     x1, y1, low1, high1 = first
     x2, y2, low2, high2 = second

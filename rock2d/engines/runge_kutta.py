@@ -31,7 +31,7 @@ from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 @kernel(forceinline=True)
 def _turned(c, s, angle):
-    """(cos, sin) of a direction turned by a small angle in rad: series to rounding below a tenth, else exact."""
+    """(cos, sin) of a direction rotated by an angle in rad; below 0.1 rad by a series that is exact to rounding."""
     if abs(angle) > 0.1:
         ca, sa = np.cos(angle), np.sin(angle)
     else:
@@ -43,10 +43,10 @@ def _turned(c, s, angle):
 
 @kernel
 def _oscillation(q, h, body, rows):
-    """Depth in m of a ball that one facet presses, half a step of h (s) on and at its end, and its rate in m/s there.
+    """Depth in m of a ball on one facet after half a step of h (s) and at its end, and its rate in m/s at the end.
 
-    On one branch of the law m δ'' = m g n_y - F(δ) is a harmonic oscillation, whatever the ball does along the facet. A
-    Runge-Kutta step of the size that friction needs would damp it.
+    On one branch of the law, m δ'' = m g n_y - F(δ) is a harmonic oscillation, independent of the motion along the
+    facet. The exact solution avoids the numerical damping of a Runge-Kutta step.
     """
     block, gravity = body
     depth, nx, ny, _, _ = placed(rows, 0, (q[X], q[Y], 1.0, 0.0))
@@ -54,7 +54,7 @@ def _oscillation(q, h, body, rows):
     stiffness, bottom = rows[0, L_LAW + K_UL], rows[0, L_BOTTOM]
     pressed, k_l = depth - rows[0, L_OFFSET], rows[0, L_LAW + K_L]
     at_peak = pressed + LEAST_EVENT * h * rate >= rows[0, L_PEAK]
-    # in first loading, if it does not turn back at once
+    # first loading, unless the ball unloads at once
     if at_peak and rate > LEAST_EVENT * h * (k_l * pressed / block.mass - pull):
         stiffness, bottom = k_l, 0.0
     rest = rows[0, L_OFFSET] + bottom + block.mass * pull / stiffness
@@ -72,10 +72,10 @@ def runge_kutta(q, direction, h, body, contacts, q1, effects):
 
     contacts : (number of active contacts, rows and rates of `LoadedContacts`); at the end TAKEN_DISPLACEMENT and
         TAKEN_ROTATION of the rates hold the springs' new tangential displacement and rotation
-    effects : whether effects of the catalogue may act. Compiled twice: their code slows the plain law down
+    effects : whether effects of the catalogue may act; compiled twice, because their code slows the plain law down
 
-    Returns the work of the tangential springs, of the rolling springs and of effects in J, and the velocity in m/s that
-    recoiling ground added. Without contacts the step is free flight.
+    Returns (work in J on the tangential springs, on the rolling springs and of effects; velocity in m/s that recoiling
+    ground added). Without contacts the step is a free flight.
     """
     if effects:
         return _with_effects(q, direction, h, body, contacts, q1)
@@ -97,7 +97,7 @@ def _with_effects(q, direction, h, body, contacts, q1):
 
 @kernel(forceinline=True)
 def _four_stages(q, direction, h, body, contacts, q1, effects):
-    """`runge_kutta` with and without effects."""
+    """`runge_kutta` for both values of `effects`."""
     block, gravity = body
     active, rows, rates = contacts
     c0, s0 = direction

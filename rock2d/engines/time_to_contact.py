@@ -1,8 +1,8 @@
-"""When a flying block can first touch the ground: a lower bound of the time, from a tree over the facets, compiled.
+"""Time-to-contact bound of a flying block, by a tree over the facets, compiled.
 
-Before a block can touch a facet, a corner (or a circle's lowest point) must reach the line of the facet, and the block
-must reach the facet itself. The later of the two times is a lower bound. For a circle above the middle of a facet it
-is the time of contact. With the tree ten thousand facets cost little more than ten.
+Before a block touches a facet, a corner (or the lowest point of a circle) must reach the line of the facet, and the
+block must reach the facet itself. The later of the two times is a lower bound. For a circle above the middle of a facet
+it is the time of contact. With the tree, ten thousand facets cost little more than ten.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rock2d.engines.geometry import (
     TANGENT_X,
     TANGENT_Y,
     corner_place,
-    crosses,
+    facet_intersects,
     facet_range,
     is_ball,
     near_depth,
@@ -33,7 +33,7 @@ from rock2d.engines.geometry import (
 from rock2d.records.columns import OMEGA, VX, VY, X, Y
 
 NODE_FACETS = 4  # facets in a leaf
-UNBOUNDED = 1.0e300  # a bound of no box, and the time of what never happens
+UNBOUNDED = 1.0e300  # bound of an empty box, and time of an event that never happens
 # columns of a node: a box, and a line (normal, largest offset along it) above which no facet of the node rises
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
 
@@ -69,7 +69,7 @@ def facet_tree(points):
 
 @kernel(forceinline=True)
 def safe_time(distance, speed, gravity):
-    """Time in which a point that starts at `speed` and gains at most gravity × time covers `distance`."""
+    """Time in s in which a point with initial `speed` and an acceleration of at most `gravity` covers `distance`."""
     if distance <= 0.0:
         return 0.0
     if gravity <= 0.0:
@@ -79,7 +79,7 @@ def safe_time(distance, speed, gravity):
 
 @kernel(forceinline=True)
 def _fall_time(gap, rate, pull):
-    """First time at which gap + rate t - ½ pull t² is no longer positive (0 if it is not now, UNBOUNDED if never)."""
+    """First time t at which gap + rate t - ½ pull t² is not positive; UNBOUNDED if it stays positive."""
     if gap <= 0.0:
         return 0.0
     square = rate * rate + 2.0 * pull * gap
@@ -93,10 +93,10 @@ def _fall_time(gap, rate, pull):
 
 @kernel(forceinline=True)
 def _line_time(line, q, pose, pulls, block):
-    """Lower bound of the time until a point of the block comes down to the line n · p = offset.
+    """Lower bound of the time in s until a point of the block reaches the line n · p = offset.
 
-    A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation and ½ `extra` t² by other forces; the
-    profile of a ball does not turn.
+    The height of a corner above it is a parabola, minus at most ½ ω² |r| t² by rotation and ½ `extra` t² by other
+    forces. Rotation does not change the profile of a ball.
 
     line : (n_x, n_y, offset); pulls : (gravity, extra) in m/s²
     """
@@ -122,8 +122,8 @@ def _line_time(line, q, pose, pulls, block):
 
 @kernel
 def _profile_time(normal, height, rate, q, pose, pull, block):
-    """`_line_time` of a smooth profile that turns: beside its present rate, its lowest point can come down by
-    `profile_bend` ω² t² / 2."""
+    """`_line_time` of a smooth profile that rotates: its lowest point moves down at its present rate, and by at most
+    `profile_bend` ω² t² / 2 more."""
     nx, ny = normal
     _, _, c, s = pose
     a, b, omega = block.semi_a, block.semi_b, q[OMEGA]
@@ -152,7 +152,7 @@ def _node_time(tree, node, q, pose, speed, pulls, block):
 def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
     """Lower bound in s of the time until the flying block touches a facet; `stack` is scratch of 64 integers.
 
-    extra : bound of the acceleration in m/s² that any point of the block has beside gravity's and a steady spin's
+    extra : bound of the acceleration in m/s² of any point of the block, without gravity and a steady spin
     """
     leaves = tree.shape[0] // 2
     n = facets.shape[0] - 1
@@ -164,7 +164,7 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
         top -= 1
         node = stack[top]
         if node < leaves:
-            # the child that can be met first is looked at first
+            # search first the child that can be reached first
             near, far = 2 * node, 2 * node + 1
             t_near = _node_time(tree, near, q, pose, speed, pulls, block)
             t_far = _node_time(tree, far, q, pose, speed, pulls, block)
@@ -195,9 +195,9 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
 
 @kernel(forceinline=True)
 def time_aloft(q, extra, world, tree, stack, h_contact):
-    """Time in s for which the flying block surely stays clear of the ground.
+    """Lower bound in s of the time to contact of a flying block.
 
-    extra : bound of the acceleration in m/s² beside gravity's; h_contact : contact step in s
+    extra : bound of the acceleration in m/s² without gravity; h_contact : contact step in s
     """
     block, ground, gravity, radius = world.block, world.ground, world.gravity, world.block.radius
     tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
@@ -205,7 +205,7 @@ def time_aloft(q, extra, world, tree, stack, h_contact):
         near = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
         gap = gap_to_ground(q, near, world)
         if gap > 0.0:
-            # no farther than the facets that were looked at
+            # at most as far as the searched facets reach
             speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
             tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[OMEGA]) * radius, gravity + extra)
     return tau
@@ -213,8 +213,8 @@ def time_aloft(q, extra, world, tree, stack, h_contact):
 
 @kernel
 def gap_to_ground(q, near, world):
-    """Lower bound in m of the distance between a polygon near the ground and the ground; 0 where a ridge so thin that
-    no corner lies in it passes through the polygon."""
+    """Lower bound in m of the distance between a polygon and the ground near it; 0 if the ground intersects the
+    polygon, even as a ridge so thin that it contains no corner."""
     pose, block, ground = pose_of(q), world.block, world.ground
     facets, sides = ground.facets, block.sides
     f0, f1 = near
@@ -228,6 +228,6 @@ def gap_to_ground(q, near, world):
             depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], pose, sides)
             gap = min(gap, -depth)
     for f in range(f0, f1):
-        if gap > 0.0 and crosses(f, pose, facets, sides):
+        if gap > 0.0 and facet_intersects(f, pose, facets, sides):
             gap = 0.0
     return gap

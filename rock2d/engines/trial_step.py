@@ -1,11 +1,11 @@
-"""One step of a block on its contacts that lands on the events of the law: the stepper of all contact steps, compiled.
+"""One step of a block in contact, which ends at the first event of the law; all contact steps use it. Compiled.
 
-A step in which a contact begins, ends, reloads, meets its former peak or passes its deepest point is repeated so that
-it ends right there. This keeps the order of the scheme and the energy audit.
+A step in which a contact begins, ends, reloads, reaches its former peak or passes its deepest point is repeated so that
+it ends at this event. This keeps the order of the scheme and the energy audit.
 
-A Runge-Kutta step keeps the balance of energy only to its order. The balance is known exactly, so the error is too: it
-says when a step is too long, and what is left is taken out of the impulse. Projection onto an invariant keeps the
-order of a scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4).
+A Runge-Kutta step conserves energy only to its order. The exact balance is known, and so is the error: if it is large,
+the step is halved; the remaining error is removed from the impulse. Projection onto an invariant keeps the order of a
+scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4).
 """
 
 from __future__ import annotations
@@ -65,27 +65,31 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
 
-LARGEST_STEP_ERROR = 0.0005  # share of the energy that a step may err by; beyond it the step is too long
-MOST_HALVINGS = 12  # halvings of a step that errs too much
-LARGEST_CORRECTION = 0.01  # largest correction, as a share of a step's impulse; the rest waits
-LEAST_ERROR = 1e-7  # share of the kinetic energy: a smaller error may always wait
+LARGEST_STEP_ERROR = (
+    0.0005  # largest energy error of a step, as a share of the energy; otherwise it is halved
+)
+MOST_HALVINGS = 12  # most halvings of a step
+LARGEST_CORRECTION = (
+    0.01  # largest correction, as a share of the impulse of a step; the rest is corrected later
+)
+LEAST_ERROR = 1e-7  # share of the kinetic energy: a smaller error never halves a step
 POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angles: several machine epsilons
 
 
 @kernel(forceinline=True)
-def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, look, view):
-    """One step of at most h (s) from q, whose direction is (cos θ, sin θ), into q1: to the first event of the law, and
-    halved while it errs too much.
+def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect, view):
+    """One step of at most h (s) from q, whose direction is (cos θ, sin θ), into q1. It ends at the first event of the
+    law, and is halved while its error is too large.
 
     contacts : (number of contacts that may press, number of active contacts)
-    effects : whether effects of the catalogue may act: their work is known no better than the motion, so the energy of
-        the step is left alone
-    look : what sees the end of a step: `look(q, q1, h, whole, effects, view)` returns (why there can be no step, else
-        0; time in s of the first event). `whole` is the step in s that was tried first
+    effects : whether effects of the catalogue may act; then the error is unknown, because the work of effects is known
+        only as well as the motion
+    inspect : function that inspects the end of a step: `inspect(q, q1, h, whole, effects, view)` returns (why there can
+        be no step, or 0; time in s of the first event). `whole` is the step in s that was tried first
 
-    Returns (why there is no step, else 0; its length in s; (cos θ, sin θ) after it, of a ball that before; work in J of
-    the tangential springs, of the rolling springs and of effects, and velocity in m/s of recoiling ground; energy in J
-    that it made, and energy that this should be small against; by what factor it was halved).
+    Returns (why there is no step, or 0; its length in s; (cos θ, sin θ) after it, for a ball before it; (work in J on
+    tangential springs, on rolling springs, of effects, velocity in m/s of recoiling ground); (energy error in J, energy
+    in J with which it is compared); factor by which it was halved).
     """
     pressing, active = contacts
     rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
@@ -110,7 +114,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, look, vi
             if effects:
                 trial[a, SLIP] = ux * ny - uy * nx
             trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
-        why, event_s = look(q, q1, h, whole, effects, view)
+        why, event_s = inspect(q, q1, h, whole, effects, view)
         if why > 0:
             break
         if lands(event_s, h, landings):
@@ -121,7 +125,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, look, vi
             _note_outcome(a, loaded, effects)
         if effects:
             break
-        # only now: a step across an event errs by much
+        # only now, because a step across an event has a large error
         error, scale, too_long, work_t, work_r = _step_error(q, q1, h, (work_t, work_r), body, active, loaded)
         if not too_long or halvings == MOST_HALVINGS:
             break
@@ -135,10 +139,10 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, look, vi
 
 @kernel(forceinline=True)
 def _note_outcome(a, loaded, effects):
-    """Note in the row of the trial step what that step leaves of the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
+    """Write the outcome of the trial step for the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
 
-    Springs slip with their limits. `effects`: whether effects of the catalogue may act; then the force that acts is
-    that of the law and theirs, and the row holds the contact's rates after the step too.
+    Springs slip at their limits. `effects`: whether effects of the catalogue may act; then their forces are added, and
+    the row must hold RATE_1 and SLIP.
     """
     rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
     k_l, k_ul, k_t = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T]
@@ -175,14 +179,14 @@ def _note_outcome(a, loaded, effects):
 
 @kernel(forceinline=True)
 def _step_error(q, q1, h, works, body, active, loaded):
-    """(energy in J that a step of h (s) from q to q1 has made, energy in J that it should be small against, whether the
-    step is too long, work in J that tangential springs took, and rolling springs).
+    """(energy error in J of a step of h (s) from q to q1, energy in J with which it is compared, whether the step is
+    too long, work in J on the tangential springs and on the rolling springs).
 
-    works : what these springs took by the quadrature of the step. Springs that do not slip took what they store, to the
-        last bit, and those that slip no less: friction gives nothing back.
+    works : work in J on these springs by the quadrature of the step. The work on springs that do not slip is exactly
+        the energy that they store; on springs that slip it is at least that, because friction creates no energy.
 
-    The step is too long if its error is no small part of the energy, or more than a correction of the impulse can take.
-    What the step leaves of each contact is in the rows of `loaded.trial`, see `_note_outcome`.
+    The step is too long if its error is too large a share of the energy, or more than a correction of the impulse can
+    remove. The rows of `loaded.trial` hold the outcome of the step, see `_note_outcome`.
     """
     block, rows, trial, rates = body.block, loaded.rows, loaded.trial, loaded.rates
     work_t, work_r = works
@@ -207,7 +211,7 @@ def _step_error(q, q1, h, works, body, active, loaded):
     work_t = max(work_t, stored_t) if slips else stored_t
     work_r = max(work_r, stored_r) if turns else stored_r
     error += work_t + work_r
-    # what rounding of the pose makes of the work of the forces is no fault of the step
+    # work of the forces by the rounding of the pose does not count as an error of the step
     size = abs(q1[X]) + abs(q1[Y]) + block.radius * (1.0 + abs(q1[THETA]))
     rounding = POSE_ROUNDING * size * (block.mass * body.gravity + pressing)
     allowed = min(LARGEST_STEP_ERROR * scale, LARGEST_CORRECTION * abs(_gain(q, q1, h, body)))
@@ -216,19 +220,19 @@ def _step_error(q, q1, h, works, body, active, loaded):
 
 @kernel(forceinline=True)
 def _gain(q, q1, h, body):
-    """Energy in J per share that is added to the impulse of a step of h (s) from q to q1, to first order."""
+    """Energy in J gained per unit relative increase of the impulse of a step of h (s) from q to q1, to first order."""
     block = body.block
     dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
     return block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
 
 
 @kernel(forceinline=True)
-def keep_energy(q, q1, h, error, scale, body, audit):
-    """Take the error of a step of h (s) from q to q1 out of the impulse that the contacts gave: what they leave alone,
-    as the momentum along a smooth plane, stays as it is.
+def correct_energy(q, q1, h, error, scale, body, audit):
+    """Remove the energy error of a step of h (s) from q to q1 by scaling the impulse of the contacts. Momentum that the
+    contacts do not change, for example along a smooth plane, is not changed.
 
-    An error beyond LARGEST_STEP_ERROR is left in the balance, where it shows; what LARGEST_CORRECTION does not allow
-    waits in audit[PENDING]. audit[CORRECTED] sums what was corrected, without sign.
+    An error beyond LARGEST_STEP_ERROR stays in the balance. The part that LARGEST_CORRECTION does not allow stays in
+    audit[PENDING]. audit[CORRECTED] is the sum of the magnitudes of all corrections.
     """
     if abs(error) <= LARGEST_STEP_ERROR * scale:
         audit[PENDING] += error

@@ -49,7 +49,7 @@ def shape_forecasts(
     own_seed = int(np.random.SeedSequence(seed, spawn_key=(SHAPE_STREAM,)).generate_state(1)[0])
     descents = Descents(unknowns.scenario, releases, 1, own_seed, other_blocks=blocks)
     found = forecast(unknowns, [descents], soils, on_progress)
-    return {name: found.subset(releases.of_blocks(name)) for name in blocks}
+    return {name: found.part(releases.of_blocks(name)) for name in blocks}
 
 
 def shape_table(found: dict[str, Forecast]) -> pd.DataFrame:

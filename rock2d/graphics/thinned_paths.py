@@ -36,7 +36,7 @@ class ThinnedPaths:
     arc: Array
     counts: Array
 
-    def of(self, wanted: Sequence[int]) -> ThinnedPaths:
+    def subset(self, wanted: Sequence[int]) -> ThinnedPaths:
         """Some of the paths, in the order in which they stand here."""
         chosen = np.zeros(len(self.counts), bool)
         chosen[list(wanted)] = True

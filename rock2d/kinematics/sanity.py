@@ -304,7 +304,7 @@ def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, fo
     if beside > MOST_BESIDE:
         found.fail(
             BESIDE_GROUND,
-            f"in {100 * beside:.0f} % of the frames the block is beside the cross-section: "
+            f"in {100 * beside:.0f} % of the frames the block is outside the cross-section: "
             "they do not belong together (origin, scale or axes)",
         )
         return

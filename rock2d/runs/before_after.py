@@ -1,4 +1,5 @@
-"""The same releases with several models: design values before and after a diagnosis, or with other laws and soils."""
+"""Passing frequencies and percentiles of the same releases with several models: before and after a diagnosis, or with
+other laws and soils."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from rock2d.statistics import DESIGN_PERCENTILE, percentile_estimate
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_RELEASES = 10_000  # releases of each block of a campaign that are simulated with each model
+MOST_RELEASES = 10_000  # largest number of releases of each block with each model
 COLUMNS_OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),
     "passing_height_m": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m"),
@@ -40,7 +41,7 @@ class Model(NamedTuple):
 
 
 def before_after(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """MODEL_COLUMNS with each of `diagnosed_models`, of the first releases of each block, at most MOST_RELEASES."""
+    """`model_table` of the `diagnosed_models`."""
     return model_table(diagnosed_models(scenario, engine), seed, releases)
 
 
@@ -54,7 +55,8 @@ def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
 
 
 def compared_models(scenario: Scenario) -> list[FittedModel]:
-    """The paper's law, the soil alone where effects were fitted with another one and act, and what was found."""
+    """The refitted law of the paper, and the alternatives of the diagnosis. Before an alternative whose effects act and
+    whose soil differs from that of the refitted law stands its soil without effects."""
     diagnosed = _diagnosed(scenario)
     models = [diagnosed.before]
     for found in diagnosed.alternatives:
@@ -73,9 +75,9 @@ def _diagnosed(scenario: Scenario) -> DiagnosedModel:
 
 
 def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:
-    """MODEL_COLUMNS: passing frequencies, and 95th percentiles of energy and height of what passes, of each block at
-    each line with each model, whose releases have the same random numbers; those of pymunk run on the compiled engine
-    of the same law."""
+    """MODEL_COLUMNS: passing frequencies and 95th percentiles of energy and height of each block at each line with each
+    model, from at most MOST_RELEASES of each block. Releases of all models have the same random numbers. The batch
+    engine replaces pymunk."""
     import pandas as pd
 
     rows = [row for model in models for row in _rows(model, seed, min(releases, MOST_RELEASES))]
@@ -94,14 +96,14 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
         found = job.outcome(group)
         passed = found.passed(len(lines))
         counts = found.passing(job.cross_section)
-        for k, own in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):
-            which, ends = passed[:, k], lines[own[1]]
+        for k, row in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):
+            which, ends = passed[:, k], lines[row[1]]
             values = crossing_values(
                 found.crossings[which, k], ends, job.cross_section, group.masses()[which]
             )
             ranked = [np.sort(values[:, CROSSING_VALUES.index(name)]) for name in COLUMNS_OF_QUANTITY]
             estimates = [percentile_estimate(each, len(values), DESIGN_PERCENTILE) for each in ranked]
-            named = dict(zip(PASSING_COLUMNS, own, strict=True))
+            named = dict(zip(PASSING_COLUMNS, row, strict=True))
             shares = [value for name, value in named.items() if name in MODEL_COLUMNS[4:]]
-            rows.append((*own[:2], model.name, model.p, *shares, *itertools.chain(*estimates)))
+            rows.append((*row[:2], model.name, model.p, *shares, *itertools.chain(*estimates)))
     return rows

@@ -1,4 +1,4 @@
-"""Measured against simulated: residuals per channel of releases that were restarted from their film."""
+"""Residuals of simulated releases that were restarted from a film."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ CHANNELS = {"x": "dx_m", "y": "dy_m", "theta": "dtheta_rad"}
 
 
 def residual_table(measured: pd.DataFrame, simulated: pd.DataFrame) -> pd.DataFrame:
-    """simulated - measured at every frame: release, block, t_s (since the release's first frame), dx_m, dy_m,
-    dtheta_rad. The angle is unwrapped along the film, not folded by the block's symmetry."""
+    """Simulated minus measured poses at every frame: release, block, t_s (since the first frame of the release), dx_m,
+    dy_m, dtheta_rad. The angle is unwrapped along the film; the symmetry of the block is not used."""
     import pandas as pd
 
     both = measured.dropna().merge(simulated, on=["release", "block", "t_s"], suffixes=("", "_sim"))
@@ -44,8 +44,8 @@ def residual_table(measured: pd.DataFrame, simulated: pd.DataFrame) -> pd.DataFr
 
 
 def residual_summary(residuals: pd.DataFrame, tracks: list[Track], noise: dict[str, float]) -> pd.DataFrame:
-    """Residuals by stage and channel: before the first impact, from its end to the second, whole film, and at
-    the film's end. Columns stage, channel, unit, releases, median_abs, rms, noise (1 sigma of the camera)."""
+    """Residuals by stage and channel. Stages: before the first impact, between the end of it and the second impact,
+    whole film, last frame. Columns stage, channel, unit, releases, median_abs, rms, noise (1 sigma of the camera)."""
     import pandas as pd
 
     first, after, second = {}, {}, {}
@@ -90,8 +90,8 @@ def write_comparison(
     progress: bool,
     figures: Figures,
 ) -> dict[str, pd.DataFrame]:
-    """The residual tables of a film and its restarted releases by name; if figures are wanted, overlay and residual
-    figures and a side-by-side video into `folder`."""
+    """The residual tables of a film and its restarted releases by name. If figures are wanted, also writes overlay and
+    residual figures and a side-by-side video into `folder`."""
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
     from rock2d.graphics.overlays import overlay_figure
     from rock2d.graphics.residuals import residuals_figure
@@ -113,7 +113,7 @@ def write_comparison(
     overlay = partial(overlay_figure, title=title)
     figures.save(folder / "overlay.png", overlay, cross_section, dict(blocks), measured, tracks)
     figures.save(folder / "residuals.png", residuals_figure, residuals, title)
-    shown = _typical(residuals)
+    shown = _median_release(residuals)
     track = next(t for t in tracks if t.release == shown)
     with Bars(progress).stage("side by side", 0, "frames") as bar:
         side_by_side(
@@ -124,8 +124,8 @@ def write_comparison(
     return tables
 
 
-def _typical(residuals: pd.DataFrame) -> int:
-    """The release whose rms distance is the median one: neither the best nor the worst."""
+def _median_release(residuals: pd.DataFrame) -> int:
+    """The release with the median rms distance."""
     distance = residuals["dx_m"] ** 2 + residuals["dy_m"] ** 2
     rms = distance.groupby(residuals["release"]).mean().sort_values()
     return int(rms.index[len(rms) // 2])

@@ -1,7 +1,7 @@
-"""What each release of a scenario meets: its block, its ground, its parameters, and the state at which it starts.
+"""The conditions of each release of a scenario: block, ground, parameters of the law, and incident state.
 
-Without `scatter`, `roughness` and `populations` it is the same for all releases of a block. With them every release has
-its own draws, which are the same however many releases there are and however they are shared out.
+Without `scatter`, `roughness` and `populations`, all releases of a block have the same block, ground and parameters.
+With them each release has its own draws, which do not depend on the number of releases or of processes.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
 from rock2d.runs.engines import engine_named
-from rock2d.runs.found_causes import Causes, about_centre_of_mass, causes_of
+from rock2d.runs.found_causes import Causes, causes_of, centre_of_mass_states
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
     ROUGHNESS_STREAM,
     SCATTER_STREAM,
     IncidentState,
+    drawn_in_groups,
     drawn_seeds,
     drawn_states,
     measured_states,
-    of_groups,
 )
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
@@ -42,13 +42,13 @@ Array = np.ndarray
 
 
 class Condition(NamedTuple):
-    """What a release meets.
+    """Block, ground and parameters of a release.
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the engine's law; or, with the effects of a diagnosis, rows
+    parameters : zone name, or default -> parameters of the law of the engine; or, with the effects of a diagnosis, rows
         (zones, columns) of the contact law
-    drawn : what was drawn for this release: place in the scenario file, or quantity of the block -> value
+    drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value
     """
 
     block: Block
@@ -58,7 +58,7 @@ class Condition(NamedTuple):
 
 
 class Suspended(NamedTuple):
-    """What n releases that the batch engine suspended need to go on, see `engines.batch.run_batch`.
+    """State of n releases that the batch engine has suspended, see `engines.batch.run_batch`.
 
     Attributes
     ----------
@@ -69,9 +69,9 @@ class Suspended(NamedTuple):
     elapsed_s: Array
     saved_contacts: Array
 
-    def part(self, some: Array | slice) -> Suspended:
-        """Some of the releases."""
-        return Suspended(self.elapsed_s[some], self.saved_contacts[some])
+    def subset(self, chosen: Array | slice) -> Suspended:
+        """The chosen releases, by their index."""
+        return Suspended(self.elapsed_s[chosen], self.saved_contacts[chosen])
 
 
 class Group(NamedTuple):
@@ -80,9 +80,9 @@ class Group(NamedTuple):
     Attributes
     ----------
     states : (n, 6) incident states
-    seeds : (n,) of the releases' own random streams
+    seeds : (n,) seeds of the random streams of the releases
     conditions : n conditions, or a single one for all
-    suspended : of releases that were suspended on their way; None at the start
+    suspended : state of suspended releases; None at the start
     """
 
     block: int
@@ -93,19 +93,19 @@ class Group(NamedTuple):
 
     def masses(self) -> Array:
         """(n, 2) mass in kg and moment of inertia in kg m² of each release."""
-        own = np.array([(c.block.mass_kg, c.block.inertia_kg_m2) for c in self.conditions])
-        return np.broadcast_to(own, (len(self.states), 2))
+        masses = np.array([(c.block.mass_kg, c.block.inertia_kg_m2) for c in self.conditions])
+        return np.broadcast_to(masses, (len(self.states), 2))
 
-    def part(self, some: Array | slice) -> Group:
-        """Some of the releases, by their index in the group."""
-        own = range(len(self.states))[some] if isinstance(some, slice) else some
-        conditions = self.conditions if len(self.conditions) == 1 else [self.conditions[i] for i in own]
+    def subset(self, chosen: Array | slice) -> Group:
+        """The chosen releases, by their index in the group."""
+        indices = range(len(self.states))[chosen] if isinstance(chosen, slice) else chosen
+        conditions = self.conditions if len(self.conditions) == 1 else [self.conditions[i] for i in indices]
         return Group(
             self.block,
-            self.states[some],
-            self.seeds[some],
+            self.states[chosen],
+            self.seeds[chosen],
             conditions,
-            self.suspended and self.suspended.part(some),
+            self.suspended and self.suspended.subset(chosen),
         )
 
 
@@ -115,7 +115,7 @@ class Conditions:
 
     Attributes
     ----------
-    blocks : as the scenario states them; of a population, the one of median size
+    blocks : blocks of the scenario, with the effects of its diagnosis; of a population, the block of median size
     cross_section : the ground, without roughness
     """
 
@@ -134,17 +134,16 @@ class Conditions:
 
     @property
     def vary(self) -> bool:
-        """Whether a release differs from others of its block in more than where it starts."""
-        own = self.scenario
-        return bool(own.scatter or self._roughness or own.populations)
+        """Whether releases of a block differ in more than their incident states."""
+        return bool(self.scenario.scatter or self._roughness or self.scenario.populations)
 
     def group(self, block: int, first: int, stop: int) -> Group:
         """Releases first .. stop - 1 of the block with index `block`; first < stop."""
-        conditions = self.of(block, first, stop)
+        conditions = self.of_releases(block, first, stop)
         states = self._states(conditions, block, first, stop)
         return Group(block, states, drawn_seeds(self.seed, block, first, stop), conditions)
 
-    def of(self, block: int, first: int, stop: int) -> list[Condition]:
+    def of_releases(self, block: int, first: int, stop: int) -> list[Condition]:
         """Conditions of releases first .. stop - 1 of a block; a single one if it is the same for all.
 
         Raises InputError if drawn values make no sense together.
@@ -152,16 +151,16 @@ class Conditions:
         common = self.common[block]
         if not self.vary:
             return [common]
-        u = of_groups(self._shares, self.seed, SCATTER_STREAM, block, first, stop).clip(1e-9, 1 - 1e-9)
-        return [self._condition(common, block, first + i, own) for i, own in enumerate(u)]
+        u = drawn_in_groups(self._uniform, self.seed, SCATTER_STREAM, block, first, stop).clip(1e-9, 1 - 1e-9)
+        return [self._condition(common, block, first + i, row) for i, row in enumerate(u)]
 
     def check_starts(self, count: int) -> None:
-        """Refuse a scenario that lets one of `count` releases of a block begin below the ground.
+        """Refuse a scenario in which one of `count` releases of a block starts below the ground.
 
         Raises InputError, code bad_state, with the place of the incident states in the file.
         """
         if self.scenario.experiment is not None:
-            return  # where a film begins is measured
+            return  # the starts are measured
         for b, block in enumerate(self.blocks):
             if self._surely_above(block):
                 continue
@@ -177,19 +176,19 @@ class Conditions:
 
     @cached_property
     def common(self) -> list[Condition]:
-        """Condition of each block, as the scenario states it."""
+        """Condition of each block, without draws."""
         parameters = engine_named(self.engine).parameters
-        met = [self._with_causes(b, parameters(self.scenario, b)) for b in self.blocks]
-        return [Condition(block, self.cross_section, own, {}) for block, own in met]
+        pairs = [self._with_effects(b, parameters(self.scenario, b)) for b in self.blocks]
+        return [Condition(block, self.cross_section, of_block, {}) for block, of_block in pairs]
 
     @cached_property
     def _causes(self) -> Causes | None:
         return causes_of(self.scenario)
 
-    def _with_causes(
+    def _with_effects(
         self, block: Block, parameters: Mapping[str, Any]
     ) -> tuple[Block, Mapping[str, Any] | Array]:
-        return (block, parameters) if self._causes is None else self._causes.on(block, parameters)
+        return (block, parameters) if self._causes is None else self._causes.applied(block, parameters)
 
     @cached_property
     def _roughness(self) -> dict[str, Roughness]:
@@ -198,8 +197,8 @@ class Conditions:
 
     @cached_property
     def _rough(self) -> list[dict[str, Roughness]]:
-        """Of each block, the roughness of the zones that it meets. The slope reduction of the rebound law stands for
-        the same obstacles: where a zone has one, it acts alone."""
+        """For each block, zone -> roughness. The slope reduction of the rebound law represents the same obstacles: a
+        zone that has one has no roughness."""
         if engine_named(self.engine).law != "probabilistic" or not self._roughness:
             return [self._roughness] * len(self.blocks)
         laws = [
@@ -209,46 +208,46 @@ class Conditions:
         return [
             {
                 zone: rough
-                for (zone, rough), law in zip(self._roughness.items(), own, strict=True)
+                for (zone, rough), law in zip(self._roughness.items(), by_block, strict=True)
                 if law.slope_reduction_deg == 0.0
             }
-            for own in laws
+            for by_block in laws
         ]
 
-    def _shares(self, stream: np.random.Generator) -> Array:
+    def _uniform(self, stream: np.random.Generator) -> Array:
         return stream.uniform(size=(DRAW_GROUP, DRAWS_OF_A_BLOCK + len(self.scenario.scatter)))
 
     def _condition(self, common: Condition, block: int, release: int, u: Array) -> Condition:
         scenario, name, stated = self.scenario, common.block.name, self.blocks[block]
-        drawn, own, parameters = {}, stated, common.parameters
+        drawn, own_block, parameters = {}, stated, common.parameters
         if name in scenario.populations:
-            own = scenario.populations[name].block(name, u[:DRAWS_OF_A_BLOCK])
-            drawn = {"size_m": own.size_m, "mass_kg": own.mass_kg}
+            own_block = scenario.populations[name].block(name, u[:DRAWS_OF_A_BLOCK])
+            drawn = {"size_m": own_block.size_m, "mass_kg": own_block.mass_kg}
         if scenario.scatter:
             values = self._values(name, u[DRAWS_OF_A_BLOCK:])
             drawn |= values
         else:
             values = {}
-        if values or own is not stated:
-            own, parameters = self._with_values(own, values, release)
+        if values or own_block is not stated:
+            own_block, parameters = self._with_values(own_block, values, release)
         else:
-            own = common.block
+            own_block = common.block
         ground = self._ground(block, release) if self._rough[block] else common.cross_section
-        return Condition(own, ground, parameters, drawn)
+        return Condition(own_block, ground, parameters, drawn)
 
     @cached_property
     def _scattered(self) -> list[tuple[str, tuple[str | int, ...], Any, float]]:
         """For each scattered number: place, path, distribution, and the value in the file."""
         document, found = self.scenario.document, []
         for place, draw in self.scenario.scatter.items():
-            assert document is not None  # the places were checked with it
+            assert document is not None  # `scatter` is checked with it
             path, value = place_of(document.data, place), number_at(document.data, place)
             assert path is not None and value is not None
             found.append((place, path, draw, value))
         return found
 
     def _values(self, name: str, u: Array) -> dict[str, float]:
-        """Place -> value, without those of other blocks."""
+        """Place -> value, without places of other blocks."""
         return {
             place: float(quantiles(draw, share, value))
             for (place, path, draw, value), share in zip(self._scattered, u, strict=True)
@@ -262,13 +261,13 @@ class Conditions:
             changed = with_numbers(self.scenario, values)
             if changed.blocks and block.name in changed.blocks:
                 block = changed.blocks[block.name].make(block.name)
-            return self._with_causes(block, engine_named(self.engine).parameters(changed, block))
+            return self._with_effects(block, engine_named(self.engine).parameters(changed, block))
         except InputError as error:
             drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
-            message = f"{error.message}; that is release {release} of block {block.name} with {drawn}"
+            message = f"{error.message}; in release {release} of block {block.name} with {drawn}"
             raise InputError(message, error.file, error.line, error.column, code=error.code) from None
         except ValueError as error:  # raised by the block
-            raise self.scenario.error(f"{error}; that is release {release}", "scatter") from None
+            raise self.scenario.error(f"{error}; in release {release}", "scatter") from None
 
     def _ground(self, block: int, release: int) -> CrossSection:
         stream = np.random.SeedSequence(self.seed, spawn_key=(ROUGHNESS_STREAM, block, release))
@@ -283,25 +282,26 @@ class Conditions:
         states = drawn_states(incident, self.seed, block, first, stop)
         if incident.above_ground is not None:
             self._place_above(conditions, states)
-        for i, own in enumerate(conditions):
+        for i, condition in enumerate(conditions):
             some = slice(None) if len(conditions) == 1 else slice(i, i + 1)
-            states[some] = about_centre_of_mass(own.block, states[some])
+            states[some] = centre_of_mass_states(condition.block, states[some])
         return states
 
     def _place_above(self, conditions: Sequence[Condition], states: Array) -> None:
         """Add the height at which each block touches its ground."""
         try:
             if len(conditions) == 1:
-                own = conditions[0]
-                states[:, 1] += touching_height_m(own.block, own.cross_section, states[:, 0], states[:, 2])
+                block, ground, *_ = conditions[0]
+                states[:, 1] += touching_height_m(block, ground, states[:, 0], states[:, 2])
                 return
-            for state, own in zip(states, conditions, strict=True):
-                state[1] += touching_height_m(own.block, own.cross_section, state[0], state[2])[0]
+            for state, (block, ground, *_) in zip(states, conditions, strict=True):
+                state[1] += touching_height_m(block, ground, state[0], state[2])[0]
         except ValueError as error:
             raise self.scenario.error(str(error), "incident", code="bad_state", key="incident") from None
 
     def _below(self, block: int, first: int, stop: int) -> tuple[int, Array, int] | None:
-        """Number and place of the first of these releases that starts below the ground, and how many do."""
+        """(number of the first of these releases that starts below the ground, its place, number of such releases);
+        None if there is none."""
         incident = self.scenario.incident_of(self.blocks[block].name)
         states = drawn_states(incident, self.seed, block, first, stop)
         if incident.above_ground is not None:
@@ -315,16 +315,16 @@ class Conditions:
         return (first + int(found[0]), places[found[0]], len(found)) if len(found) else None
 
     def _surely_above(self, block: Block) -> bool:
-        """Whether no start that can be drawn lies below the ground."""
+        """Whether no possible start lies below the ground."""
         source = self.scenario.incident_of(block.name).distribution
         if source is None:
             return False
         (left, right), (lowest, _) = bounds(source.x_m), bounds(source.y_m)
-        rise = max((own.rise_m for own in self._roughness.values()), default=0.0)
+        rise = max((rough.rise_m for rough in self._roughness.values()), default=0.0)
         return lowest > self.cross_section.highest_m(left - rise, right + rise) + rise
 
     def _check_clearances(self, block: int, first: int, states: Array) -> None:
-        """Refuse starts beside the cross-section, or with a clearance (in the place of y) below 0."""
+        """Refuse starts outside the cross-section, or with a clearance (instead of y) below 0."""
         negative = np.flatnonzero(states[:, 1] < 0.0)
         if len(negative):
             raise self.scenario.error(
@@ -335,12 +335,12 @@ class Conditions:
         self._place_above([self.common[block]], states)
 
     def _near_rough_ground(self, places: Array) -> Array:
-        """(n,) bool, which places (n, 2) are so close to the ground that its roughness could cover them."""
+        """(n,) bool: whether places (n, 2) are so close to the ground that rough ground could cover them."""
         import shapely
 
         if not self._roughness:
             return np.zeros(len(places), bool)
-        reach = max(own.rise_m for own in self._roughness.values())
+        reach = max(rough.rise_m for rough in self._roughness.values())
         return np.asarray(
             shapely.distance(shapely.LineString(self.cross_section.points_m), shapely.points(places)) <= reach
         )
@@ -359,22 +359,26 @@ def starts(conditions: Conditions, releases: int | None = None) -> list[tuple[In
     scenario, seed = conditions.scenario, conditions.seed
     if scenario.experiment is not None:
         measured = measured_states(scenario, seed, releases)
-        of = {own.name: conditions.of(b, 0, len(measured)) for b, own in enumerate(conditions.blocks)}
-        taken = dict.fromkeys(of, -1)
+        of_block = {
+            block.name: conditions.of_releases(b, 0, len(measured))
+            for b, block in enumerate(conditions.blocks)
+        }
+        counts = dict.fromkeys(of_block, -1)
         found = []
         for start in measured:
-            taken[start.block] += 1
-            own = of[start.block][min(taken[start.block], len(of[start.block]) - 1)]
-            state = about_centre_of_mass(own.block, start.state[None])[0]
-            found.append((replace(start, state=state), own))
+            counts[start.block] += 1
+            own = of_block[start.block]
+            condition = own[min(counts[start.block], len(own) - 1)]
+            state = centre_of_mass_states(condition.block, start.state[None])[0]
+            found.append((replace(start, state=state), condition))
         return found
     count = releases or scenario.releases
     found = []
     for b, block in enumerate(conditions.blocks):
         group = conditions.group(b, 0, count)
-        met = group.conditions if len(group.conditions) == count else [group.conditions[0]] * count
+        each = group.conditions if len(group.conditions) == count else [group.conditions[0]] * count
         found += [
-            (IncidentState(b * count + i, block.name, 0.0, group.states[i], int(group.seeds[i])), met[i])
+            (IncidentState(b * count + i, block.name, 0.0, group.states[i], int(group.seeds[i])), each[i])
             for i in range(count)
         ]
     return found

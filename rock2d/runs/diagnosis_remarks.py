@@ -1,4 +1,4 @@
-"""What a user must know about a scenario that runs with a diagnosis, in sentences; and what run.json says of it."""
+"""Remarks for the user on a scenario that runs with a diagnosis, and its entry in run.json."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.effects import catalogue
-from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
+from rock2d.files.diagnosed_model import DiagnosedModel
 from rock2d.runs.found_causes import ROUGHNESS, Causes
 
 if TYPE_CHECKING:
@@ -16,65 +16,65 @@ if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.scene.blocks import Block
 
-FARTHEST_SCALE = 2.0  # factor of mass or size up to which a diagnosis is taken to hold
+FARTHEST_SCALE = 2.0  # largest factor of mass or size to which a diagnosis is applied without a warning
 
 
-def diagnosis_about(scenario: Scenario) -> dict[str, Any]:
-    """What run.json says of the diagnosis; empty without one."""
-    own = scenario.diagnosed
-    if own is None:
+def diagnosis_entry(scenario: Scenario) -> dict[str, Any]:
+    """The entry of the diagnosis in run.json; empty without a diagnosis."""
+    diagnosed = scenario.diagnosed
+    if diagnosed is None:
         return {}
+    acting = {
+        name: {key: parameter.value for key, parameter in parameters.items()}
+        for name, parameters in diagnosed.model.effects.items()
+        if not catalogue()[name].camera
+    }
     return {
         "diagnosis": {
-            "path": own.given, "sha256": own.fingerprint, "schema": own.schema, "experiment": own.experiment,
-            "verdict": own.verdict, "soil": dict(own.model.soil),
-            "acting": {name: _plain(own.model, name) for name in own.model.effects if not catalogue()[name].camera},
-            "remarks": diagnosis_remarks(scenario),
+            "path": diagnosed.given, "sha256": diagnosed.fingerprint, "schema": diagnosed.schema,
+            "experiment": diagnosed.experiment, "verdict": diagnosed.verdict, "soil": dict(diagnosed.model.soil),
+            "acting": acting, "remarks": diagnosis_remarks(scenario),
         }
     }  # fmt: skip
 
 
-def _plain(model: FittedModel, effect: str) -> dict[str, float]:
-    return {name: own.value for name, own in model.effects[effect].items()}
-
-
 def diagnosis_remarks(scenario: Scenario) -> list[str]:
-    """Sentences on what the diagnosis brings into the scenario, and what not; empty without one."""
-    own = scenario.diagnosed
-    if own is None:
+    """Sentences on what the scenario takes from the diagnosis and what not; empty without a diagnosis."""
+    diagnosed = scenario.diagnosed
+    if diagnosed is None:
         return []
     soil = ", ".join(
-        f"{name} {value:.4g}" for name, value in own.model.soil.items() if not isinstance(value, bool)
+        f"{name} {value:.4g}" for name, value in diagnosed.model.soil.items() if not isinstance(value, bool)
     )
-    remarks = [f"diagnosis {own.given} (experiment {own.experiment}): verdict {own.verdict}; soil {soil}"]
-    remarks += _answer_remarks(own)
-    if own.learnt:
+    remarks = [
+        f"diagnosis {diagnosed.given} (experiment {diagnosed.experiment}): verdict {diagnosed.verdict}; soil {soil}"
+    ]
+    remarks += _verdict_remarks(diagnosed)
+    if diagnosed.learnt:
         remarks.append(
-            f"warning: no release of this run has what was learnt from the film: {own.learnt}. It holds for the film's "
-            "own set-up; `rock2d predict` uses it there"
+            f"warning: this run is without the changes learnt from the film: {diagnosed.learnt}. They hold for the "
+            "set-up of the film only; `rock2d predict` uses them there"
         )
     blocks, ground = scenario.make_blocks(), scenario.make_cross_section()
-    for model in own.alternatives:
+    for model in diagnosed.alternatives:
         causes = Causes(model, blocks, ground, scenario.gravity_m_s2)
         remarks += [_effect_remark(name, causes) for name in model.effects]
-    remarks += _interval_remarks(scenario, own)
-    return remarks + _scale_remarks(own, blocks)
+    remarks += _interval_remarks(scenario, diagnosed)
+    return remarks + _scale_remarks(diagnosed, blocks)
 
 
-def _answer_remarks(own: DiagnosedModel) -> list[str]:
-    if own.undecided:
-        named = ", ".join(f"{'/'.join(model.effects)} ({model.p:.2f})" for model in own.alternatives)
+def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:
+    if diagnosed.undecided:
+        named = ", ".join(f"{'/'.join(model.effects)} ({model.p:.2f})" for model in diagnosed.alternatives)
         return [
-            f"the data cannot tell these effects apart: {named}. The releases meet the refitted soil alone; "
-            "before_after.csv shows each, and with the key uncertainty each possible site has one of them"
+            f"the data cannot tell these effects apart: {named}. The releases use the refitted soil alone; "
+            "before_after.csv shows each effect, and with the key uncertainty each possible site has one of them"
         ]
-    if own.model.effects:
+    if diagnosed.model.effects:
         return []
-    if own.verdict == "unknown":
-        return [
-            "there is a gap that no effect explains: only the refitted soil is used, what causes the gap is not"
-        ]
-    if own.verdict != "none":
+    if diagnosed.verdict == "unknown":
+        return ["no effect explains the gap: only the refitted soil is used"]
+    if diagnosed.verdict != "none":
         return ["no cause is more likely than not: only the refitted soil is used"]
     return ["no effect was found: only the refitted soil is used"]
 
@@ -82,7 +82,7 @@ def _answer_remarks(own: DiagnosedModel) -> list[str]:
 def _effect_remark(name: str, causes: Causes) -> str:
     effect, values = catalogue()[name], causes.model.effects[name]
     if effect.camera:
-        return f"{name} does not act: it says something about the film, not about the block"
+        return f"{name} does not act: it is an error of the film, not a property of block or ground"
     numbers = ", ".join(
         f"{q.name} = {values[q.name].value:.4g} [{values[q.name].low95:.4g}, {values[q.name].high95:.4g}]"
         + ("" if q.unit == "1" else f" {q.unit}")
@@ -92,14 +92,14 @@ def _effect_remark(name: str, causes: Causes) -> str:
         return f"{name} acts as ground with slopes that vary, sd {numbers}: {_pieces(causes)}"
     if name in causes.without_effect():
         why = {
-            "soil_compaction": "each release is an event of its own, the first of its series",
+            "soil_compaction": "each release is the first of its series",
             "zone_contrast": "no zone of this cross-section belongs to an embankment alone",
             "embankment_yield": "no zone of this cross-section belongs to an embankment alone",
             "rounded_edges": "no block has edges",
         }.get(name, "its value is neutral here")
         return f"{name} changes nothing: {why}"
     more = {
-        "geometry_error": "; it was found on the set-up as built, and changes this cross-section likewise",
+        "geometry_error": "; it was found on the set-up of the film, and changes this cross-section in the same way",
         "mass_eccentricity": "; crossings, stops and impacts are those of the centre of mass",
     }.get(name, "")
     return f"{name} acts: {numbers}{more}"
@@ -116,21 +116,21 @@ def _pieces(causes: Causes) -> str:
     return f"each release has its own surface of pieces of {piece:.3g} m, the mean size of the blocks{note}"
 
 
-def _interval_remarks(scenario: Scenario, own: DiagnosedModel) -> list[str]:
+def _interval_remarks(scenario: Scenario, diagnosed: DiagnosedModel) -> list[str]:
     if scenario.uncertainty is None:
-        unknown = own.unknown()
+        unknown = diagnosed.unknown()
         return (
-            ["values are the fitted ones; the key uncertainty brings their intervals in"] if unknown else []
+            ["the fitted values are used; to use their intervals, add the key uncertainty"] if unknown else []
         )
     return [
-        "the diagnosis gives no interval of the soil's parameters: it counts as known unless uncertainty.site says how "
-        "sure it is"
+        "the diagnosis gives no intervals for the parameters of the soil: they count as known unless uncertainty.site "
+        "gives distributions"
     ]
 
 
-def _scale_remarks(own: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str]:
-    """Warnings on blocks to which the diagnosis may not apply: stiffnesses in N/m go with mass over size."""
-    if not own.blocks:
+def _scale_remarks(diagnosed: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str]:
+    """Warnings on blocks to which the diagnosis may not apply: stiffnesses in N/m scale with mass over size."""
+    if not diagnosed.blocks:
         return [
             "warning: the diagnosis does not name its blocks: whether it holds for blocks of this mass and size "
             "cannot be checked"
@@ -138,8 +138,8 @@ def _scale_remarks(own: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str
     remarks = []
     for name, block in blocks.items():
         for what, value, unit, known in (
-            ("mass", block.mass_kg, "kg", [scale.mass_kg for scale in own.blocks.values()]),
-            ("size", block.size_m, "m", [scale.size_m for scale in own.blocks.values()]),
+            ("mass", block.mass_kg, "kg", [scale.mass_kg for scale in diagnosed.blocks.values()]),
+            ("size", block.size_m, "m", [scale.size_m for scale in diagnosed.blocks.values()]),
         ):
             if value > FARTHEST_SCALE * max(known) or value < min(known) / FARTHEST_SCALE:
                 remarks.append(

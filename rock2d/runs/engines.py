@@ -1,6 +1,6 @@
-"""The engines that a run can choose from, by name: what they need, what they offer, how they are called.
+"""The engines of a run by name, with one interface for all.
 
-The engines themselves (`rock2d.engines`) are imported when a release runs, so that a list of their names costs nothing.
+The engines themselves (`rock2d.engines`) are imported when a release runs, because their import is slow.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ if TYPE_CHECKING:
 
 
 class ReleaseInputs(NamedTuple):
-    """What an engine needs to simulate one release.
+    """Inputs of an engine for one release.
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the engine's law; or rows (zones, columns) of the contact law
+    parameters : zone name, or default -> parameters of the law of the engine; or rows (zones, columns) of the contact
+        law
     state : (6,) state of the centre of mass at t = 0, in SI
-    seed : of the release's own random stream
+    release : number of the release
+    seed : seed of the random stream of the release
     """
 
     block: Block
@@ -50,17 +52,17 @@ class Engine:
 
     Attributes
     ----------
-    law : key of a scenario's `model` that holds its parameters: "deterministic" or "probabilistic"
+    law : key of `model` in a scenario with its parameters: "deterministic" or "probabilistic"
     track : simulates one release
-    ensemble : simulates a group of releases of a campaign; None if it is for single releases only
-    many_processes : its releases are worth the start of further processes
-    audits_energy : its tracks carry an energy audit that is written with a run
-    keeps_samples : a campaign can keep sampled trajectories
-    groups_at_once : groups of releases (`DRAW_GROUP`) that a campaign simulates in one call, for about a second's work
-    chunk_releases : releases of a chunk of a campaign by default: enough that its files and tables take little beside
-        it, but some seconds' work, which an interruption loses
-    chunk_a_thread : the threads of a campaign compute a chunk each, since a release is little work beside its output
-    writing_work : time that the tables and files of a run take, relative to that of its simulation in one process
+    ensemble : simulates a group of releases of a campaign; None if the engine is for single releases only
+    many_processes : whether its releases take so long that a run starts further processes
+    audits_energy : whether its tracks have an energy audit
+    keeps_samples : whether a campaign can keep sampled trajectories
+    groups_at_once : groups of releases (`DRAW_GROUP`) that a campaign simulates in one call, about one second of work
+    chunk_releases : default number of releases of a chunk: large enough that writing takes little time, small enough
+        that an interruption loses only some seconds of work
+    one_thread_per_chunk : whether each thread of a campaign computes its own chunk, because writing dominates
+    writing_work : time for tables and files of a run over the time for its simulation in one process
     """
 
     name: str
@@ -72,7 +74,7 @@ class Engine:
     keeps_samples: bool = False
     groups_at_once: int = 1
     chunk_releases: int = 10_000
-    chunk_a_thread: bool = False
+    one_thread_per_chunk: bool = False
     writing_work: float = 15.0
 
     def parameters(self, scenario: Scenario, block: Block) -> Mapping[str, Any]:
@@ -161,7 +163,7 @@ _ALL = (
         _point_mass_ensemble,
         groups_at_once=10,
         chunk_releases=100_000,
-        chunk_a_thread=True,
+        one_thread_per_chunk=True,
     ),
 )
 ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})

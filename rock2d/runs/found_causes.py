@@ -1,7 +1,7 @@
-"""What the effects of a diagnosis do to the releases of a scenario, and what they do not.
+"""Apply the effects of a diagnosis to the releases of a scenario.
 
-An effect acts if it changes the world. One of the camera says something about the film, not about the block: it stays
-out. Each release of a scenario is an event of its own, the first of its series.
+An effect acts if it changes blocks, soil or ground. Effects of the camera concern the film only and do not act. Each
+release of a scenario counts as the first of its series.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Causes:
     Attributes
     ----------
     model : soil and effects
-    blocks : of the scenario; their mean mass and size scale the effects
-    cross_section : as surveyed
+    blocks : blocks of the scenario; their mean mass and size scale the effects
+    cross_section : the cross-section of the scenario, without effects
     """
 
     model: FittedModel
@@ -64,32 +64,32 @@ class Causes:
         ).cross_section
 
     def roughness(self) -> dict[str, Roughness]:
-        """Zone -> roughness, of slopes that vary from impact to impact; a piece is as long as the mean block."""
+        """Zone -> roughness by the effect surface_roughness; pieces are as long as the mean size of the blocks."""
         if ROUGHNESS not in self.model.effects:
             return {}
         (sd_rad,) = self.model.values(ROUGHNESS)
         if sd_rad <= 0.0:
             return {}
-        own = Roughness(sd_rad, float(np.mean([block.size_m for block in self.blocks.values()])))
-        return dict.fromkeys(self.cross_section.zone_names, own)
+        roughness = Roughness(sd_rad, float(np.mean([block.size_m for block in self.blocks.values()])))
+        return dict.fromkeys(self.cross_section.zone_names, roughness)
 
-    def on(self, block: Block, parameters: Mapping[str, Any]) -> tuple[Block, Mapping[str, Any] | Array]:
-        """A block of a release, and its parameters as rows (zones, columns) of the contact law, with the effects.
+    def applied(self, block: Block, parameters: Mapping[str, Any]) -> tuple[Block, Mapping[str, Any] | Array]:
+        """Block and parameters of a release with the effects; parameters become rows (zones, columns) of the contact
+        law.
 
-        What an effect does to the ground follows from the scenario's blocks, what it does to the block from the
-        release's own.
+        The blocks of the scenario determine the changes of the ground, the block of the release its own changes.
         """
         if not self.acting:
             return block, parameters
         rows = parameter_table(parameters, self.cross_section.zone_names)[None]
         world = self._applied(self.blocks, rows)
         if block is not self.blocks[block.name]:
-            own = self._applied({**self.blocks, block.name: block}, rows)
-            return own.blocks[block.name], world.contact[0]
+            changed = self._applied({**self.blocks, block.name: block}, rows)
+            return changed.blocks[block.name], world.contact[0]
         return world.blocks[block.name], world.contact[0]
 
     def without_effect(self) -> list[str]:
-        """Acting effects that change nothing on this site, for example of an embankment that is not there."""
+        """Acting effects that change nothing on this site, for example an effect of the embankment without one."""
         rows = np.tile([1.0, 2.0, 1.0, 1.0, 1.0, 0.0, 0.0], (1, len(self.cross_section.zone_names), 1))
         return [name for name in self.acting if not self._changes(name, rows)]
 
@@ -119,7 +119,7 @@ class Causes:
 
 
 def causes_of(scenario: Scenario) -> Causes | None:
-    """The effects that the scenario's diagnosis brings; None without a diagnosis."""
+    """The effects of the diagnosis of a scenario; None without a diagnosis."""
     if scenario.diagnosed is None:
         return None
     return Causes(
@@ -127,7 +127,7 @@ def causes_of(scenario: Scenario) -> Causes | None:
     )
 
 
-def about_centre_of_mass(block: Block, states: Array) -> Array:
+def centre_of_mass_states(block: Block, states: Array) -> Array:
     """(n, 6) states of the centre of mass from those of the centroid."""
     if block.centre_of_mass_m == (0.0, 0.0):
         return states

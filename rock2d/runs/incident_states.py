@@ -1,7 +1,7 @@
-"""Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames.
+"""Incident states: drawn from the distributions of a scenario, or fitted to the first frames of a film.
 
-Releases are drawn in groups of `DRAW_GROUP`, each group of a block whole and from its own random stream: release i
-of a block is the same however many releases there are and however they are shared out.
+States are drawn for groups of `DRAW_GROUP` releases. Each group of a block has its own random stream and is drawn
+completely, so release i of a block does not depend on the number of releases or of processes.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ Array = np.ndarray
 
 DRAW_GROUP = 1000  # releases that are drawn together
 CHECKED_TOGETHER = 100 * DRAW_GROUP
-# what a random stream is for: first number of its spawn key
+# purposes of random streams: first number of the spawn key
 STATE_STREAM, SEED_STREAM, NOISE_STREAM, SCATTER_STREAM, ROUGHNESS_STREAM = range(5)
 CLEARANCE_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
-FEWEST_FRAMES = 3  # that a state is fitted to
-OUTLIER_SIGMA = 5.0  # a frame this far from the fitted flight ends it
+FEWEST_FRAMES = 3  # fewest frames to which a state is fitted
+OUTLIER_SIGMA = 5.0  # a frame so far from the fitted flight ends the flight
 
 
 @dataclass(frozen=True)
 class IncidentState:
-    """Where one release starts: its number, block, time in s, state (6,) in SI, the seed of its own random stream
-    and the frames it was fitted to."""
+    """Incident state of one release: its number, block, time in s, state (6,) in SI, seed of its random stream, and
+    number of frames to which the state was fitted (0: drawn)."""
 
     release: int
     block: str
@@ -49,22 +49,24 @@ def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: in
 
     Raises ValueError for measured incident states.
     """
-    return of_groups(lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop)
+    return drawn_in_groups(
+        lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop
+    )
 
 
 def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
-    """(stop - first,) uint64, seeds of the own random streams of releases first .. stop - 1; first < stop."""
+    """(stop - first,) uint64, seeds of the random streams of releases first .. stop - 1 of a block; first < stop."""
 
     def draw(stream: np.random.Generator) -> Array:
         return stream.integers(2**64, size=DRAW_GROUP, dtype=np.uint64)
 
-    return of_groups(draw, seed, SEED_STREAM, block, first, stop)
+    return drawn_in_groups(draw, seed, SEED_STREAM, block, first, stop)
 
 
-def of_groups(
+def drawn_in_groups(
     draw: Callable[[np.random.Generator], Array], seed: int, stream: int, block: int, first: int, stop: int
 ) -> Array:
-    """What `draw` gives for releases first .. stop - 1 of a block; it draws for DRAW_GROUP releases at once."""
+    """Draws of releases first .. stop - 1 of a block; `draw` returns an array for DRAW_GROUP releases."""
     groups = range(first // DRAW_GROUP, (stop - 1) // DRAW_GROUP + 1)
     keys = [np.random.SeedSequence(seed, spawn_key=(stream, block, group)) for group in groups]
     drawn = np.concatenate([draw(np.random.default_rng(key)) for key in keys])
@@ -72,22 +74,22 @@ def of_groups(
 
 
 def measured_states(scenario: Scenario, seed: int, releases: int | None = None) -> list[IncidentState]:
-    """Incident states of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
+    """Incident states of the first `releases` filmed releases of each block, fitted to their first frames."""
     experiment = scenario.experiment
     assert experiment is not None and experiment.trajectories is not None
     source = scenario.incident["default"].from_experiment
     assert source is not None
     blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
     rows = seen_frames(experiment)
-    out, taken = [], dict.fromkeys(blocks, 0)
+    out, counts = [], dict.fromkeys(blocks, 0)
     films = rows["release"].nunique()
     seeds = {name: drawn_seeds(seed, b, 0, films + 1) for b, name in enumerate(blocks)}
     for release, film in rows.groupby("release", sort=True):
         name = str(film["block"].iloc[0])
-        if taken[name] >= (releases or scenario.releases) or len(film) < FEWEST_FRAMES:
+        if counts[name] >= (releases or scenario.releases) or len(film) < FEWEST_FRAMES:
             continue
-        own_seed = int(seeds[name][taken[name]])
-        taken[name] += 1
+        own_seed = int(seeds[name][counts[name]])
+        counts[name] += 1
         frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
         sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
         state, used = fit_first_flight(frames, blocks[name], cross_section, experiment.gravity_m_s2, sigma)
@@ -100,9 +102,9 @@ def fit_first_flight(
 ) -> tuple[Array, int]:
     """State (6,) at the first of `frames` (n, 4: t, x, y, theta) and the number of frames that were used.
 
-    Least squares of free flight, x + v t - g t²/2 and θ + ω t, over the leading frames in which the block is
-    clear of the ground and which still lie on that flight (within OUTLIER_SIGMA of `sigma`: position in m, angle
-    in rad). A film that starts on the ground is fitted to its first three frames.
+    Least-squares fit of a free flight, x + v t - g t²/2 and θ + ω t, to the first frames in which the block is clear of
+    the ground and which lie on that flight (within OUTLIER_SIGMA times `sigma`: position in m, angle in rad). If the
+    film starts on the ground, the first three frames are used.
     """
     t = frames[:, 0] - frames[0, 0]
     q = frames[:, 1:].copy()

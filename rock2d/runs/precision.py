@@ -1,4 +1,4 @@
-"""How many releases make the intervals of the passing frequencies narrow enough."""
+"""The number of releases that a given precision of the passing frequencies needs."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.statistics import wilson_interval
 
 MOST_RELEASES = 1_000_000  # of each block
-LARGEST_STEP = 10.0  # times as many releases as before
+LARGEST_STEP = 10.0  # largest factor by which the number of releases grows at once
 
 
 def releases_for(
     scenario: Scenario, engine: str, seed: int, half_width: float, first: int, progress: bool = False
 ) -> int:
-    """The number of releases of each block, at least `first`, with which every 95 % interval of a passing frequency, of
-    the released blocks at every line, reaches at most `half_width` (a share) to either side of its middle.
+    """Number of releases of each block, at least `first`, with which the half-width of every 95 % interval of a passing
+    frequency, as a share of the released blocks, is at most `half_width`.
 
-    A release is the same however many there are, so they are added to those before. Raises InputError if the scenario
-    has no measure line, or if MOST_RELEASES are not enough.
+    Releases are simulated until the precision is reached. Raises InputError if the scenario has no measure line, or if
+    MOST_RELEASES are not enough.
     """
     job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(
-            "no measure line, whose passing frequency could be precise", "cross_section", at="key"
+            "the precision is that of passing frequencies: missing key 'measure_lines'",
+            "cross_section",
+            at="key",
         )
     counts = np.zeros((len(job.blocks), len(job.cross_section.measure_lines)), int)
     most_counts, done, wanted = counts.copy(), 0, first
@@ -52,7 +54,7 @@ def releases_for(
                 return done
             if done >= MOST_RELEASES:
                 raise InputError(
-                    f"with {done} releases of each block an interval still reaches {100 * widest:.2g} % to either side"
+                    f"with {done} releases of each block, the half-width of an interval is still {100 * widest:.2g} %"
                 )
             wanted = math.ceil(done * min(1.05 * (widest / half_width) ** 2, LARGEST_STEP))
             wanted = min(max(wanted, done + 1), MOST_RELEASES)

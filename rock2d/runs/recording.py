@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-FRAME_TOLERANCE = 1e-9  # share of a frame interval: a frame at the very end counts in spite of rounding
+FRAME_TOLERANCE = 1e-9  # share of a frame interval, so that rounding does not remove a frame at the end
 
 
 @dataclass(frozen=True)
 class Recording:
-    """How the trajectories of a simulation are sampled.
+    """Sampling of the trajectories of a simulation.
 
     Attributes
     ----------
     fps : frames per second
-    position_noise_m, angle_noise_rad : noise that is added, 1 sigma
-    times_s : release -> instants at which it is sampled, instead of at `fps`
-    seed : of the noise
+    position_noise_m, angle_noise_rad : added noise, 1 sigma
+    times_s : release -> instants of its samples, instead of `fps`
+    seed : seed of the noise
     """
 
     fps: float = 250.0
@@ -45,8 +45,8 @@ def trajectories_table(
 ) -> pd.DataFrame:
     """Tracks as a camera would record them: release, block, t_s, x_m, y_m, theta_rad at every frame.
 
-    What is recorded is the centroid of the body that `bodies` gives of a track; without it, the centre of mass.
-    Each release has its own random stream of noise.
+    Poses are those of the centroid of the block that `bodies` returns for a track; without `bodies`, those of the
+    centre of mass. Each release has its own random stream of noise.
     """
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What the shares of a run rest on: releases that came to rest or left, and those whose end is not known.
+"""Remarks on the releases of a run: unresolved releases, releases that do not leave their source, too few releases.
 
 A release is *unresolved* if it was cut short (time limit, limit of impacts) or sank into ground too soft for the law
 (buried): it could still have crossed a measure line, or run farther.
@@ -16,17 +16,17 @@ from rock2d.statistics import DESIGN_PERCENTILE, least_count
 if TYPE_CHECKING:
     import pandas as pd
 
-FEWEST_LEFT = 0.5  # share of a block's releases that leave their source in a usual run
-LARGEST_UNRESOLVED = 0.01  # share of a block's releases up to which a run counts as resolved
+FEWEST_LEFT = 0.5  # least share of the releases of a block that leave their source without a remark
+LARGEST_UNRESOLVED = 0.01  # largest share of unresolved releases of a block without a remark
 REASONS = {
     "time": "ran out of time (time_limit_s is {time_limit_s:.3g})",
     "impacts": "reached the limit of impacts",
-    "buried": "sank into the ground of {zones} (too soft for the law; a stiffer soil there: model.soils)",
+    "buried": "sank into the ground of {zones} (too soft for the law; choose a stiffer soil there: model.soils)",
 }
 
 
 def stop_counts(stops: pd.DataFrame) -> pd.DataFrame:
-    """Releases by block (rows) and kind of stop (columns) of a run's or a campaign's stops."""
+    """Numbers of releases by block (rows) and kind of stop (columns), from the table stops of a run or a campaign."""
     if "releases" in stops:
         return stops.pivot_table(
             index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
@@ -35,25 +35,25 @@ def stop_counts(stops: pd.DataFrame) -> pd.DataFrame:
 
 
 def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[str]:
-    """A sentence on each block of which more than 1 % of the releases are unresolved, from a run's or a campaign's
-    tables: by its stops, or, where only crossings were kept, by the line at which most are."""
+    """A sentence on each block with more than 1 % unresolved releases, from the tables of a run or a campaign: from its
+    stops or, if only crossings were kept, from the line with most of them."""
     remarks = []
     if "stops" in tables:
         counts = stop_counts(tables["stops"])
-        for block, own in counts.iterrows():
-            cut = {stop: int(own.get(stop, 0)) for stop in UNRESOLVED_STOPS}
-            if sum(cut.values()) > LARGEST_UNRESOLVED * own.sum():
+        for block, by_stop in counts.iterrows():
+            cut = {stop: int(by_stop.get(stop, 0)) for stop in UNRESOLVED_STOPS}
+            if sum(cut.values()) > LARGEST_UNRESOLVED * by_stop.sum():
                 ends = tables["stops"].query("block == @block")
                 why = " and ".join(
                     f"{n} {REASONS[stop].format(time_limit_s=time_limit_s, zones=_zones(ends, stop))}"
                     for stop, n in cut.items()
                     if n
                 )
-                remarks.append(f"NOT RESOLVED: of {own.sum()} releases of {block} {why}")
+                remarks.append(f"NOT RESOLVED: of {by_stop.sum()} releases of {block} {why}")
     elif "passing" in tables:
         passing = tables["passing"]
-        for block, own in passing.groupby("block", sort=False):
-            unresolved, releases = own["unresolved"].max(), own["releases"].iloc[0]
+        for block, at_lines in passing.groupby("block", sort=False):
+            unresolved, releases = at_lines["unresolved"].max(), at_lines["releases"].iloc[0]
             if unresolved > LARGEST_UNRESOLVED * releases:
                 why = f"{unresolved} were cut short (time_limit_s is {time_limit_s:.3g}) or buried"
                 remarks.append(f"NOT RESOLVED: of {releases} releases of {block} {why}")
@@ -61,27 +61,27 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
 
 
 def _zones(ends: pd.DataFrame, stop: str) -> str:
-    """The zones in which releases ended this way, in words."""
+    """The zones in which releases ended with this stop, in words."""
     return listed(sorted(ends.loc[ends["stop"] == stop, "zone"].dropna().unique()))
 
 
 def source_remarks(tables: Mapping[str, Any]) -> list[str]:
-    """A sentence on each block of which most releases stay where they start."""
+    """A sentence on each block most of whose releases stay where they start."""
     if "passing" not in tables:
         return []
     return [
-        f"{own.releases - own.left_source:.0f} of {own.releases} releases of {own.block} stay where they start: read "
-        "the shares of the arriving blocks, or start blocks where they come loose (incident)"
-        for own in tables["passing"].drop_duplicates("block").itertuples()
-        if own.left_source < FEWEST_LEFT * own.releases
+        f"{row.releases - row.left_source:.0f} of {row.releases} releases of {row.block} stay where they start: use "
+        "the shares of the arriving blocks, or let blocks start where the slope is steeper (incident)"
+        for row in tables["passing"].drop_duplicates("block").itertuples()
+        if row.left_source < FEWEST_LEFT * row.releases
     ]
 
 
-def few_remarks(tables: Mapping[str, Any]) -> list[str]:
-    """A sentence if there are too few releases for the interval of any 95th percentile."""
+def precision_remarks(tables: Mapping[str, Any]) -> list[str]:
+    """A sentence if there are too few releases for the interval of a 95th percentile."""
     if "passing" not in tables or not len(tables["passing"]):
         return []
     releases = int(tables["passing"]["releases"].max())
     least = least_count(DESIGN_PERCENTILE)
     text = f"{releases} releases of a block are too few for design values: the interval of a {DESIGN_PERCENTILE:g}th"
-    return [f"{text} percentile needs {least} passings or more"] if releases < least else []
+    return [f"{text} percentile needs at least {least} passing blocks"] if releases < least else []

@@ -1,4 +1,4 @@
-"""The results of a run: what `Simulation` offers, and the folder that `rock2d run` writes."""
+"""The results of a run of a scenario, and the folder that `rock2d run` writes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
 from rock2d.records.columns import STATE_NAMES
 from rock2d.runs.comparison import write_comparison
-from rock2d.runs.diagnosis_remarks import diagnosis_about
+from rock2d.runs.diagnosis_remarks import diagnosis_entry
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.simulation import TRAJECTORIES, Simulation
 
@@ -29,13 +29,13 @@ WRITING = "tables and figure"  # stage of a run
 
 @dataclass(kw_only=True, repr=False)
 class RunResult(Simulation):
-    """The releases of a scenario, simulated; see `Simulation` for tables and plots.
+    """The simulated releases of a scenario; see `Simulation` for tables and plots.
 
     Attributes
     ----------
-    scenario, seed : what was run
-    incident_states : the state at which each release started
-    drawn : release -> what was drawn for it beside its start, see `conditions.Condition`
+    scenario, seed : the scenario and the seed of its random draws
+    incident_states : the incident state of each release
+    drawn : release -> values drawn for it in addition to its start, see `conditions.Condition`
     """
 
     scenario: Scenario
@@ -44,9 +44,9 @@ class RunResult(Simulation):
     drawn: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
 
     def experiment(self) -> Experiment:
-        """The run as an experiment, as if it had been filmed.
+        """The run as an experiment, like a film of it.
 
-        Blocks that differ from release to release stand there under names of their own, `boulder_17` for release 17.
+        Blocks that differ from release to release have their own names, for example `boulder_17` for release 17.
         """
         recording, blocks, rows = self.recording, dict(self.blocks), self.to_pandas(TRAJECTORIES)
         if self.own_blocks:
@@ -69,24 +69,24 @@ class RunResult(Simulation):
         also: Callable[[Path], None] = lambda folder: None,
         figures: Figures | None = None,
     ) -> dict[str, pd.DataFrame]:
-        """Write the results folder, whole or not at all.
+        """Write the results folder, completely or not at all.
 
         The folder is an experiment folder. It also holds a CSV for each indicator (impacts, crossings, passing,
-        percentiles, stops, energy) and for the incident states, run.json and trajectories.png; where a film was
-        restarted also residuals.csv, residual_summary.csv, overlay.png, residuals.png and side_by_side.webm.
+        percentiles, stops, energy) and for the incident states, run.json and trajectories.png; for restarted films also
+        residuals.csv, residual_summary.csv, overlay.png, residuals.png and side_by_side.webm.
 
         Parameters
         ----------
         folder : path
             An earlier result at this place is replaced.
         video : bool
-            Also film the first releases of each block: trajectories.webm.
+            Also write a video of the first releases of each block, trajectories.webm.
         progress : bool or Bars
             Show progress bars; or the bars of a command of which this is a stage.
         also : callable
-            Writes further files into the folder that it is given, before the folder stands at its place.
+            Function that writes further files into the temporary folder before it is renamed.
         figures : Figures, optional
-            When figures are drawn; default: at once. See `rock2d.graphics.figure_files`.
+            Determines when figures are drawn; default: at once. See `rock2d.graphics.figure_files`.
 
         Returns
         -------
@@ -96,8 +96,8 @@ class RunResult(Simulation):
         Raises
         ------
         InputError
-            Code ``not_a_result`` if the folder holds anything else than a result of rock2d, ``not_writable`` if it
-            cannot be written.
+            Code ``not_a_result`` if the folder exists and is not a result of rock2d, ``not_writable`` if it cannot be
+            written.
         """
         from rock2d.graphics.figure_files import Figures
         from rock2d.graphics.trajectories import trajectories_figure
@@ -123,7 +123,7 @@ class RunResult(Simulation):
                 )  # fmt: skip
             for name, table in tables.items():
                 write_csv(partial / f"{name}.csv", table)
-            text = json.dumps(self._about(), indent=2) + "\n"
+            text = json.dumps(self._run_json(), indent=2) + "\n"
             (partial / "run.json").write_text(text, encoding="utf-8")
             also(partial)
             if video:
@@ -140,14 +140,14 @@ class RunResult(Simulation):
         progress: bool = False,
         **options: Any,
     ) -> None:
-        """Film the first releases of each block, one scene a release number.
+        """Write a video of the first releases of each block, with one scene for each release number.
 
         Parameters
         ----------
         path : path
-            Ends in .webm or .mp4.
+            Path with the ending .webm or .mp4.
         releases, slow_motion : optional
-            Instead of the `video_releases` and `slow_motion` of the scenario's outputs.
+            Replace `video_releases` and `slow_motion` of the key `outputs` of the scenario.
         options
             Fields of `rock2d.graphics.video_options.VideoOptions`, for example `size_px`.
         """
@@ -173,13 +173,13 @@ class RunResult(Simulation):
                 Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), bar.reach
             )
 
-    def _about(self) -> Mapping[str, Any]:
+    def _run_json(self) -> Mapping[str, Any]:
         from rock2d.version import __version__
 
         return {
             "scenario": self.scenario.name, "about": self.scenario.about, "assumed": self.scenario.assumed,
             "engine": self.engine, "seed": self.seed, "releases": len(self.tracks), "rock2d": __version__,
-            **diagnosis_about(self.scenario),
+            **diagnosis_entry(self.scenario),
         }  # fmt: skip
 
     def _drawn_table(self) -> pd.DataFrame:
@@ -187,7 +187,10 @@ class RunResult(Simulation):
 
         of_block = {track.release: track.block for track in self.tracks}
         return pd.DataFrame(
-            [{"release": release, "block": of_block[release], **own} for release, own in self.drawn.items()]
+            [
+                {"release": release, "block": of_block[release], **drawn}
+                for release, drawn in self.drawn.items()
+            ]
         )
 
     def _incident_states_table(self) -> pd.DataFrame:

@@ -1,6 +1,6 @@
-"""A checked scenario through an engine: all releases, shared out among processes where that pays.
+"""Run all releases of a scenario with an engine, in several processes if that is faster.
 
-Every release has its own random numbers, so results are bit-identical whatever the number of workers.
+Every release has its own random numbers, so results do not depend on the number of processes.
 """
 
 from __future__ import annotations
@@ -24,14 +24,12 @@ from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.recording import Recording
 from rock2d.runs.results import WRITING, RunResult
 
-FRAME_MARGIN_S = (
-    1e-9  # a restarted release lasts a little longer than its film, so that the last frame is inside
-)
+FRAME_MARGIN_S = 1e-9  # a restarted release lasts so much longer than its film, to include the last frame
 
 
 class _Job(NamedTuple):
-    """What a worker process needs to simulate releases; `common` are the conditions of all releases of a block, by its
-    name, where they do not vary."""
+    """Inputs of a worker process. `common`: block name -> condition of all releases of the block, if they do not
+    vary."""
 
     engine: str
     gravity_m_s2: float
@@ -47,23 +45,23 @@ def run(
     workers: int | None = None,
     progress: bool | Bars = False,
 ) -> RunResult:
-    """Run every release of a scenario; `engine`, `seed` and `releases` (of each block) come instead of the scenario's.
+    """Run every release of a scenario. `engine`, `seed` and `releases` (of each block) replace those of the scenario.
 
-    progress : whether to show a bar; or the bars of a command of which this is a stage
+    progress : show a progress bar; or the bars of a command of which this is a stage
 
     Results do not depend on `workers`, the number of processes. Raises InputError if the scenario has no parameters for
-    the engine, or there is no such engine.
+    the engine, or if there is no such engine.
     """
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed
     conditions = Conditions(scenario, chosen.name, seed)
     conditions.check_starts(releases or scenario.releases)
-    begun = starts(conditions, releases)
-    states = [start for start, _ in begun]
-    common = {own.block.name: own for own in conditions.common}
-    blocks = {name: met.block for name, met in common.items()}
+    started = starts(conditions, releases)
+    states = [start for start, _ in started]
+    common = {condition.block.name: condition for condition in conditions.common}
+    blocks = {name: condition.block for name, condition in common.items()}
     job = _Job(chosen.name, scenario.gravity_m_s2, {} if conditions.vary else common)
-    own = [condition for _, condition in begun] if conditions.vary else [None] * len(begun)
+    own = [condition for _, condition in started] if conditions.vary else [None] * len(started)
     jobs = list(zip(states, _time_limits(scenario, states), own, strict=True))
     title = run_title(scenario, chosen.name)
     bars, processes = Bars.of(progress), workers or os.cpu_count() or 1
@@ -72,26 +70,26 @@ def run(
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
         chosen.name, conditions.cross_section, blocks, tracks, _recording(scenario, seed), title,
-        own_blocks={start.release: met.block for start, met in begun if met.block is not common[start.block].block},
+        own_blocks={start.release: own.block for start, own in started if own.block is not common[start.block].block},
         scenario=scenario, seed=seed, incident_states=states,
-        drawn={start.release: met.drawn for start, met in begun if met.drawn},
+        drawn={start.release: own.drawn for start, own in started if own.drawn},
     )  # fmt: skip
 
 
 def run_title(scenario: Scenario, engine: str) -> str:
-    """What a run is called on its figures and on its bar."""
+    """The title of a run in its figures and in its progress bar."""
     return f"{scenario.name} ({engine})"
 
 
 def run_bars(scenario: Scenario, engine: str, shown: bool, workers: int | None = None) -> Bars:
-    """The bars of a run whose results are written."""
-    own = ENGINES[engine]
-    processes = (workers or os.cpu_count() or 1) if own.many_processes else 1
-    return Bars(shown, {run_title(scenario, engine): 1.0, WRITING: own.writing_work * processes})
+    """The progress bars of a run whose results are written."""
+    chosen = ENGINES[engine]
+    processes = (workers or os.cpu_count() or 1) if chosen.many_processes else 1
+    return Bars(shown, {run_title(scenario, engine): 1.0, WRITING: chosen.writing_work * processes})
 
 
 def _recording(scenario: Scenario, seed: int) -> Recording:
-    """At the film's instants if releases were restarted, else at the output frame rate; with the outputs' noise."""
+    """Recording at the instants of the film if releases are restarted, else at the frame rate of the outputs."""
     outputs, film = scenario.outputs, scenario.experiment
     times = {}
     if film is not None and film.trajectories is not None:
@@ -100,7 +98,7 @@ def _recording(scenario: Scenario, seed: int) -> Recording:
 
 
 def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]:
-    """A restarted release runs as long as its film; any other as long as the scenario says."""
+    """Time limits in s: a restarted release runs as long as its film, others as long as the scenario says."""
     if scenario.experiment is None or scenario.experiment.trajectories is None:
         return [scenario.longest_release_s()] * len(states)
     last = scenario.experiment.trajectories.groupby("release")["t_s"].max()
@@ -111,23 +109,24 @@ def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]
 def _tracks(
     job: _Job, releases: list[tuple[IncidentState, float, Condition | None]], workers: int
 ) -> Generator[tuple[int, Track]]:
-    """Index and track of each release; the first in this process, so that workers find compiled code in the cache."""
-    alone = (
+    """Index and track of each release. The first one runs in this process, so that workers find compiled code in the
+    cache."""
+    here = (
         len(releases) if min(workers, len(releases) - 1) <= 1 or not ENGINES[job.engine].many_processes else 1
     )
     with _interrupts_between_releases() as check:
-        for k, release in enumerate(releases[:alone]):
+        for k, release in enumerate(releases[:here]):
             check()
             yield k, _track(job, *release)
         check()
-    with closing(as_finished(_track, releases[alone:], workers, (job,))) as others:
+    with closing(as_finished(_track, releases[here:], workers, (job,))) as others:
         for k, track in others:
-            yield alone + k, track
+            yield here + k, track
 
 
 @contextmanager
 def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
-    """Keep Ctrl-C until the next check: raised inside a C callback of pymunk it would be lost."""
+    """Delay Ctrl-C until the next check, because pymunk would ignore an exception inside its callbacks."""
     pressed: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None
@@ -145,10 +144,10 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
 
 
 def _track(job: _Job, start: IncidentState, limit_s: float, own: Condition | None) -> Track:
-    met = own or job.common[start.block]
+    condition = own or job.common[start.block]
     track = ENGINES[job.engine].track(
         ReleaseInputs(
-            met.block, met.cross_section, met.parameters, np.asarray(start.state),
+            condition.block, condition.cross_section, condition.parameters, np.asarray(start.state),
             start.release, job.gravity_m_s2, limit_s, start.seed,
         )
     )  # fmt: skip

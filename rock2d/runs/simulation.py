@@ -1,4 +1,4 @@
-"""Releases that an engine has simulated, and `simulate`, which simulates given ones without a scenario file."""
+"""Simulated releases, and `simulate`, which simulates releases without a scenario file."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class Simulation:
     blocks : name -> block
     tracks : the motion of each release, in the order of the releases
     recording : how `to_pandas("trajectories")` samples the tracks
-    title : stands above plots
-    own_blocks : release -> its block, where blocks differ from release to release
+    title : title of plots
+    own_blocks : release -> its block, if blocks differ from release to release
     """
 
     engine: str
@@ -60,9 +60,8 @@ class Simulation:
     _tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def table_names(self) -> tuple[str, ...]:
-        """Names that `to_pandas` takes for these releases."""
-        found = [name for name, indicator in indicators().items() if indicator.applies(self)]
-        return (TRAJECTORIES, *found)
+        """Names of the tables that `to_pandas` can return for these releases."""
+        return (TRAJECTORIES, *(name for name, indicator in indicators().items() if indicator.applies(self)))
 
     def to_pandas(self, table: str = TRAJECTORIES) -> pd.DataFrame:
         """A table of these releases, with units in the names of its columns.
@@ -71,8 +70,8 @@ class Simulation:
         ----------
         table : {"trajectories", "impacts", "crossings", "passing", "percentiles", "stops", "energy"} or the name of
             another indicator.
-            "trajectories" samples the tracks as a camera does, "impacts" and "crossings" are exact. "passing" and
-            "percentiles" sum up the crossings of the measure lines. "energy" is the energy audit.
+            "trajectories" samples the tracks like a camera; "impacts" and "crossings" are exact. "passing" and
+            "percentiles" summarize the crossings of the measure lines. "energy" is the energy audit.
 
         Returns
         -------
@@ -98,11 +97,11 @@ class Simulation:
         return self._tables[table].copy()
 
     def block_of(self, track: Track) -> Block:
-        """The block of a release: its own, or that of its name."""
+        """The block of a release."""
         return self.own_blocks.get(track.release) or self.blocks[track.block]
 
     def plot(self) -> Figure:
-        """The cross-section and the path of every release, a panel for each block.
+        """The cross-section and the path of every release, with one panel for each block.
 
         Returns
         -------
@@ -118,7 +117,7 @@ class Simulation:
         return trajectories_figure(*self.drawn_paths(self.title))
 
     def drawn_paths(self, title: str, window: Limits | None = None) -> tuple[Any, ...]:
-        """What `trajectories_figure` takes to show these releases, without the tracks that it does not draw."""
+        """Arguments of `trajectories_figure` for these releases, without the tracks that it does not draw."""
         from rock2d.graphics.trajectories import shown_tracks
 
         shown, releases = shown_tracks(self.tracks)
@@ -165,16 +164,16 @@ def simulate(
         The ground.
     parameters : ContactParameters, ReboundParameters or mapping of zone names to one of them
         `ContactParameters` for the engines "pymunk" and "batch", `ReboundParameters` for "point_mass". The key
-        "default" of a mapping serves the zones that it does not name.
+        "default" of a mapping holds for the zones that it does not name.
     states : (6,) or (n, 6) array
         x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s of the centre of mass at t = 0, one row for each release.
     engine : {"pymunk", "batch", "point_mass"}
     gravity_m_s2 : float
     time_limit_s : float, optional
-        A release ends at the latest after this time. Default: what follows from the size of the cross-section, see
+        A release ends after this time at the latest. The default follows from the size of the cross-section, see
         `rock2d.scene.site_scales.site_time_limit_s`.
     seed : int
-        Of the random numbers of the rebound law.
+        Seed of the random numbers of the rebound law.
 
     Returns
     -------
@@ -192,7 +191,7 @@ def simulate(
     Warns
     -----
     UnusualWarning
-        If the block goes unusually deep, or hardly, into the ground at the highest speed that the site allows.
+        If the penetration of the block at the highest speed that the site allows is unusually large or small.
 
     Examples
     --------
@@ -210,16 +209,16 @@ def simulate(
     if rows.ndim != 2 or rows.shape[1:] != (len(STATE_NAMES),) or not np.isfinite(rows).all():
         raise InputError(f"states must be rows of six finite numbers: {', '.join(STATE_NAMES)}")
     if chosen.law == "deterministic" and len(rows):
-        stiffness = {zone: own.k_l_N_m for zone, own in by_zone.items()}
+        stiffness = {zone: law.k_l_N_m for zone, law in by_zone.items()}
         for doubt in contact_doubts(block, stiffness, highest_speed_m_s(rows, cross_section, gravity_m_s2)):
             warnings.warn(UnusualWarning(doubt.text), stacklevel=2)
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
     limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
     tracks = [
         chosen.track(
-            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, limit, int(own))
+            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, limit, int(own_seed))
         )
-        for release, (state, own) in enumerate(zip(rows, seeds, strict=True))
+        for release, (state, own_seed) in enumerate(zip(rows, seeds, strict=True))
     ]
     return Simulation(engine, cross_section, {block.name: block}, tracks, title=f"{block.name} ({engine})")
 
@@ -230,8 +229,8 @@ def _by_zone(parameters: Any, law: str, engine: str) -> Mapping[str, Any]:
 
     kind = {"deterministic": ContactParameters, "probabilistic": ReboundParameters}[law]
     by_zone = parameters if isinstance(parameters, Mapping) else {"default": parameters}
-    for zone, own in by_zone.items():
-        if not isinstance(own, kind):
-            message = f"engine {engine} takes {kind.__name__}, zone {zone!r} has {type(own).__name__}"
+    for zone, given in by_zone.items():
+        if not isinstance(given, kind):
+            message = f"engine {engine} takes {kind.__name__}, zone {zone!r} has {type(given).__name__}"
             raise InputError(message, code="wrong_kind", zone=zone)
     return by_zone

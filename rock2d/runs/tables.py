@@ -1,4 +1,4 @@
-"""Tables of a run as a person reads them in a terminal."""
+"""Tables of a run as text for a terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PASSING_HEAD = (
 
 
 def print_tables(result: RunResult) -> None:
-    """Passing frequencies, stops and the energy audit of one run."""
+    """Print passing frequencies, stops and the energy audit of a run."""
     from rock2d.engines.energy_balance import audit_tolerance
 
     print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
@@ -29,18 +29,18 @@ def print_tables(result: RunResult) -> None:
     print(stops_text(result.to_pandas("stops"), table_note(result.scenario)))
     if "energy" in result.table_names():
         energy = result.to_pandas("energy")
-        left = energy["residual_J"].abs() / energy["initial_J"]
-        print(f"energy audit: closes to {left.max():.1e} of the initial energy at worst")
-        open_audits = energy["release"][left > audit_tolerance(energy["effects_J"].to_numpy())]
-        if len(open_audits):
-            some = ", ".join(map(str, open_audits[:5])) + (", ..." if len(open_audits) > 5 else "")
-            print(f"energy audit: DOES NOT CLOSE for {len(open_audits)} of {len(left)} releases: {some}")
+        residual = energy["residual_J"].abs() / energy["initial_J"]
+        print(f"energy audit: closes to {residual.max():.1e} of the initial energy at worst")
+        unclosed = energy["release"][residual > audit_tolerance(energy["effects_J"].to_numpy())]
+        if len(unclosed):
+            some = ", ".join(map(str, unclosed[:5])) + (", ..." if len(unclosed) > 5 else "")
+            print(f"energy audit: DOES NOT CLOSE for {len(unclosed)} of {len(residual)} releases: {some}")
     for sentence in result.scenario.assumed:
         print(f"  assumed: {sentence}")
 
 
 def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFrame]) -> None:
-    """Passing frequencies and stops of a campaign."""
+    """Print passing frequencies and stops of a campaign."""
     print(f"\n{scenario.name}: {scenario.about} [{engine}]")
     if len(tables.get("passing", ())):
         print(passing_text(tables["passing"], table_note(scenario)))
@@ -51,22 +51,22 @@ def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFra
 
 
 def table_note(scenario: Scenario | None) -> str:
-    """What the tables of a run leave out."""
+    """Note on the changes of a diagnosis that the tables of a run leave out; may be empty."""
     return scenario.diagnosed.left_out if scenario is not None and scenario.diagnosed is not None else ""
 
 
 def stops_text(stops: pd.DataFrame, note: str = "") -> str:
-    """How the releases ended, one row a block."""
+    """Numbers of releases by kind of stop, one row a block."""
     return "how releases ended" + (f"; {note}" if note else "") + f"\n{stop_counts(stops).to_string()}"
 
 
 def passing_text(passing: pd.DataFrame, note: str = "") -> str:
-    """Passing frequencies as a person reads them, one row for each line and block."""
+    """Passing frequencies as text, one row for each line and block."""
     import pandas as pd
 
     head = "passing frequency in % [95 % interval]"
     if passing["unresolved"].any():
-        head += "; the upper bound counts all releases as passed that were cut short or buried"
+        head += "; the upper bound counts releases that were cut short or buried as passed"
     head += f"; {note}" if note else ""
     cells = pd.DataFrame(passing_cells(passing), columns=list(PASSING_HEAD))
     return f"{head}\n{cells.to_string(index=False)}"

@@ -3,7 +3,7 @@
 The ground rises to the left; blocks come from there. The facing of an embankment starts at its foot on the natural
 ground. With a ditch, the facing goes further down to the bottom of the ditch, whose uphill wall rises to the natural
 slope. Several embankments are numbered 1, 2, ... from uphill to downhill; the names of their zones and measure lines
-end with the number, as in `crest_2`. """
+end with the number, as in `crest_2`."""
 
 from __future__ import annotations
 

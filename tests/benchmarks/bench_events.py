@@ -30,7 +30,7 @@ PARTS = {  # functions of the kernel, and what they do; all others are "the rest
     "search of the ground": ("step", "find_features", "offer", "point_depth", "near_depth", "set_anchor", "commit"),
     "trial steps": ("runge_kutta", "__sincos_fma", "__sincos", "__cos_fma", "__sin_fma"),
     "next event": ("hermite_root", "first_event", "first_loaded_event", "law_event", "place", "hop_s"),
-    "energy and memory of a step": ("keep_energy", "step_error", "note_outcome", "commit_loaded", "follow_run"),
+    "energy and memory of a step": ("correct_energy", "step_error", "note_outcome", "commit_loaded", "follow_run"),
     "series of steps": ("fast_contact_steps", "load_active"),
 }  # fmt: skip
 PROFILED = """

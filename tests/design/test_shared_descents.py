@@ -7,7 +7,7 @@ import pytest
 
 from rock2d.design import least_size
 from rock2d.design.least_size import Search, Target
-from rock2d.design.shared_descents import Descent, parting_m, shares_descents
+from rock2d.design.shared_descents import Descent, equal_until_m, shares_descents
 from rock2d.scene.cross_section import CrossSection
 from tests.scenarios_of_tests import UNKNOWN, small_site
 
@@ -55,9 +55,9 @@ def test_where_grounds_part():
         return CrossSection(points, zones or ["soil"] * (len(points) - 1))
 
     low = ground((0, 5), (10, 0), (12, 1), (20, 0))
-    assert parting_m(low, ground((0, 5), (10, 0), (12, 3), (20, 0))) == 10.0
-    assert parting_m(low, low) == 20.0
-    assert parting_m(low, ground((0, 6), (10, 0), (12, 1), (20, 0))) == 0.0
+    assert equal_until_m(low, ground((0, 5), (10, 0), (12, 3), (20, 0))) == 10.0
+    assert equal_until_m(low, low) == 20.0
+    assert equal_until_m(low, ground((0, 6), (10, 0), (12, 1), (20, 0))) == 0.0
     other = ground((0, 5), (10, 0), (12, 1), (20, 0), zones=["soil", "rock", "soil"])
-    assert parting_m(low, other) == 10.0
-    assert parting_m(low, ground((0, 5), (10, 0), (9, 3), (20, 0))) == 9.0  # an overhang
+    assert equal_until_m(low, other) == 10.0
+    assert equal_until_m(low, ground((0, 5), (10, 0), (9, 3), (20, 0))) == 9.0  # an overhang

@@ -88,7 +88,7 @@ def content(found: Answer | None, height: float):
 )  # fmt: skip
 def test_the_higher_of_target_and_norm_governs(bounds, height, governs):
     text = norm_sentence(content(answer([{"ball": high} for high in bounds]), height))
-    assert f"UNI 11211-4 asks for {height:.2f} [" in text and text.endswith(f"{governs}.")
+    assert f"UNI 11211-4 requires {height:.2f} [" in text and text.endswith(f"{governs}.")
 
 
 def test_there_is_no_norm_sentence_if_another_size_was_sought():

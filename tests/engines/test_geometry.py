@@ -17,7 +17,7 @@ from rock2d.engines.geometry import (
     WorldArrays,
     block_arrays,
     contact_point,
-    crosses,
+    facet_intersects,
     facet_range,
     ground_arrays,
     point_depth,
@@ -140,4 +140,4 @@ def test_a_facet_crosses_a_polygon_where_shapely_says_so(x, y, theta):
         facet = shapely.LineString(GROUND.points_m[f : f + 2])
         inside = outline.buffer(-1e-9).intersects(facet)
         if inside == outline.buffer(1e-9).intersects(facet):  # not where it only touches the outline
-            assert crosses(f, pose, arrays.facets, slab.sides) == inside
+            assert facet_intersects(f, pose, arrays.facets, slab.sides) == inside

@@ -16,7 +16,7 @@ from rock2d.engines.contact_state import (
     find_features,
     new_contacts,
 )
-from rock2d.engines.contact_step import seat_contacts
+from rock2d.engines.contact_step import begin_contacts
 from rock2d.engines.geometry import (
     RUN_FIRST,
     RUN_LAST,
@@ -53,7 +53,7 @@ def test_contacts_stay_the_same_within_the_guard(block):
         memory, found = (new_contacts(contact_count(block)) for _ in range(2))
         q = np.array([rng.uniform(-1, 6), 0.0, rng.uniform(0, 6.3), 0.0, 0.0, 0.0])
         q[1] = np.interp(q[0], *GROUND.points_m.T) + 0.99 * rng.uniform(0.3, 1.1) * arrays.radius
-        if seat_contacts(q, near, world, memory, found) == 0:
+        if begin_contacts(q, near, world, memory, found) == 0:
             continue
         depth, _, _ = point_depth(q[0], q[1], facets, *near)
         # the centroid of a release stays above the ground

@@ -26,8 +26,8 @@ def test_the_facets_near_are_those_that_a_query_of_the_space_finds(name):
     while sim.time < 0.25:
         sim.step()
         hits = sim.space.shape_query(sim._shape)
-        assert sim._met == {sim._facet_of[hit.shape] for hit in hits if hit.shape}
-        sizes.append(len(sim._met))
+        assert sim._near_facets == {sim._facet_of[hit.shape] for hit in hits if hit.shape}
+        sizes.append(len(sim._near_facets))
     assert 0 in sizes and max(sizes) > 1  # the block flew, and met several facets at once
 
 

@@ -37,11 +37,11 @@ def test_a_release_that_repeats_another_in_every_digit_counts_once(put):
     ("text", "line", "said"),
     [
         ("release,block_id\n", 1, "missing column release_x_m"),
-        (f"{HEADER}\na,7,1,0,0,0,5,6,0\n", 2, "unknown block_id 7, the scenario knows 1, 2"),
+        (f"{HEADER}\na,7,1,0,0,0,5,6,0\n", 2, "unknown block_id 7; block_ids of the scenario: 1, 2"),
         (f"{HEADER}\na,1,1,0,0,0,5,x,0\n", 2, "expected numbers"),
         (f"{HEADER}\na,1,1,0,0,0,5,inf,0\n", 2, "finite"),
         (f"{HEADER}\na,1,1,0,0,0,5,,0\n", 2, "column stop_y_m is empty"),
-        (f"{HEADER}\na,1,1,0,0,0,5,6,0\na,1,1,0,0,0,5,7,0\n", 3, "release a is there twice"),
+        (f"{HEADER}\na,1,1,0,0,0,5,6,0\na,1,1,0,0,0,5,7,0\n", 3, "release a stands twice"),
         (f"{HEADER}\n", 1, "no releases"),
     ],
 )
@@ -99,7 +99,9 @@ def test_the_data_may_be_named_by_their_folder_or_one_above(tmp_path):
 def test_missing_data_are_said(tmp_path, monkeypatch):
     monkeypatch.delenv("ROCK2D_DATA", raising=False)
     file = write_field(tmp_path, STOPS)
-    with pytest.raises(InputError, match=r"the data are not here: say where .*small.* lies with --data"):
+    with pytest.raises(
+        InputError, match=r"no data root: give the folder that contains .*small.* with --data"
+    ):
         load_scenario(file)
     with pytest.raises(InputError, match=r"no releases\.csv in"):
         load_scenario(file, tmp_path.parent / "nowhere")

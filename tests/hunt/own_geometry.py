@@ -213,7 +213,7 @@ def first_touch(
     def deepest(t: float) -> float:
         return max((depth for _, depth in scene.search(*at(t)[:3].tolist()).values()), default=-r)
 
-    if deepest(0.0) > 0.0:  # beside the cross-section, whose end facets go on
+    if deepest(0.0) > 0.0:  # outside the cross-section, whose end facets go on
         raise LeftOutError("starts in the ground")
     t = 0.0
     while t < limit_s:

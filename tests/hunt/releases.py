@@ -158,7 +158,7 @@ def impact_gains(site: Site, impacts: Array) -> Array:
 
 
 def depth_in_ground(site: Site, x: Array, y: Array) -> Array:
-    """Depth of points inside the ground in block radii, 0 outside; beside the cross-section too."""
+    """Depth of points inside the ground in block radii, 0 outside; outside the cross-section too."""
     ground, out = site.cross_section, np.zeros(np.shape(x))
     inside = np.isfinite(x) & np.isfinite(y)
     inside[inside] = ground.covers(np.column_stack([x[inside], y[inside]]))

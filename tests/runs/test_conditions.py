@@ -68,7 +68,7 @@ def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
 
 def test_drawn_stiffness_follows_its_distribution(tmp_path):
     conditions = Conditions(site(tmp_path, STIFFNESS), "batch", 3)
-    k_ul = np.array([met.parameters["default"].k_ul_N_m for met in conditions.of(0, 0, 3000)])
+    k_ul = np.array([met.parameters["default"].k_ul_N_m for met in conditions.of_releases(0, 0, 3000)])
     sigma = np.sqrt(np.log1p(0.3**2))
     assert stats.kstest(np.log(k_ul / 2.4e7) / sigma, "norm").pvalue > 0.01
 
@@ -88,7 +88,8 @@ def test_a_crossing_has_the_energy_of_the_drawn_mass(tmp_path):
 
 def test_blocks_of_a_population_have_the_volume_of_a_ball_and_the_shares_of_their_families(tmp_path):
     blocks = [
-        met.block for met in Conditions(site(tmp_path, POPULATION, blocks=""), "batch", 3).of(0, 0, 2000)
+        met.block
+        for met in Conditions(site(tmp_path, POPULATION, blocks=""), "batch", 3).of_releases(0, 0, 2000)
     ]
     size = np.array([block.size_m for block in blocks])
     density = np.array([block.mass_kg for block in blocks]) / (np.pi / 6 * size**3)
@@ -175,7 +176,7 @@ def test_slight_roughness_hardly_moves_the_first_rebound(tmp_path):
 def test_slopes_under_a_place_spread_over_the_releases_as_stated(tmp_path):
     conditions = Conditions(site(tmp_path, "roughness: {slope: {sd_deg: 4, length_m: 0.5}}\n"), "batch", 3)
     slopes = []
-    for met in conditions.of(0, 0, 1000):
+    for met in conditions.of_releases(0, 0, 1000):
         points = met.cross_section.points_m
         i = int(np.searchsorted(points[:, 0], 7.3)) - 1
         slopes.append(np.degrees(np.arctan2(*(points[i + 1] - points[i])[::-1])))
@@ -190,7 +191,7 @@ def test_slopes_under_a_place_spread_over_the_releases_as_stated(tmp_path):
         ("scatter: {model.deterministic.default.k_x: {times: {uniform: {low: 1, high: 2}}}}\n", "no number"),
         ("scatter: {gravity_m_s2: {normal: {mean: 9.8, sd: 1}}}\n", "only numbers under model and blocks"),
         ("scatter: {model.deterministic.default.k_l_N_m: {time: 3}}\n", "did you mean 'times'"),
-        ("populations: {ball: {size_m: 1}}\n", "ball stands under blocks, too"),
+        ("populations: {ball: {size_m: 1}}\n", "ball is also under blocks"),
         ("populations: {boulders: {size_m: {normal: {mean: 1, sd: 1}}}}\n", "size_m: expected values between 0"),
         ("populations: {boulders: {size_m: 1, families: [{shape: circle, aspect: 2}]}}\n", "have an aspect"),
     ],
@@ -203,7 +204,5 @@ def test_what_cannot_vary_is_refused_with_its_place(tmp_path, text, said):
 def test_a_draw_that_makes_no_sense_names_the_release(tmp_path):
     scenario = site(tmp_path, "scatter: {model.deterministic.default.k_ul_N_m: {times: {uniform: {low: 0.01, "
                     "high: 0.2}}}}\n")  # fmt: skip
-    with pytest.raises(
-        InputError, match=r"need 0 < k_l_N_m <= k_ul_N_m.*that is release \d+ of block ball with"
-    ):
+    with pytest.raises(InputError, match=r"need 0 < k_l_N_m <= k_ul_N_m.*in release \d+ of block ball with"):
         rock2d.run(scenario)

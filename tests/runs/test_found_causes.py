@@ -107,7 +107,7 @@ def test_an_effect_without_its_object_says_so(tmp_path):
     scenario = diagnosed(tmp_path, content("soil_compaction", {"soil_compaction": effect(
         rate=(0.05, 0.04, 0.06), excess=(0.0, -0.01, 0.01))}))  # fmt: skip
     assert any(
-        "soil_compaction changes nothing: each release is an event" in r for r in diagnosis_remarks(scenario)
+        "soil_compaction changes nothing: each release is the first" in r for r in diagnosis_remarks(scenario)
     )
     assert same(knots(scenario), knots(undiagnosed(tmp_path, numbers(JOINT))))
 
@@ -117,8 +117,8 @@ def test_every_effect_of_the_catalogue_acts_or_says_why_not(tmp_path):
         given = effect(**{q.name: (v := q.low + 0.7 * (q.high - q.low), v, v) for q in own.parameters})
         scenario = diagnosed(tmp_path, content(name, {name: given}))
         changed = (
-            Conditions(scenario, "batch", 1).of(0, 0, 1)[0],
-            Conditions(scenario, "batch", 1).of(1, 0, 1)[0],
+            Conditions(scenario, "batch", 1).of_releases(0, 0, 1)[0],
+            Conditions(scenario, "batch", 1).of_releases(1, 0, 1)[0],
         )
         plain = Conditions(scenario.with_diagnosed(scenario.diagnosed.using(
             scenario.diagnosed.model._replace(effects={}))), "batch", 1).common  # fmt: skip
@@ -139,7 +139,7 @@ def test_roughness_of_impacts_becomes_a_rough_surface(tmp_path):
     given = content("surface_roughness", {"surface_roughness": effect(sd_rad=(0.1, 0.1, 0.1))})
     conditions = Conditions(diagnosed(tmp_path, given), "batch", 1)
     slopes = []
-    for met in conditions.of(0, 0, 200):
+    for met in conditions.of_releases(0, 0, 200):
         step = np.diff(met.cross_section.points_m[met.cross_section.points_m[:, 0] <= 20.0 + 1e-9], axis=0)
         slopes.append(np.arctan2(step[:, 1], step[:, 0]) + np.pi / 4)
     size = np.mean([block.size_m for block in conditions.blocks])

@@ -228,4 +228,4 @@ def above_ground(cross_section: CrossSection, camera: PixelMap, size_px: tuple[i
     v, u = np.mgrid[0 : size_px[1], 0 : size_px[0]]
     world = camera.to_world(np.stack([u, v], axis=-1))
     ground = cross_section.height_m(world[..., 0].ravel()).reshape(u.shape)
-    return np.asarray(~(world[..., 1] <= ground), np.uint8)  # beside the cross-section nothing hides
+    return np.asarray(~(world[..., 1] <= ground), np.uint8)  # outside the cross-section nothing hides

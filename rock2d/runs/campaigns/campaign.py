@@ -1,8 +1,9 @@
-"""Campaigns: ensembles too large for full tracks in memory, computed in chunks that survive an interruption.
+"""Campaigns: ensembles too large for full tracks in memory, computed in chunks. An interrupted campaign can be
+continued.
 
-A campaign is divided into chunks of a fixed number of releases of one block, however many processes share them.
-The folder holds campaign.json (what determines the result), chunks/<output>/<number>.parquet, and tables that
-are read from these in the end: identical bytes however the chunks were computed, and in how many attempts.
+A chunk is a fixed number of releases of one block. The folder holds campaign.json (what determines the result),
+chunks/<output>/<number>.parquet, and tables that are computed from these at the end. The bytes of the tables do not
+depend on the number of processes or on interruptions.
 """
 
 from __future__ import annotations
@@ -33,27 +34,20 @@ if TYPE_CHECKING:
     from rock2d.scene.cross_section import CrossSection
 
 MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
-OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each is prepared for itself, which takes longer
+OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each has its own conditions, which takes longer
 BYTES_OF_A_SAMPLE = 32
-READ_OUTPUTS = {"crossings", "ends"}  # by tables; more than once if they are very large
-TABLES_SHARE = 0.02  # time of the tables as a share of that of the releases
+READ_OUTPUTS = {"crossings", "ends"}  # outputs from which tables are computed
+TABLES_SHARE = 0.02  # time for the tables over the time for the releases
 MANIFEST = "campaign.json"
 OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
-# keys that change no chunk file and no table, or that the manifest stores outside the scenario
+# keys of a scenario that change no chunk file and no table, or that stand elsewhere in the manifest
 NOT_DETERMINING = {
-    "about",
-    "assumed",
-    "engine",
-    "seed",
-    "releases",
-    "outputs",
-    "uncertainty",
-    "design_values",
-}
+    "about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values",
+}  # fmt: skip
 
 
 def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
-    """Whether a run of `releases` of each block (default: the scenario's) is too large for memory."""
+    """Whether a run of `releases` of each block (default: those of the scenario) is too large for memory."""
     each = releases or scenario.releases
     if scenario.experiment is None:
         return each * len(scenario.make_blocks()) > MOST_RELEASES_IN_MEMORY
@@ -64,14 +58,14 @@ def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """What to compute, beside the scenario.
+    """Options of a campaign.
 
     Attributes
     ----------
-    engine, seed, releases : instead of the scenario's; releases are those of each block
-    keep : names of `OUTPUTS`, default ends and crossings. Where only crossings are kept a release stops as
-        soon as it lacks the energy to reach another measure line
-    chunk_releases : releases of a chunk; None: as the engine has it
+    engine, seed, releases : replace those of the scenario; releases are those of each block
+    keep : names of `OUTPUTS`, default ends and crossings. If only crossings are kept, a release stops as soon as its
+        energy is too small to reach another measure line
+    chunk_releases : releases of a chunk; None: default of the engine
     """
 
     engine: str | None = None
@@ -93,23 +87,24 @@ def run_campaign(
 ) -> dict[str, pd.DataFrame]:
     """Run a campaign into `folder`, or continue it; returns its tables by name.
 
-    `overwrite`: a campaign in `folder` that is determined otherwise is removed; `report` gets messages for the user,
-    one line per call.
+    `overwrite`: remove a different campaign in `folder`; `report` gets messages for the user, one line per call.
 
-    Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
-    `folder` holds anything else, or a campaign that is determined otherwise without `overwrite`, or cannot be written.
-    OSError, for example of a full disk, and KeyboardInterrupt say how far it came.
+    Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
+    holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
+    for example of a full disk, and of KeyboardInterrupt say how many chunks are done.
     """
     from rock2d.files.folders import write_whole
     from rock2d.progress import Bars
     from rock2d.runs.campaigns.chunks import is_done
     from rock2d.runs.campaigns.streaming import all_counts, campaign_tables
 
-    job, about = _prepare(scenario, folder, options)
+    job, manifest = _job_and_manifest(scenario, folder, options)
     if workers.scheduler is not None:
         require_dask()
-    chunks = _plan(len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options))
-    _claim(folder, about, job, overwrite)
+    chunks = _chunks(
+        len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options)
+    )
+    _prepare_folder(folder, manifest, job, overwrite)
     _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
     total = sum(chunk.count for chunk in chunks)
@@ -125,12 +120,12 @@ def run_campaign(
             tables = campaign_tables(job, chunks, counts, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        if unclosed := sum(int(own.unclosed) for own in counts):
+        if unclosed := sum(int(of_block.unclosed) for of_block in counts):
             report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(_how_far(job, chunks)) from None
+        raise KeyboardInterrupt(_progress_text(job, chunks)) from None
     except OSError as error:
-        message = f"{error.strerror or error}; {_how_far(job, chunks)}"
+        message = f"{error.strerror or error}; {_progress_text(job, chunks)}"
         raise OSError(error.errno, message, str(error.filename or folder)) from None
     finally:
         _remove_partial_files(job)
@@ -138,7 +133,7 @@ def run_campaign(
 
 
 def _remove_partial_files(job: Job) -> None:
-    """Half-written files of processes that were killed."""
+    """Remove incomplete files of processes that were killed."""
     for partial in job.folder.glob("*/.*"):
         partial.unlink(missing_ok=True)
 
@@ -150,25 +145,29 @@ def _announce(job: Job, total: int, chunks: int, todo: int, report: Callable[[st
     )
     if "samples" in job.keep:
         most = total * job.time_limit_s * job.fps * BYTES_OF_A_SAMPLE / 1e9
-        report(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
+        report(
+            f"samples: up to {most:.3g} GB before compression, if every release lasts until the time limit"
+        )
     if todo < chunks:
         report(f"{chunks - todo} of {chunks} chunks are done already")
 
 
-def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
+def _progress_text(job: Job, chunks: Sequence[Chunk]) -> str:
     from rock2d.runs.campaigns.chunks import is_done
 
     done = sum(is_done(job, chunk) for chunk in chunks)
     return f"{done} of {len(chunks)} chunks are done, the same command continues from there"
 
 
-def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:
-    """The campaign's job and its manifest; InputError if it cannot be a campaign."""
-    from rock2d.runs.campaigns.job import job_of
+def _job_and_manifest(
+    scenario: Scenario, folder: Path, options: CampaignOptions
+) -> tuple[Job, dict[str, Any]]:
+    """The job of a campaign and its manifest; raises InputError if it cannot be a campaign."""
+    from rock2d.runs.campaigns.job import campaign_job
 
     engine = engine_named(options.engine or scenario.engine)
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
-    _refuse_what_is_no_campaign(scenario, engine, keep, scenario.make_cross_section())
+    _check_campaign(scenario, engine, keep, scenario.make_cross_section())
     seed = scenario.seed if options.seed is None else options.seed
     fps = scenario.outputs.fps
     determined_by = {
@@ -184,19 +183,19 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         **({"diagnosis": scenario.diagnosed.fingerprint} if scenario.diagnosed else {}),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
-    job = job_of(scenario, engine.name, seed, keep, folder.absolute() / "chunks", fingerprint)
+    job = campaign_job(scenario, engine.name, seed, keep, folder.absolute() / "chunks", fingerprint)
     job.conditions.check_starts(options.releases or scenario.releases)
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
 
 
-def _refuse_what_is_no_campaign(
+def _check_campaign(
     scenario: Scenario, engine: Engine, keep: tuple[str, ...], cross_section: CrossSection
 ) -> None:
     if engine.ensemble is None:
         others = [other.name for other in ENGINES.values() if other.law == engine.law and other.ensemble]
         raise InputError(
-            f"engine {engine.name} is for single releases; run a campaign with the same law, compiled: "
+            f"engine {engine.name} is for single releases; for a campaign use the compiled engine of the same law: "
             f"--engine {' or '.join(others)}",
             code="wrong_kind",
             engine=engine.name,
@@ -208,7 +207,7 @@ def _refuse_what_is_no_campaign(
         )
     if "samples" in keep and not engine.keeps_samples:
         raise InputError(
-            f"engine {engine.name} keeps no samples: between its impacts a block flies a parabola",
+            f"engine {engine.name} keeps no samples: between its impacts, a block flies on a parabola",
             code="wrong_kind",
             engine=engine.name,
         )
@@ -220,27 +219,28 @@ def _refuse_what_is_no_campaign(
         import pyarrow  # noqa: F401
     except ImportError:
         raise InputError(
-            f"a campaign writes parquet files, for which pyarrow is missing: {EXTRA}",
+            f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}",
             code="missing_package",
             package="pyarrow",
         ) from None
 
 
-def _claim(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:
-    """Make the campaign's folders; refuse those that hold anything else, another campaign only without `overwrite`."""
+def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:
+    """Create the folders of a campaign and write its manifest; refuse a folder that holds anything else. A different
+    campaign is removed if `overwrite` is set."""
     from rock2d.files.folders import unwritable, write_whole
 
     path = folder / MANIFEST
     try:
         if path.is_file():
-            objection = _objection(path, manifest)
-            if objection and not overwrite:
-                raise objection
-            if objection:
+            mismatch = _mismatch(path, manifest)
+            if mismatch and not overwrite:
+                raise mismatch
+            if mismatch:
                 shutil.rmtree(folder)
         elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
             raise InputError(
-                "exists and is no campaign; choose another output folder", folder, code="not_a_result"
+                "exists and is not a campaign; choose another output folder", folder, code="not_a_result"
             )
         write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         for output in job.keep:
@@ -249,18 +249,18 @@ def _claim(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) ->
         raise unwritable(error, folder) from None
 
 
-def _objection(path: Path, manifest: dict[str, Any]) -> InputError | None:
-    """What speaks against continuing the campaign whose manifest is at `path`."""
+def _mismatch(path: Path, manifest: dict[str, Any]) -> InputError | None:
+    """The error if the campaign with a manifest at `path` cannot be continued; None if it can."""
     try:
-        there = read_json(path)
-        fingerprint, other = there["fingerprint"], dict(there["determined_by"])
+        found = read_json(path)
+        fingerprint, other = found["fingerprint"], dict(found["determined_by"])
     except (ValueError, KeyError, TypeError):
         return InputError(f"is damaged; {OVERWRITE_OR_OUT}", path, code="not_a_result")
     if fingerprint == manifest["fingerprint"]:
         return None
     own = manifest["determined_by"]
     differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
-    message = f"another campaign, which differs in {', '.join(differ)}; {OVERWRITE_OR_OUT}"
+    message = f"is a different campaign: {', '.join(differ)} differ; {OVERWRITE_OR_OUT}"
     return InputError(message, path, code="not_a_result", differ=differ)
 
 
@@ -268,11 +268,11 @@ def _chunk_releases(scenario: Scenario, options: CampaignOptions) -> int:
     if options.chunk_releases is not None:
         return options.chunk_releases
     most = engine_named(options.engine or scenario.engine).chunk_releases
-    own = scenario.scatter or scenario.roughness or scenario.populations
-    return min(most, OWN_CONDITIONS_CHUNK) if own else most
+    vary = scenario.scatter or scenario.roughness or scenario.populations
+    return min(most, OWN_CONDITIONS_CHUNK) if vary else most
 
 
-def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
+def _chunks(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     from rock2d.runs.campaigns.job import Chunk
 
     places = [(block, first) for block in range(blocks) for first in range(0, releases, chunk_releases)]
@@ -283,8 +283,8 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
 
 
 def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Callable[[int], Any]) -> None:
-    """Compute chunks on a scheduler's workers, in processes or in this one; `on_progress` gets the number of releases
-    that are done."""
+    """Compute chunks on the workers of a scheduler, in several processes or in this one; `on_progress` gets the number
+    of further releases that are done."""
     from rock2d.processes import as_finished, numba_threads
     from rock2d.runs.campaigns.chunks import run_chunk, warm_up
 
@@ -292,11 +292,11 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
     if workers.scheduler is not None:
         finished = as_finished_on_cluster(run_chunk, jobs, workers.scheduler, (job,), job.folder)
     elif min(workers.processes or 1, len(todo)) > 1:
-        warm_up(job)  # so that workers find compiled code in the cache
+        warm_up(job)  # compile here, so that workers find the code in the cache
         finished = as_finished(run_chunk, jobs, workers.processes or 1, (job,))
     else:
         with numba_threads(workers.processes) as threads:
-            if ENGINES[job.engine].chunk_a_thread and min(threads, len(todo)) > 1:
+            if ENGINES[job.engine].one_thread_per_chunk and min(threads, len(todo)) > 1:
                 _compute_in_threads(job, todo, threads, on_progress)
                 return
             for chunk in todo:
@@ -310,23 +310,23 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
 def _compute_in_threads(
     job: Job, todo: Sequence[Chunk], threads: int, on_progress: Callable[[int], Any]
 ) -> None:
-    """Compute chunks on threads of this process, each on one; the last ones share out those that are free."""
+    """Compute chunks on threads of this process, one thread a chunk; the last chunks share the free threads."""
     import numba
 
     from rock2d.runs.campaigns.chunks import run_chunk, warm_up
 
-    warm_up(job)  # compiled before it is shared
-    over, lock = threading.Event(), threading.Lock()
+    warm_up(job)  # compile before the threads start
+    ended, lock = threading.Event(), threading.Lock()
 
     def count(releases: int) -> None:
-        if over.is_set():
+        if ended.is_set():
             raise CancelledError
         with lock:
             on_progress(releases)
 
     def compute(k: int) -> None:
-        left = min(threads, len(todo) - k)
-        numba.set_num_threads(threads // left)  # for calls from this thread alone
+        remaining = min(threads, len(todo) - k)
+        numba.set_num_threads(threads // remaining)  # holds for calls from this thread only
         run_chunk(job, todo[k], count)
 
     pool = ThreadPoolExecutor(min(threads, len(todo)))
@@ -334,5 +334,5 @@ def _compute_in_threads(
         for done in as_completed([pool.submit(compute, k) for k in range(len(todo))]):
             done.result()
     finally:
-        over.set()  # Ctrl-C waits for the groups at hand alone
+        ended.set()  # after Ctrl-C, only the present groups are completed
         pool.shutdown(cancel_futures=True)

@@ -1,7 +1,8 @@
 """One chunk of a campaign: a fixed number of releases of one block, simulated and written as columnar files.
 
-A chunk leaves one parquet file for each kept output, folder/<output>/<number>.parquet, written under another
-name and renamed when whole. Any process can compute any chunk: its releases are drawn by their own numbers.
+A chunk has one parquet file for each kept output, folder/<output>/<number>.parquet. It is written under another name
+and renamed when complete. Any process can compute any chunk, because the random numbers of a release depend only on its
+number.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_fingerprint"  # key of the campaign's fingerprint in a file's metadata
-ROW_GROUP = 1 << 17  # rows that are written at once, about
-COUNTS = b"rock2d_chunk"  # key of its Counts, in the file of the first output
-# columns whose last digits are noise, which no compression shortens, and the compression of the others
+ROW_GROUP = 1 << 17  # approximate number of rows that are written at once
+COUNTS = b"rock2d_chunk"  # key of the Counts of a chunk, in the file of the first output
+# output -> (columns that are not compressed, because their last digits are noise; compression of the others)
 INCOMPRESSIBLE_COLUMNS = {
     "ends": ({"t_s", "x_m", "runout_m"}, "lz4"),
     "crossings": ({*CROSSING_VALUES} - {"x_m", "y_m"}, "lz4"),
@@ -52,19 +53,19 @@ def chunk_path(folder: Path, output: str, number: int) -> Path:
 
 
 def is_done(job: Job, chunk: Chunk) -> bool:
-    """Whether all files of a chunk are there, whole and of this campaign."""
+    """Whether all files of a chunk exist, are complete and belong to this campaign."""
     return all(
         _metadata(job, output, chunk).get(FINGERPRINT) == job.fingerprint.encode() for output in job.keep
     )
 
 
 def add_counts(counts: Counts, job: Job, chunk: Chunk) -> None:
-    """Add the counts of a chunk that is done."""
+    """Add the counts of a finished chunk to `counts`."""
     counts.add_text(_metadata(job, job.keep[0], chunk)[COUNTS])
 
 
 def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
-    """What the file of one output of a chunk says of itself; {} if it is not there, or cut short."""
+    """Metadata of the file of one output of a chunk; {} if it is missing or incomplete."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -77,11 +78,11 @@ def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
 def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda count: None) -> int:
     """Simulate a chunk and write its files; returns its number of releases.
 
-    Of each output, the rows that wait for `ROW_GROUP` are in memory; after each group of releases, `on_progress` gets
-    their number. Raises OSError if a file cannot be written. No interruption leaves an incomplete file.
+    At most about `ROW_GROUP` rows of each output are in memory. `on_progress` gets the number of releases of each group
+    that is done. Raises OSError if a file cannot be written. An interruption leaves no incomplete file.
     """
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
-    token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
+    token = secrets.token_hex(4)  # a worker that a scheduler has given up may still write the same chunk
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
     writers = {output: _Writer(path, output) for output, path in partial.items()}
     end, counts = chunk.first + chunk.count, Counts.none(job)
@@ -93,8 +94,8 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
                 writers[output].add(columns)
             on_progress(stop - first)
         for output, writer in writers.items():
-            own = {COUNTS: counts.text()} if output == job.keep[0] else {}
-            writer.finish({FINGERPRINT: job.fingerprint, **own})
+            more = {COUNTS: counts.text()} if output == job.keep[0] else {}
+            writer.finish({FINGERPRINT: job.fingerprint, **more})
             os.replace(partial[output], paths[output])
     finally:
         for writer in writers.values():
@@ -105,7 +106,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
 
 
 class _Writer:
-    """Writes a columnar file in few row groups: each costs as much as a thousand of its rows."""
+    """Writes a parquet file in few row groups, because a row group costs as much as a thousand rows."""
 
     def __init__(self, path: Path, output: str) -> None:
         self._path, self._output = path, output
@@ -114,17 +115,17 @@ class _Writer:
         self._file: pq.ParquetWriter | None = None
 
     def add(self, columns: dict[str, pa.Array]) -> None:
-        """Add rows; all columns each time."""
+        """Add rows, with the same columns in each call."""
         import pyarrow as pa
 
-        fields = [pa.field(name, own.type, nullable=name == "zone") for name, own in columns.items()]
+        fields = [pa.field(name, column.type, nullable=name == "zone") for name, column in columns.items()]
         self._waiting.append(pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields)))
         self._rows += len(self._waiting[-1])
         if self._rows >= ROW_GROUP:
             self._write()
 
     def finish(self, metadata: dict[bytes, str]) -> None:
-        """Write what is left, and close the file."""
+        """Write the remaining rows, and close the file."""
         if self._waiting:
             self._write()
         assert self._file is not None, "a chunk has at least one group of releases"
@@ -132,7 +133,7 @@ class _Writer:
         self.close()
 
     def close(self) -> None:
-        """Close the file as it is."""
+        """Close the file without writing the remaining rows."""
         if self._file is not None:
             self._file.close()
 
@@ -150,7 +151,7 @@ class _Writer:
                     name: "none" if name in incompressible else compression for name in table.column_names
                 },
                 use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
-                column_encoding={"release": "DELTA_BINARY_PACKED"},  # they ascend
+                column_encoding={"release": "DELTA_BINARY_PACKED"},  # releases ascend
                 write_statistics=False,
                 store_schema=False,  # so that readers see text, not codes
             )
@@ -159,8 +160,8 @@ class _Writer:
 
 
 def _releases_at_once(job: Job) -> int:
-    """Releases that are simulated in one call: many, for what is done around it costs time, but not many whose impacts
-    or samples are in memory."""
+    """Number of releases that are simulated in one call: large, to reduce the cost of calls, but small if impacts or
+    samples take memory."""
     bulky = {"impacts", "samples"} & set(job.keep)
     return DRAW_GROUP * (1 if bulky else ENGINES[job.engine].groups_at_once)
 
@@ -173,7 +174,7 @@ def warm_up(job: Job) -> None:
 def _simulate(
     job: Job, chunk: Chunk, first: int, stop: int, counts: Counts
 ) -> dict[str, dict[str, pa.Array]]:
-    """Output -> columns of releases first .. stop - 1 of the chunk's block, which are added to `counts`."""
+    """Output -> columns, of releases first .. stop - 1 of the block of the chunk. Adds these releases to `counts`."""
     import pyarrow as pa
 
     group = job.conditions.group(chunk.block, first, stop)
@@ -203,8 +204,8 @@ def _simulate(
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
     counts.unclosed[...] += found.unclosed
-    for total, own in zip(counts.passing, found.passing(job.cross_section), strict=True):
-        total += own
+    for total, further in zip(counts.passing, found.passing(job.cross_section), strict=True):
+        total += further
     return out
 
 
@@ -214,7 +215,7 @@ def _ends(job: Job, group: Group, found: Outcome, counts: Counts) -> dict[str, A
     zone[found.stop == STOP_EXIT] = -1
     runout = x - group.states[:, 0]
     counts.add_ends(found.stop, zone, runout)
-    sizes = np.array([own.block.size_m for own in group.conditions])
+    sizes = np.array([condition.block.size_m for condition in group.conditions])
     left = left_source(group.states[:, 0], x, found.stop == STOP_EXIT, sizes)
     counts.left_source[...] += np.count_nonzero(left)
     stop, zones = _text(STOPS, found.stop), _text(ground.zone_names, zone)
@@ -222,7 +223,7 @@ def _ends(job: Job, group: Group, found: Outcome, counts: Counts) -> dict[str, A
 
 
 def _crossings(job: Job, group: Group, found: Outcome, counts: Counts) -> tuple[Array, dict[str, Any]]:
-    """Index of the releases that cross lines, once for each line, and their columns."""
+    """Index of the release of each crossing, and the columns of crossings."""
     lines = list(job.cross_section.measure_lines)
     release, line, values = crossing_rows(found.crossings, *job.lines, group.masses())
     counts.add_crossings(line, values)

@@ -1,4 +1,4 @@
-"""What a chunk says of itself: counts from which the tables of a campaign follow, but for the digits of percentiles."""
+"""Counts of a chunk, from which the tables of a campaign follow, except for exact percentiles."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of releases, and of numbers by their leading digits.
+    """Counts of releases, and of values by their leading digits.
 
     Attributes
     ----------
     unclosed : () releases whose energy audit does not close
     left_source : () releases that left their source, if ends are kept
     passed, unresolved, arrived, arrived_unresolved : (lines,) see `PassingCounts`
-    stops : (STOPS, zones + 1) releases by how and in which zone they ended; last: outside
+    stops : (STOPS, zones + 1) releases by kind and zone of their stop; last column: outside the cross-section
     runouts : (DIGITS,) distances from start to end
     crossings : (lines, QUANTITIES, DIGITS) values at a line
     """
@@ -43,7 +43,7 @@ class Counts:
 
     @staticmethod
     def none(job: Job) -> Counts:
-        """Counts of nothing."""
+        """Counts that are all 0."""
         lines, zones = len(job.cross_section.measure_lines), len(job.cross_section.zone_names)
         shapes = (
             (), (), (lines,), (lines,), (lines,), (lines,),
@@ -53,7 +53,7 @@ class Counts:
 
     @property
     def passing(self) -> PassingCounts:
-        """At each line."""
+        """Passing counts at each line."""
         return PassingCounts(self.passed, self.unresolved, self.arrived, self.arrived_unresolved)
 
     def add_ends(self, stop: Array, zone: Array, runout_m: Array) -> None:
@@ -70,13 +70,13 @@ class Counts:
             np.add.at(counts, (line * n + k) * DIGITS + digits, 1)  # much faster than with several indices
 
     def text(self) -> str:
-        """As JSON; of each array the places, in the flat array, of what is not 0, and their counts."""
+        """JSON with the flat indices and the counts of all nonzero entries of each array."""
         arrays = {each.name: np.ravel(getattr(self, each.name)) for each in fields(self)}
         places = {name: np.flatnonzero(array) for name, array in arrays.items()}
         return json.dumps({name: [at.tolist(), arrays[name][at].tolist()] for name, at in places.items()})
 
     def add_text(self, text: str | bytes) -> None:
-        """Add what `text` gave of other releases."""
-        for name, own in json.loads(text).items():
-            places, counts = np.array(own, np.int64)
+        """Add counts of other releases in the form of `text`."""
+        for name, entries in json.loads(text).items():
+            places, counts = np.array(entries, np.int64)
             np.ravel(getattr(self, name))[places] += counts

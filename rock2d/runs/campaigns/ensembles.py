@@ -1,4 +1,4 @@
-"""Groups of releases of a campaign through the compiled ensembles of an engine."""
+"""Simulate groups of releases of a campaign with the compiled engines."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 UNRESOLVED = np.isin(STOPS, UNRESOLVED_STOPS)  # (STOPS,) bool
-FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; a release with more runs once more
+FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; releases with more are repeated
 OWN_CONDITIONS_AT_ONCE = (
     200  # releases with their own blocks, grounds or parameters that are in memory together
 )
-SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # impacts that such a second run may have room for at once
+SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # room for impacts of the repeated releases of one call
 
 
 @dataclass
 class Outcome:
-    """What an engine found out about n releases; shapes as in `engines.batch.BatchResult`.
+    """Results of n releases; shapes as in `engines.batch.BatchResult`.
 
     stop : (n,) index into STOPS
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
-    saved_contacts : what releases that were suspended need to go on
+    saved_contacts : contacts of suspended releases
     """
 
     stop: Array
@@ -47,21 +47,22 @@ class Outcome:
     saved_contacts: Array | None = None
 
     def passed(self, lines: int) -> Array:
-        """(n, lines) bool, which releases crossed each of the first `lines` lines."""
+        """(n, lines) bool: whether a release crossed each of the first `lines` lines."""
         return np.isfinite(self.crossings[:, :lines, 0])
 
     def unresolved(self, lines: int) -> Array:
-        """(n, lines) bool, which were cut short or buried before they crossed it."""
+        """(n, lines) bool: whether a release was cut short or buried before it crossed a line."""
         return ~self.passed(lines) & UNRESOLVED[self.stop][:, None]
 
     def passing(self, ground: CrossSection) -> PassingCounts:
-        """How many passed, arrived at and were unresolved at each measure line."""
+        """Numbers of releases that passed, arrived and were unresolved, at each measure line."""
         passed = self.passed(len(ground.measure_lines))
         return count_passing(passed, UNRESOLVED[self.stop], arrivals(ground))
 
 
 def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcome:
-    """A group of releases with the batch engine, suspended at `suspend_x_m`; suspended ones go on from their states.
+    """Simulate a group of releases with the batch engine, and suspend them at `suspend_x_m`. Suspended releases
+    continue from their states.
 
     Times count from the start of a release.
     """
@@ -77,8 +78,8 @@ def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcom
             ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
             gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
-            stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
-            stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these go on while the block trembles
+            stop_when_spent=job.keep == ("crossings",),  # other outputs need the stop of the block
+            stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these include the trembling of the block
             suspend_x_m=suspend_x_m, saved_contacts=saved_contacts,
         )  # fmt: skip
 
@@ -101,10 +102,10 @@ def _ensemble(conditions: Sequence[Condition]) -> tuple[Ensemble, tuple[Array, A
     from rock2d.engines.batch import Ensemble
     from rock2d.laws.contact import contact_rows
 
-    blocks, block_ids = _distinct([own.block for own in conditions])
-    grounds, ground_ids = _distinct([own.cross_section for own in conditions])
-    parameters, table_ids = _distinct([own.parameters for own in conditions])
-    tables = [contact_rows(own, conditions[0].cross_section.zone_names) for own in parameters]
+    blocks, block_ids = _distinct([condition.block for condition in conditions])
+    grounds, ground_ids = _distinct([condition.cross_section for condition in conditions])
+    parameters, table_ids = _distinct([condition.parameters for condition in conditions])
+    tables = [contact_rows(each, conditions[0].cross_section.zone_names) for each in parameters]
     return Ensemble(blocks, grounds, tables), (block_ids, ground_ids, table_ids)
 
 
@@ -116,19 +117,19 @@ def _distinct(items: Sequence[Any]) -> tuple[list[Any], Array]:
 
 
 def point_mass_outcome(job: Job, group: Group) -> Outcome:
-    """A group of releases with the point-mass engine."""
+    """Simulate a group of releases with the point-mass engine."""
     from rock2d.engines.point_mass import FACET, VELOCITIES
     from rock2d.engines.point_mass_batch import run_point_mass_batch
 
     def run(part: Group, room: int) -> Any:
         found = []
         for i in range(len(part.conditions)):
-            own = part.conditions[i]
-            assert isinstance(own.parameters, Mapping)  # only the contact law has rows
+            condition = part.conditions[i]
+            assert isinstance(condition.parameters, Mapping)  # only the contact law has rows
             some = slice(None) if len(part.conditions) == 1 else slice(i, i + 1)
             found.append(
                 run_point_mass_batch(
-                    own.block, own.cross_section, own.parameters, part.states[some], part.seeds[some],
+                    condition.block, condition.cross_section, condition.parameters, part.states[some], part.seeds[some],
                     gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
                 )
             )  # fmt: skip
@@ -136,32 +137,32 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
 
     def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
-        before = rows[:, :N_INSTANT]  # a rebound takes no time and changes no pose
+        before = rows[:, :N_INSTANT]  # a rebound changes neither time nor pose
         values = np.column_stack([before, before[:, : INSTANT_THETA + 1], rows[:, VELOCITIES], unknown])
         facets = rows[:, FACET].astype(int)
         if len(group.conditions) == 1:
             return group.conditions[0].cross_section.zone_ids[facets], values
         grounds = [group.conditions[i].cross_section for i in release]
-        return np.array([own.zone_ids[k] for own, k in zip(grounds, facets, strict=True)], int), values
+        return np.array([ground.zone_ids[k] for ground, k in zip(grounds, facets, strict=True)], int), values
 
     return _outcome(job, group, run, impacts)[0]
 
 
 def _in_parts(group: Group, run: Callable[[Group, int], Any], room: int) -> Any:
-    """What `run` gives of a group; releases that differ in more than their start are run some at a time, since each
-    may have its own ground."""
+    """Result of `run` for a group. Releases with their own conditions are run in parts, because their grounds take
+    memory."""
     if len(group.conditions) == 1:
         return run(group, room)
     firsts = range(0, len(group.states), OWN_CONDITIONS_AT_ONCE)
-    return _joined([run(group.part(slice(i, i + OWN_CONDITIONS_AT_ONCE)), room) for i in firsts])
+    return _joined([run(group.subset(slice(i, i + OWN_CONDITIONS_AT_ONCE)), room) for i in firsts])
 
 
 def _joined(results: list[Any]) -> Any:
-    """Results of an engine, as if they were one."""
+    """Results of an engine, concatenated."""
     if len(results) == 1:
         return results[0]
     kind = type(results[0])
-    return kind(*(np.concatenate([getattr(own, each.name) for own in results]) for each in fields(kind)))
+    return kind(*(np.concatenate([getattr(r, each.name) for r in results]) for each in fields(kind)))
 
 
 def _outcome(
@@ -170,24 +171,24 @@ def _outcome(
     run: Callable[[Group, int], Any],
     impacts: Callable[[Array, Array], tuple[Array, Array]],
 ) -> tuple[Outcome, Any]:
-    """The outcome of an engine's `run` (releases, room for impacts), and what it gave; `impacts` takes releases and
-    rows to zone indices and values."""
+    """The outcome of `run` (releases, room for impacts) of an engine, and its own result. `impacts` converts releases
+    and rows to zone indices and values."""
     keep = "impacts" in job.keep
     result = _in_parts(group, run, FIRST_IMPACT_ROOM if keep else 0)
     outcome = Outcome(result.stop, result.ends, result.crossings)
     if keep:
         release, rows = _all_impacts(
-            result.impacts, result.impact_count, lambda some, room: _in_parts(group.part(some), run, room)
+            result.impacts, result.impact_count, lambda some, room: _in_parts(group.subset(some), run, room)
         )
         outcome.impacts = release, *impacts(release, rows)
     return outcome, result
 
 
 def _all_impacts(impacts: Array, count: Array, run: Callable[[Array, int], Any]) -> tuple[Array, Array]:
-    """Every impact of n releases: their releases (k,) and rows (k, width), in order.
+    """All impacts of n releases: their releases (k,) and rows (k, width), in order.
 
-    `impacts` (n, room, width) holds the first ones of `count` (n,); `run` (releases, room) runs those that had
-    more once more.
+    `impacts` (n, room, width) holds the first impacts of the `count` (n,) of each release; `run` (releases, room)
+    repeats releases that had more.
     """
     room = impacts.shape[1]
     found_rows = [(np.flatnonzero(count <= room), impacts[count <= room])]
@@ -199,10 +200,10 @@ def _all_impacts(impacts: Array, count: Array, run: Callable[[Array, int], Any])
             some = crowded[i : i + at_once]
             found_rows.append((some, run(some, room).impacts))
     releases, rows = [], []
-    for some, own in found_rows:
-        which, k = np.nonzero(np.arange(own.shape[1]) < count[some, None])
+    for some, found in found_rows:
+        which, k = np.nonzero(np.arange(found.shape[1]) < count[some, None])
         releases.append(some[which])
-        rows.append(own[which, k])
+        rows.append(found[which, k])
     release = np.concatenate(releases)
     order = np.argsort(release, kind="stable")
     return release[order], np.concatenate(rows)[order]

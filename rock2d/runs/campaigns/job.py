@@ -1,4 +1,4 @@
-"""What determines a campaign, and the chunks that it is divided into."""
+"""The job of a campaign, that is everything that determines its result, and its chunks."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Job:
-    """What it takes to compute any chunk of a campaign.
+    """Everything that is needed to compute a chunk of a campaign.
 
     Attributes
     ----------
-    folder : holds a folder for each of `keep`, names of `campaigns.OUTPUTS`
-    fingerprint : of everything that determines the result; each file carries it
-    conditions : of each release
+    folder : folder with one folder for each of `keep`
+    fingerprint : hash of everything that determines the result; each file contains it
+    keep : names of `campaigns.OUTPUTS`
+    conditions : conditions of each release
     fps : samples per second, if they are kept
     """
 
@@ -66,7 +67,7 @@ class Job:
         return feet, ups
 
     def outcome(self, group: Group) -> Outcome:
-        """What the engine finds out about a group of releases."""
+        """Simulate a group of releases."""
         ensemble = ENGINES[self.engine].ensemble
         assert ensemble is not None, f"engine {self.engine} is for single releases"
         return ensemble(self, group)
@@ -78,7 +79,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Releases first .. first + count - 1 of the block with index `block`; `offset` + i is i's number."""
+    """Releases first .. first + count - 1 of the block with index `block`; the number of release i is `offset` + i."""
 
     number: int
     block: int
@@ -87,7 +88,7 @@ class Chunk:
     offset: int
 
 
-def job_of(
+def campaign_job(
     scenario: Scenario, engine: str, seed: int, keep: tuple[str, ...], folder: Path, fingerprint: str
 ) -> Job:
     """The job of a scenario."""
@@ -98,5 +99,5 @@ def job_of(
 
 
 def crossings_job(scenario: Scenario, engine: str, seed: int) -> Job:
-    """The job of a scenario whose crossings alone are wanted, in memory, on the compiled engine of the same law."""
-    return job_of(scenario, compiled_engine(engine).name, seed, ("crossings",), Path(), "")
+    """The job of a scenario that keeps only crossings, in memory, with the compiled engine of the same law."""
+    return campaign_job(scenario, compiled_engine(engine).name, seed, ("crossings",), Path(), "")

@@ -1,8 +1,8 @@
-"""Exact values of given ranks among many numbers, of which few are in memory.
+"""Exact order statistics of many numbers with little memory.
 
-A number is read as an unsigned integer of 64 bits with the same order, its key. A count of all numbers by the leading
-digit of their keys, 16 bits, tells the leading digit of each sought number. What shares it is a small part of all
-numbers, which a pass over them collects; where it is too much, a pass counts the next digit.
+The key of a number is an unsigned integer of 64 bits with the same order. Counts of all numbers by the leading digit of
+their keys (16 bits) give the leading digit of each order statistic. A second pass over the numbers collects the
+candidates with this digit; if these are too many, it counts their next digits instead.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ _SIGN = np.int64(-1 << 63)
 
 
 def leading_digits(numbers: Array) -> Array:
-    """(n,) int64 in [0, DIGITS) of finite numbers."""
+    """(n,) leading digits of the keys of finite numbers, int64 in [0, DIGITS)."""
     return (_keys(numbers) >> np.uint64(KEY_BITS - DIGIT_BITS)).view(np.int64)
 
 
 class OrderStatistics:
-    """Numbers of given ranks, from 0 in ascending order; `values` gives them once nothing is `open`.
+    """Numbers of given ranks, which count from 0 in ascending order.
 
-    leading : (DIGITS,) how many of all numbers have each leading digit
+    leading : (DIGITS,) counts of all numbers by their leading digits
 
-    All numbers, in parts and in any order, go through `add`; then `narrow` is called. As often as it takes, see `open`.
+    While `open`: pass all numbers to `add`, in parts and in any order, then call `narrow`. After that, `values` gives
+    the numbers.
     """
 
     def __init__(self, ranks: Sequence[int], leading: Array) -> None:
         self._ranks = list(ranks)
         self._within = list(ranks)  # rank among the numbers that share the settled bits
-        self._settled = [0] * len(ranks)  # leading bits of the key that is sought
+        self._settled = [0] * len(ranks)  # known leading bits of the keys
         self._open_bits = KEY_BITS
         self._counts = {0: leading}  # settled bits -> numbers by their next digit
         self._collected: dict[int, list[Array]] = {}  # settled bits -> keys
@@ -49,7 +50,7 @@ class OrderStatistics:
 
     @property
     def candidates(self) -> int:
-        """How many numbers share the settled bits of one that is sought."""
+        """Number of candidates: numbers with the settled bits of an order statistic."""
         return sum(self._shared.values())
 
     def add(self, numbers: Array, collect: bool) -> None:
@@ -57,21 +58,21 @@ class OrderStatistics:
         keys, shift = _keys(numbers), np.uint64(self._open_bits)
         leading = keys >> shift
         for settled in self._shared:
-            own = keys[leading == np.uint64(settled)]
+            candidates = keys[leading == np.uint64(settled)]
             if collect:
-                self._collected.setdefault(settled, []).append(own)
+                self._collected.setdefault(settled, []).append(candidates)
                 continue
             counts = self._counts.setdefault(settled, np.zeros(DIGITS, np.int64))
-            digits = (own >> np.uint64(self._open_bits - DIGIT_BITS)) & np.uint64(DIGITS - 1)
+            digits = (candidates >> np.uint64(self._open_bits - DIGIT_BITS)) & np.uint64(DIGITS - 1)
             np.add.at(counts, digits.view(np.int64), 1)
 
     def narrow(self) -> None:
-        """Take in what all numbers gave."""
+        """Settle further bits from one pass over all numbers."""
         if self._collected:
             for settled, parts in self._collected.items():
-                own = [i for i, leading in enumerate(self._settled) if leading == settled]
-                ranked = np.partition(np.concatenate(parts), [self._within[i] for i in own])
-                for i in own:
+                indices = [i for i, leading in enumerate(self._settled) if leading == settled]
+                ranked = np.partition(np.concatenate(parts), [self._within[i] for i in indices])
+                for i in indices:
                     self._settled[i] = int(ranked[self._within[i]])
             self._collected, self._open_bits = {}, 0
             return
@@ -97,18 +98,18 @@ def find_order_statistics(
     parts: Callable[[], Iterable[Mapping[Any, Array]]],
     most_collected: int | None = None,
 ) -> None:
-    """Find the values of several sets of numbers, of which `parts` gives all, again in each pass.
+    """Find the order statistics of several sets of numbers. In each pass, `parts` gives all numbers of all sets.
 
-    most_collected : numbers in memory; default MOST_COLLECTED
+    most_collected : most numbers in memory; default MOST_COLLECTED
     """
     most = MOST_COLLECTED if most_collected is None else most_collected
-    while any(own.open for own in sought.values()):
-        collect = sum(own.candidates for own in sought.values()) <= most
+    while any(statistics.open for statistics in sought.values()):
+        collect = sum(statistics.candidates for statistics in sought.values()) <= most
         for part in parts():
-            for key, own in sought.items():
-                own.add(part[key], collect)
-        for own in sought.values():
-            own.narrow()
+            for key, statistics in sought.items():
+                statistics.add(part[key], collect)
+        for statistics in sought.values():
+            statistics.narrow()
 
 
 def _keys(numbers: Array) -> Array:

@@ -1,8 +1,7 @@
-"""Indicators of a campaign, from the counts in its chunk files and one look at their values: memory does not grow with
-the releases.
+"""Tables of a campaign from its chunk files. Memory does not grow with the number of releases.
 
-Passing frequencies and stops are counts. Percentiles are exact order statistics, of which the counts tell the leading
-digits. The result does not depend on which worker computed a chunk, or when.
+Passing frequencies and stops are counts. Percentiles are exact order statistics; the counts give their leading digits,
+and a pass over the values the rest. The result does not depend on which worker computed a chunk, or when.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ RUNOUT_PERCENTILES = (50.0, 95.0, 99.0)
 
 
 def all_counts(job: Job, chunks: Sequence[Chunk]) -> list[Counts]:
-    """Counts of each block over its chunks, which are done."""
+    """Sum of the counts of each block over its chunks, which must be done."""
     found = [Counts.none(job) for _ in job.blocks]
     for chunk in chunks:
         add_counts(found[chunk.block], job, chunk)
@@ -48,20 +47,19 @@ def campaign_tables(
 ) -> dict[str, pd.DataFrame]:
     """Tables by name: passing and percentiles if crossings were kept, stops and runout if ends were.
 
-    - passing, percentiles: as the indicators of the same names give them.
-    - stops: how many releases of each block ended in which way in which zone; zone is empty for those that
-      left the cross-section.
-    - runout: percentiles, as above, of the distance from start to end; what left the cross-section counts
-      with the place where it left.
+    - passing, percentiles: same columns as the indicators of the same names
+    - stops: numbers of releases by block, kind of stop and zone; zone is empty for releases that left the cross-section
+    - runout: percentiles of the distance from start to end; releases that left the cross-section count with the place
+      where they left
 
     `counts` are those of each block; `on_progress` gets the number of further files that were read. Raises OSError if a
-    file is not there.
+    file is missing.
     """
     import pandas as pd
 
     blocks = [
-        _Block(job, [own for own in chunks if own.block == b], found, on_progress)
-        for b, found in enumerate(counts)
+        _Block(job, [chunk for chunk in chunks if chunk.block == b], of_block, on_progress)
+        for b, of_block in enumerate(counts)
     ]
 
     def table(columns: Sequence[str], rows: Callable[[_Block], list[Any]]) -> pd.DataFrame:
@@ -103,7 +101,7 @@ class _Block:
             if _ranks(passed[line], PERCENTILES)
         }
         find_order_statistics(sought, self._values_at_lines)
-        ranked = {key: own.values() for key, own in sought.items()}
+        ranked = {key: statistics.values() for key, statistics in sought.items()}
         return [
             (self.name, line, quantity, p, n, *percentile_estimate(ranked.get((line, quantity), {}), n, p))
             for line, n in passed.items()
@@ -124,15 +122,21 @@ class _Block:
 
     def runouts(self) -> list[Any]:
         """Rows of RUNOUT_COLUMNS."""
-        own = OrderStatistics(_ranks(self.releases, RUNOUT_PERCENTILES), self.counts.runouts)
+        statistics = OrderStatistics(_ranks(self.releases, RUNOUT_PERCENTILES), self.counts.runouts)
         find_order_statistics(
-            {"runout_m": own},
+            {"runout_m": statistics},
             lambda: (
                 {"runout_m": table["runout_m"].to_numpy()} for table in self._tables("ends", ["runout_m"])
             ),
         )
         return [
-            (self.name, "runout_m", p, self.releases, *percentile_estimate(own.values(), self.releases, p))
+            (
+                self.name,
+                "runout_m",
+                p,
+                self.releases,
+                *percentile_estimate(statistics.values(), self.releases, p),
+            )
             for p in RUNOUT_PERCENTILES
         ]
 
@@ -140,9 +144,9 @@ class _Block:
         for table in self._tables("crossings", ["line", *QUANTITIES]):
             text = table["line"].combine_chunks()
             line = np.array([self.lines.index(name) for name in text.dictionary.to_pylist()])[text.indices]
-            here = {name: np.flatnonzero(line == k) for k, name in enumerate(self.lines)}
+            rows = {name: np.flatnonzero(line == k) for k, name in enumerate(self.lines)}
             values = {quantity: table[quantity].to_numpy() for quantity in QUANTITIES}
-            yield {(name, q): values[q][own] for name, own in here.items() for q in QUANTITIES}
+            yield {(name, q): values[q][at_line] for name, at_line in rows.items() for q in QUANTITIES}
 
     def _tables(self, output: str, columns: Sequence[str]) -> Iterator[pa.Table]:
         import pyarrow.parquet as pq

@@ -1,7 +1,6 @@
-"""What a designer reads off an ensemble of tracks: every module of this folder that defines `INDICATOR`.
+"""Indicators: tables that are computed from the tracks of a run. Every module of this folder that defines `INDICATOR`.
 
-An indicator is one file. A file added here is found; its table is written by `rock2d run` and is given by
-`RunResult.to_pandas`.
+To add an indicator, add a file: `rock2d run` writes its table, and `RunResult.to_pandas` returns it.
 """
 
 from __future__ import annotations

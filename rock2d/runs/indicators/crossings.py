@@ -28,13 +28,13 @@ CROSSING_COLUMNS = ("block", "release", "line", *CROSSING_VALUES)
 
 
 def crossings_table(run: Simulated) -> pd.DataFrame:
-    """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a passing.
+    """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a crossing.
 
-    - incidence_angle_deg: between the velocity and the line's normal, in [-90, 90]; positive when the block
-      heads toward the line's foot, that is the ground. At an upright line: the angle below the horizontal.
+    - incidence_angle_deg: angle between the velocity and the normal of the line, in [-90, 90]; positive if the block
+      moves towards the foot of the line, that is the ground. At a vertical line: the angle below the horizontal.
     - passing_height_m: distance along the line from its foot to the crossing of the centroid.
-    - energies are those of the release's own block, if it has one
-    - kinetic_J = translational_J + rotational_J = ½ m v² + ½ I ω², with the block's own moment of inertia.
+    - kinetic_J = translational_J + rotational_J = ½ m v² + ½ I ω², with mass and moment of inertia of the block of this
+      release.
     """
     import pandas as pd
 
@@ -59,14 +59,14 @@ def crossing_values(found: Array, line: Array, cross_section: CrossSection, mass
 
 
 def foot_and_up(line: Array, cross_section: CrossSection) -> tuple[Array, Array]:
-    """(2,) foot of a measure line (2, 2), and (2,) the direction from it to the head, of length 1."""
+    """Foot (2,) of a measure line (2, 2), and unit vector (2,) from the foot to the head."""
     foot, head = cross_section.foot_and_head(line)
     return foot, (head - foot) / np.hypot(*(head - foot))
 
 
 def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple[Array, Array, Array]:
-    """For crossings `found` (n, lines, 7: t and state, NaN where there is none), release after release: index of the
-    release (k,), of the line (k,), and values (13, k), see `crossing_values`.
+    """Index of the release (k,), index of the line (k,) and values (13, k), see `crossing_values`, of all crossings in
+    `found` (n, lines, 7: t and state, NaN if there is no crossing), ordered by release.
 
     `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
     """
@@ -86,22 +86,17 @@ def _rows(found, feet, ups, masses):
     for i in range(n):
         mass, inertia = masses[i]
         for j in range(lines):
-            own = found[i, j]
-            if not np.isfinite(own[TIME]):
+            state = found[i, j]
+            if not np.isfinite(state[TIME]):
                 continue
             release[k], line[k] = i, j
-            vx, vy, omega, up_x, up_y = (
-                own[INSTANT_VX],
-                own[INSTANT_VY],
-                own[INSTANT_OMEGA],
-                ups[j, 0],
-                ups[j, 1],
-            )
+            vx, vy, omega = state[INSTANT_VX], state[INSTANT_VY], state[INSTANT_OMEGA]
+            up_x, up_y = ups[j, 0], ups[j, 1]
             speed, rising, across = np.hypot(vx, vy), vx * up_x + vy * up_y, abs(vy * up_x - vx * up_y)
-            height = (own[INSTANT_X] - feet[j, 0]) * up_x + (own[INSTANT_Y] - feet[j, 1]) * up_y
+            height = (state[INSTANT_X] - feet[j, 0]) * up_x + (state[INSTANT_Y] - feet[j, 1]) * up_y
             moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
             for q in range(INSTANT_OMEGA):
-                values[q, k] = own[q]
+                values[q, k] = state[q]
             values[6, k], values[7, k] = speed, omega
             values[8, k], values[9, k] = np.degrees(np.arctan2(-rising, across)), height
             values[10, k], values[11, k], values[12, k] = moving, spinning, moving + spinning

@@ -1,4 +1,4 @@
-"""The energy audit of every release, from engines that keep one."""
+"""The energy balance of every release, of engines with an energy audit."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from rock2d.runs.indicators.indicator import Indicator, Simulated
 if TYPE_CHECKING:
     import pandas as pd
 
-ENERGY_COLUMNS = ("release", "block")  # then one column for each term of the engine's balance, in J
+ENERGY_COLUMNS = ("release", "block")  # then one column for each term of the balance, in J
 
 
 def energy_table(run: Simulated) -> pd.DataFrame:
-    """The closing balance of every track: release, block and one column a term, with its unit: `initial_J`, ..."""
+    """The final balance of every track: release, block, and one column for each term, such as `initial_J`."""
     import pandas as pd
 
     return pd.DataFrame(

@@ -1,4 +1,4 @@
-"""Impacts: the states before and after every contact with the ground, exact."""
+"""Impacts: the states before and after every impact."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def impacts_table(run: Simulated) -> pd.DataFrame:
-    """Every impact of every track, exact: rows of IMPACT_COLUMNS."""
+    """Every impact of every track; IMPACT_COLUMNS."""
     import pandas as pd
 
     rows = [{"release": t.release, "block": t.block, **impact} for t in run.tracks for impact in t.impacts]

@@ -1,4 +1,4 @@
-"""What an indicator is: a named table that is computed from the tracks of a run."""
+"""An indicator: a named table that is computed from the tracks of a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Simulated(Protocol):
-    """What an indicator reads: releases, whichever engine or camera their tracks came from."""
+    """Simulated releases as indicators read them."""
 
     @property
     def tracks(self) -> Sequence[Track]:
@@ -30,10 +30,10 @@ class Simulated(Protocol):
 
     @property
     def own_blocks(self) -> Mapping[int, Block]:
-        """Release -> its block, where blocks differ from release to release."""
+        """Release -> its block, if blocks differ from release to release."""
 
     def block_of(self, track: Track) -> Block:
-        """The block of a release: its own, or that of its name."""
+        """The block of a release."""
 
     @property
     def engine(self) -> str:
@@ -48,14 +48,14 @@ def _always(run: Simulated) -> bool:
 
 
 class Indicator(NamedTuple):
-    """A table of a run, which is also the name of its CSV file.
+    """A table of a run.
 
     Attributes
     ----------
-    name : of the table and its file
-    columns : names with their units; a table may add further columns behind them
-    table : computes it
-    applies : whether there is such a table for these releases
+    name : name of the table and of its CSV file
+    columns : names of the columns with units; a table may have further columns after them
+    table : computes the table
+    applies : whether these releases have such a table
     """
 
     name: str

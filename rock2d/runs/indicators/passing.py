@@ -1,10 +1,9 @@
-"""Passing frequencies: of the blocks that are released, leave their source and arrive, how many pass a measure line.
+"""Passing frequencies: shares of the released and of the arriving blocks that pass a measure line.
 
-A block *leaves its source* if it ends more than LEAVING_SIZES of its sizes, horizontally, from where it starts. It
-*arrives* if it passes the arrival line or a line beyond; before an embankment the arrival line is its own, elsewhere it
-is the first measure line. Of several embankments each has its own: at the line `crest_2` those blocks arrived that came
-to `arrival_2`. So a slow start on flat ground, where most blocks stay, changes the share of the released blocks and not
-that of the arriving ones.
+A block *leaves its source* if the horizontal distance from its start to its end is more than LEAVING_SIZES of its
+sizes. It *arrives* if it passes the arrival line or a line behind it. Each embankment has its own arrival line: at the
+line `crest_2`, the arriving blocks are those that came to `arrival_2`. Without an embankment, the first measure line is
+the arrival line. The share of the arriving blocks does not depend on the number of blocks that stay at a flat start.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ class PassingCounts(NamedTuple):
 
     Attributes
     ----------
-    passed, unresolved : of all releases; unresolved were cut short or buried before they passed
-    arrived, arrived_unresolved : that came to the arrival line of this line, and those of them that are unresolved
+    passed, unresolved : of all releases; unresolved ones were cut short or buried before they passed
+    arrived, arrived_unresolved : releases that came to the arrival line of this line, and the unresolved ones of them
     """
 
     passed: Array
@@ -48,36 +47,37 @@ class PassingCounts(NamedTuple):
 
 
 def arrivals(cross_section: CrossSection) -> Array:
-    """(lines, lines) bool: a block that passes line j arrives at line i."""
+    """(lines, lines) bool: whether a block that passes line j has arrived with respect to line i."""
     names = list(cross_section.measure_lines)
     x = np.array([cross_section.foot_and_head(ends)[0][0] for ends in cross_section.measure_lines.values()])
-    own = np.array([is_line(name, ARRIVAL_LINE) for name in names], bool)
-    candidates = x[own] if own.any() else x[:0] if not len(x) else np.array([x.min()])
+    is_arrival = np.array([is_line(name, ARRIVAL_LINE) for name in names], bool)
+    candidates = x[is_arrival] if is_arrival.any() else x[:0] if not len(x) else np.array([x.min()])
     first = [candidates[candidates <= at].max(initial=-np.inf) for at in x]
-    first_x = np.where(np.isfinite(first), first, x)  # of a line before all arrival lines: the line itself
+    first_x = np.where(np.isfinite(first), first, x)  # for a line before all arrival lines: the line itself
     return x[None, :] >= first_x[:, None]
 
 
 def count_passing(passed: Array, cut: Array, arrive: Array) -> PassingCounts:
-    """Counts of releases: `passed` (n, lines) bool, which passed; `cut` (n,) bool, which were cut short or buried;
-    `arrive` as `arrivals` gives it."""
+    """Counts of releases. `passed` (n, lines) bool: whether they passed; `cut` (n,) bool: whether they were cut short
+    or buried; `arrive`: see `arrivals`."""
     arrived = (passed.astype(np.int64) @ arrive.T.astype(np.int64)) > 0
     unresolved = ~passed & cut[:, None]
-    return PassingCounts(*(own.sum(axis=0) for own in (passed, unresolved, arrived, arrived & unresolved)))
+    return PassingCounts(*(each.sum(axis=0) for each in (passed, unresolved, arrived, arrived & unresolved)))
 
 
 def left_source(start_x_m: Array, end_x_m: Array, left_section: Array, size_m: Array) -> Array:
-    """(n,) bool, which releases left their source; `left_section`: they left the cross-section."""
+    """(n,) bool: whether releases left their source; `left_section`: whether they left the cross-section."""
     return np.asarray(left_section | (np.abs(end_x_m - start_x_m) > LEAVING_SIZES * size_m))
 
 
 def passing_rows(
     block: str, lines: Sequence[str], releases: int, left: float, counts: PassingCounts
 ) -> list[tuple[Any, ...]]:
-    """Rows of PASSING_COLUMNS; `left` is NaN where ends were not simulated."""
+    """Rows of PASSING_COLUMNS; `left`, the number that left their source, is NaN if ends were not simulated."""
     rows: list[tuple[Any, ...]] = []
-    for line, *own in zip(lines, *(each.tolist() for each in counts), strict=True):
-        passed, unresolved, arrived, arrived_unresolved = own
+    for line, passed, unresolved, arrived, arrived_unresolved in zip(
+        lines, *(each.tolist() for each in counts), strict=True
+    ):
         share = passing_share(passed, unresolved, releases)
         rows.append(
             (block, line, releases, left, arrived, passed, unresolved, *share,
@@ -87,7 +87,7 @@ def passing_rows(
 
 
 def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, float]:
-    """Share with its 95 % interval, from the bound if no unresolved release had passed to that if all had."""
+    """(share, lower, upper end of its 95 % interval); the interval covers that no or all unresolved releases pass."""
     if of == 0:
         return (np.nan,) * 3
     return passed / of, wilson_interval(passed, of)[0], wilson_interval(passed + unresolved, of)[1]
@@ -96,12 +96,12 @@ def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, 
 def passing_table(run: Simulated) -> pd.DataFrame:
     """Passing frequency of every block at every measure line; PASSING_COLUMNS.
 
-    - left_source, arrived: see the head of this module
+    - left_source, arrived: see the module
     - unresolved: releases that were cut short, or sank into the ground, before they crossed the line
-    - frequency: of the released blocks; per_arriving: of the blocks that arrived, NaN if none did
+    - frequency: share of the released blocks; per_arriving: share of the blocks that arrived, NaN if none did
 
-    The 95 % intervals cover both of what unresolved releases could have done: from the lower bound of Wilson's (1927)
-    score interval if none of them had crossed, to its upper bound if all had.
+    The 95 % intervals go from the lower bound of the score interval of Wilson (1927) if no unresolved release had
+    crossed, to its upper bound if all had crossed.
     """
     import pandas as pd
 
@@ -109,16 +109,16 @@ def passing_table(run: Simulated) -> pd.DataFrame:
     crossings = run.to_pandas("crossings")
     crossed = set(zip(crossings["release"], crossings["line"], strict=True))
     for block in dict.fromkeys(track.block for track in run.tracks):
-        own = [track for track in run.tracks if track.block == block]
-        passed = np.array([[(track.release, line) in crossed for line in lines] for track in own], bool)
+        tracks = [track for track in run.tracks if track.block == block]
+        passed = np.array([[(track.release, line) in crossed for line in lines] for track in tracks], bool)
         cut, left_section = (
-            np.array([track.stop in stops for track in own]) for stops in (UNRESOLVED_STOPS, ("exit",))
+            np.array([track.stop in stops for track in tracks]) for stops in (UNRESOLVED_STOPS, ("exit",))
         )
-        start, end = (np.array([track.knots[i, 1] for track in own]) for i in (0, -1))
-        size = np.array([run.block_of(track).size_m for track in own])
+        start, end = (np.array([track.knots[i, 1] for track in tracks]) for i in (0, -1))
+        size = np.array([run.block_of(track).size_m for track in tracks])
         left = int(left_source(start, end, left_section, size).sum())
-        counts = count_passing(passed.reshape(len(own), len(lines)), cut, arrive)
-        rows += passing_rows(block, lines, len(own), left, counts)
+        counts = count_passing(passed.reshape(len(tracks), len(lines)), cut, arrive)
+        rows += passing_rows(block, lines, len(tracks), left, counts)
     return pd.DataFrame(rows, columns=list(PASSING_COLUMNS))
 
 

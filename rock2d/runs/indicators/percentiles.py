@@ -1,4 +1,4 @@
-"""Percentiles of what passes a measure line: kinetic energy, passing height and speed."""
+"""Percentiles of kinetic energy, passing height and speed at the measure lines."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
-QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")  # of a crossing of which percentiles are taken
+QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
 PERCENTILES = (95.0, 99.0)
 
 
 def percentile_table(crossings: pd.DataFrame, percentiles: Sequence[float] = PERCENTILES) -> pd.DataFrame:
     """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
 
-    The intervals are those of `statistics.percentile_estimate`: of too few passings there is no percentile, but NaN.
+    Percentiles and intervals are those of `statistics.percentile_estimate`: NaN if too few blocks passed.
     """
     import pandas as pd
 

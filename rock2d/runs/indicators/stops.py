@@ -14,10 +14,10 @@ STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout
 
 
 def stops_table(run: Simulated) -> pd.DataFrame:
-    """Where and how every release ended; STOP_COLUMNS.
+    """How and where every release ended; STOP_COLUMNS.
 
-    zone: zone of the facet nearest to the centroid, None if the block left the cross-section.
-    runout_m: horizontal distance from the track's start to its end, positive toward the embankment.
+    - zone: zone of the facet nearest to the centroid, None if the block left the cross-section
+    - runout_m: horizontal distance from start to end, positive to the right
     """
     import pandas as pd
 

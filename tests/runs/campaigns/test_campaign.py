@@ -254,12 +254,12 @@ def test_a_full_disk_says_how_far_it_came_and_leaves_no_half_written_file(tmp_pa
 
 def test_a_folder_of_something_else_is_refused(tmp_path):
     campaign(tmp_path / "one")
-    with pytest.raises(InputError, match="differs in seed, keep"):
+    with pytest.raises(InputError, match="different campaign: seed, keep differ"):
         campaign(tmp_path / "one", seed=2, keep=["ends"])
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     for overwrite in (False, True):
-        with pytest.raises(InputError, match="no campaign"):
+        with pytest.raises(InputError, match="not a campaign"):
             campaign(tmp_path / "notes", overwrite=overwrite)
 
 

@@ -1,8 +1,8 @@
 """rock2d: 2D rigid-body simulation of rockfall against embankments.
 
-SI units; x toward the embankment, y up, angles counter-clockwise positive. `docs/glossary.md` explains the terms.
+SI units; x towards the embankment, y up, angles counter-clockwise positive. `docs/glossary.md` explains the terms.
 
-Ten lines simulate one release and draw it:
+Simulate one release and draw it:
 
 >>> import rock2d
 >>> cube = rock2d.make_block("cube", "square", mass_kg=0.0233, side_m=0.019)
@@ -16,15 +16,15 @@ Ten lines simulate one release and draw it:
 >>> result.to_pandas("impacts")["zone"].iloc[0]
 'ditch'
 
-From here:
+Next steps:
 
-- a scenario file: `load_scenario`, then `run` and `write_report`;
-- a scenario that says what is not known: `assess` and `least_size`;
-- a film: `track`; an experiment: `load_experiment`; then `diagnose` and `predict`;
-- results open their page in the browser: `.view()`;
-- mistakes in what you give raise `InputError`, which has a code and fields.
+- with a scenario file: `load_scenario`, then `run` and `write_report`;
+- with a scenario that has the key ``uncertainty``: `assess` and `least_size`;
+- with a film: `track`; with an experiment: `load_experiment`; then `diagnose` and `predict`;
+- `.view()` opens the page of a result in the browser;
+- a mistake in the input raises `InputError`, which has a code and fields.
 
-Every name is imported when it is first used, so that ``import rock2d`` takes no time.
+Names are imported at their first use, so that ``import rock2d`` is fast.
 """
 
 from __future__ import annotations

@@ -14,13 +14,13 @@ from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
-from rock2d.compiling import COMPILING, heard
+from rock2d.compiling import COMPILING, listening
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 
 
 class Commands(click.Group):
-    """Commands that refuse an option given twice, whose second value would replace the first in silence."""
+    """Commands that refuse an option given twice; click would silently use the last value."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -37,7 +37,7 @@ class Commands(click.Group):
 
 
 class NumberOrGravity(click.ParamType):
-    """A positive number, or the word that leaves it to gravity."""
+    """A positive number, or the word "gravity": then it is computed from the fall of the blocks."""
 
     name = f"number or {FROM_GRAVITY}"
 
@@ -252,17 +252,19 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 @click.option("--config", type=click.Path(path_type=Path),
               help="setup.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
 @click.option("--metres-per-pixel", type=NumberOrGravity(10),
-              help="Scale, without --config; gravity: what falls gives it.")  # fmt: skip
+              help="Scale, without --config; gravity: computed from the fall of the blocks.")  # fmt: skip
 @click.option("--fps", type=NumberOrGravity(1e7),
-              help="Frames per second of the recording, without --config; gravity: what falls gives it.")  # fmt: skip
+              help="Frames per second of the recording, without --config; gravity: computed from the fall of the "
+              "blocks.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
-@click.option("--explain", is_flag=True, help="Also write what moves in the film, and the keys to try next.")
+@click.option("--explain", is_flag=True,
+              help="If the film cannot be tracked, also write what moves in it, and which keys to try.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> None:
-    """Track the blocks in a VIDEO: experiment folder, overlay video, page of diagnostics.
+    """Track the blocks in a VIDEO and write an experiment folder with overlay video and page.
 
-    Without --config, scale and frame rate are enough for a first track; a set-up file to refine is written with it.
+    Without --config, scale and frame rate are enough for a first track, which also writes a set-up file to refine.
 
     Example: rock2d track film.avi --config setup.yaml --out my_tests
     """
@@ -274,7 +276,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
     if metres_per_pixel == fps == FROM_GRAVITY:
         raise click.UsageError("gravity gives the frame rate or the scale, not both: state one of them")
-    scale, rate = (None if own == FROM_GRAVITY else own for own in (metres_per_pixel, fps))
+    scale, rate = (None if value == FROM_GRAVITY else value for value in (metres_per_pixel, fps))
     known = config if config is not None else FilmScale(scale, rate)
     track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))
 
@@ -317,7 +319,7 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--gap-frames", type=click.IntRange(1), help="More lost frames than this separate releases.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 def import_(files, kind, config, y, block, out, **options) -> None:
-    """Make an experiment of FILES that another program tracked.
+    """Write an experiment from FILES that another program tracked.
 
     Example: rock2d import points.txt --kind tracker --config setup.yaml --y up --out my_tests
     """
@@ -354,33 +356,33 @@ def schema(kind) -> None:
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
-@cache  # it is said once
-def _say_compiling(begins: bool) -> None:
-    """Explain why a command stands still that shows no bar, unless it is to be quiet."""
+@cache  # print it once
+def _print_compiling(begins: bool) -> None:
+    """Tell the user that code is being compiled, unless the command is quiet."""
     context = click.get_current_context(silent=True)
     if begins and context is not None and not context.params.get("quiet"):
         click.echo(COMPILING, err=True)
 
 
 def main() -> None:
-    """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
+    """Entry point. Exit codes: 2 for bad input, 3 for a failure of the machine, 130 for Ctrl-C, 143 for SIGTERM."""
     from rock2d.errors import InputError, print_warnings_in_one_line
 
     print_warnings_in_one_line()
     terminated = answer_signals()
-    # Matrices are small: a second thread of linear algebra burns processor time and slows the first. Before numpy is
-    # imported, so that every library with a BLAS of its own has it, and every worker.
+    # Matrices are small, so a second thread of linear algebra only costs time. This must be set before the import of
+    # numpy, so that it holds for every library with its own BLAS, and for every worker.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        with heard(_say_compiling):
+        with listening(_print_compiling):
             cli(standalone_mode=False)
     except InputError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)
     except (OSError, MemoryError) as error:
         file = getattr(error, "filename", None)
-        said = getattr(error, "strerror", None) or str(error) or "not enough memory"
-        click.echo(f"error: {file}: {said}" if file else f"error: {said}", err=True)
+        reason = getattr(error, "strerror", None) or str(error) or "not enough memory"
+        click.echo(f"error: {file}: {reason}" if file else f"error: {reason}", err=True)
         sys.exit(3)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
@@ -388,11 +390,11 @@ def main() -> None:
         error.show()
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
-        said = str(stop) or str(stop.__cause__ or "")  # click hides an interrupt behind its own
+        reason = str(stop) or str(stop.__cause__ or "")  # click raises its own exception from an interrupt
         what = "terminated" if terminated else "interrupted"
-        click.echo(f"{what}: {said or 'no half-written file is left'}", err=True)
+        click.echo(f"{what}: {reason or 'no half-written file is left'}", err=True)
         sys.exit(143 if terminated else 130)
-    finally:  # the exit code is decided, and a signal while Python ends would change it
+    finally:  # a signal while Python ends would change the exit code
         ignore_signals()
 
 

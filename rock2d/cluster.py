@@ -29,20 +29,20 @@ CONNECT_S = 10
 
 @dataclass(frozen=True)
 class Workers:
-    """Who computes; results do not depend on it.
+    """Where jobs are computed; results do not depend on it.
 
     Attributes
     ----------
-    processes : number of processes on this machine, with one thread each; None: as many as the work takes by default
-    scheduler : address of a Dask scheduler, whose workers need access to the folder of the results (a shared file
-        system) and should have one thread each; it takes the place of processes
+    processes : number of processes on this machine, with one thread each; None: default of the command
+    scheduler : address of a Dask scheduler, instead of processes. Its workers need access to the folder of the results
+        (a shared file system) and should have one thread each
     """
 
     processes: int | None = None
     scheduler: str | None = None
 
 
-THIS_PROCESS = Workers()  # on all threads
+THIS_PROCESS = Workers()  # with all its threads
 
 # index of each job and the result of `work(*job)`, in the order in which they finish
 Crew = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Generator[tuple[int, Any]]]
@@ -50,8 +50,9 @@ Crew = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Generator[tuple
 
 @contextmanager
 def crew_of(workers: Workers) -> Iterator[Crew]:
-    """Give what does several rounds of jobs: on a scheduler's workers, in processes or in this one. The jobs write no
-    files. Raises InputError without Dask, and a round what `as_finished_on_cluster` or `Processes` raise."""
+    """Give a function that computes a round of jobs on the workers of a scheduler, in several processes or in this one;
+    the jobs must not write files. Raises InputError if Dask is missing; a round raises the errors of
+    `as_finished_on_cluster` or `Processes`."""
     if workers.scheduler is not None:
         require_dask()
         address = workers.scheduler
@@ -71,11 +72,11 @@ def as_finished_on_cluster(
     """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish; see
     `processes.as_finished`.
 
-    scheduler : its address, tcp://host:port
-    folder : absolute, in which the workers write; a worker that does not see it is refused
+    scheduler : address, tcp://host:port
+    folder : absolute path of the folder into which the workers write; None if they write nothing
 
-    Raises what `work` raises; InputError if the scheduler does not answer or is lost, if workers keep dying at the
-    same job, do not see the folder or have other versions than this process.
+    Raises the errors of `work`, and InputError if the scheduler does not answer or is lost, if workers keep dying at
+    the same job, or if they do not see the folder or have other versions than this process.
     """
     from distributed import CancelledError, KilledWorker, as_completed
     from distributed.comm import CommClosedError
@@ -105,7 +106,7 @@ def as_finished_on_cluster(
 
 
 def require_dask() -> None:
-    """InputError if Dask is not installed."""
+    """Raise InputError if Dask is not installed."""
     try:
         import distributed  # noqa: F401
     except ImportError:
@@ -117,7 +118,7 @@ def require_dask() -> None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on: the code, the random streams, the compiler."""
+    """Versions of the packages on which the numbers depend."""
     import numba
     import numpy as np
 
@@ -127,7 +128,7 @@ def versions() -> dict[str, str]:
 
 
 def _room(client: Client) -> int:
-    """How many tasks may be with the scheduler: its workers may come and go."""
+    """Number of tasks that the scheduler may have now, because workers may come and go."""
     return IN_FLIGHT * max(1, sum(client.nthreads().values()))
 
 
@@ -143,7 +144,7 @@ def _on_worker(
     if expected != versions():
         raise InputError(f"a worker has {versions()}, this process {expected}", code="no_cluster")
     if folder is not None and not folder.is_dir():
-        message = "not there for a worker: workers and this process must share a file system"
+        message = "a worker does not see this folder: workers and this process must share a file system"
         raise InputError(message, folder, code="no_cluster")
     one_thread()
     return index, work(*arguments)

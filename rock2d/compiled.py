@@ -1,10 +1,10 @@
-"""`njit` for the laws and engines: nothing is compiled twice, and the disk cache can never be stale.
+"""`njit` for the laws and engines: nothing is compiled twice, and the disk cache is never stale.
 
-numba keys its cache by the file of the outer function alone, so an edited law would live on inside a cached
-engine. Here the cache folder carries a hash of every compiled source file of the package: any edit compiles anew.
+The key of numba's cache is the file of the outer function only, so a cached engine would still use an old version of an
+edited law. Therefore the name of the cache folder contains a hash of all compiled source files of the package.
 
-Numba also optimizes each function together with all that it calls, and makes machine code of it, once more in every
-caller. Here compiled functions are parts, which are optimized in the functions that Python calls.
+Numba also optimizes each function, with everything that it calls, once more in every caller. Here compiled functions
+are parts, which are optimized only in the functions that Python calls.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rock2d import compiling
 
 _PACKAGE = Path(__file__).resolve().parent
 _parts = count()
-PARTS_PER_THREAD = 16  # parts of the work per thread: many, so that no thread waits long for the slowest part
+PARTS_PER_THREAD = 16  # many parts of the work per thread, so that no thread waits long for the slowest part
 _KEPT = 4  # older caches are removed, newest first
 
 
@@ -49,11 +49,11 @@ def _digest() -> str:
 
 
 def _cache_folder(root: Path) -> Path:
-    """The folder of this code below `root`; OSError if there can be none."""
+    """The cache folder of this version of the code below `root`; raises OSError if it cannot be created."""
     folder = root / _digest()
     for part in (root.parent, root, folder):
         part.mkdir(parents=True, exist_ok=True, mode=0o700)
-    for part in (root.parent, root):  # an earlier version left them open where the umask did
+    for part in (root.parent, root):  # existing folders may have other permissions
         with contextlib.suppress(PermissionError):
             part.chmod(0o700)
     os.utime(folder)
@@ -63,7 +63,7 @@ def _cache_folder(root: Path) -> Path:
 
 
 def _open_to_others(folder: Path) -> Path | None:
-    """The folder itself or the one above it in which another user could place code; None if there is none."""
+    """The folder, or a parent of it, in which another user could place code; None if there is none."""
     if not hasattr(os, "getuid"):
         return None
     for part in (folder, *folder.parents):
@@ -71,7 +71,7 @@ def _open_to_others(folder: Path) -> Path | None:
         shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         if (
             shared and part != folder and found.st_mode & stat.S_ISVTX
-        ):  # like /tmp: others cannot rename what is in it
+        ):  # like /tmp: others cannot rename files
             shared = 0
         if shared or found.st_uid not in (os.getuid(), 0):
             return part
@@ -79,7 +79,8 @@ def _open_to_others(folder: Path) -> Path | None:
 
 
 def _choose_cache() -> None:
-    """Set the folder of compiled code; a temporary one, for this process and its workers, if others can write it."""
+    """Set the folder of compiled code. If other users can write to it, use a temporary folder for this process and its
+    workers."""
     root = compiling.cache_root() / "numba"
     with contextlib.suppress(OSError):  # nowhere to write: numba falls back to its own default
         folder = _cache_folder(root.resolve())
@@ -98,7 +99,7 @@ if "NUMBA_CACHE_DIR" not in os.environ:
 
 
 class _Compiling(event.Listener):
-    """Hears of every function that is compiled; numba does not send this event for one that the cache holds."""
+    """Listens to numba's compile events, which are not sent for functions from the cache."""
 
     def on_start(self, event):
         compiling.begins()
@@ -111,7 +112,7 @@ event.register("numba:compile", _Compiling())
 
 
 class _PartLibrary(JITCodeLibrary):
-    """Code that is not optimized, nor made machine code: both happen once, in each function that Python calls."""
+    """Code that is neither optimized nor translated to machine code: both happen in the functions that Python calls."""
 
     def finalize(self):
         for library in dict.fromkeys(self._linking_libraries):
@@ -127,8 +128,8 @@ class _PartLibrary(JITCodeLibrary):
 
 
 class _WholeLibrary(JITCodeLibrary):
-    """Code of a function that Python calls, in which nothing else is visible from outside. So the optimizer may drop
-    arguments that a part does not read. Numba passes every length and stride of every array on every call."""
+    """Code of a function that Python calls. Its parts are not visible from outside, so the optimizer may drop arguments
+    that a part does not read, such as the lengths and strides of arrays."""
 
     def finalize(self):
         self._visible = {f.name for f in self._final_module.functions if not f.is_declaration}
@@ -142,7 +143,7 @@ class _WholeLibrary(JITCodeLibrary):
 
 
 class _NoEnvironment:
-    """Environment of code that does not run by itself."""
+    """Environment of code that never runs by itself."""
 
     @staticmethod
     def set_env(name, env):
@@ -169,7 +170,7 @@ class _WholeCompiler(Compiler):
 
 
 class _Whole(CPUDispatcher):
-    """A function that Python calls. One process compiles it; others wait for the code and read it."""
+    """A function that Python calls. One process compiles it; others wait and read the code from the cache."""
 
     def compile(self, sig):
         with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"):
@@ -178,10 +179,10 @@ class _Whole(CPUDispatcher):
 
 @contextlib.contextmanager
 def _alone(name: str) -> Iterator[None]:
-    """Hold the lock `name` of the folder of compiled code, which ends with the process at the latest. Parts have no
-    locks of their own, so no process waits while it holds one that another waits for."""
+    """Hold the lock `name` in the folder of compiled code; it ends with the process at the latest. Parts have no locks,
+    so there is no deadlock."""
     handle = None
-    # on no POSIX system, or in a folder without locks, two processes may compile the same function
+    # without POSIX, or in a folder without locks, two processes may compile the same function
     with contextlib.suppress(ImportError, OSError):
         import fcntl
 
@@ -200,14 +201,14 @@ def _alone(name: str) -> Iterator[None]:
 
 
 class _Compiled(CPUDispatcher):
-    """A function that compiled code takes as a part, and that Python calls as a whole, with all its parts."""
+    """A function that is a part for compiled callers, and is compiled as a whole for Python."""
 
     def __call__(self, *args):
         return self.whole(*args)
 
     def like(self, *given):
-        """The function for arguments of the types of these, which no call looks up again: that can take longer than the
-        function. Other types are undefined behaviour."""
+        """The compiled function for the types of these arguments. Calls do not look up types, which can take longer
+        than the function; other types are undefined behaviour."""
         return self.whole.compile(tuple(map(numba.typeof, given)))
 
     @cached_property
@@ -227,14 +228,14 @@ def njit(function: Any = None, **options: Any) -> Any:
     return made
 
 
-# For code that allocates no arrays: without reference counts, which numba keeps for every view and tuple of arrays by
-# calls and atomic instructions that take longer than the arithmetic of a contact step.
+# For code that allocates no arrays: without reference counts of views and tuples of arrays, which take longer than the
+# arithmetic of a contact step.
 kernel: Any = partial(njit, _nrt=False)
 
 
 @kernel
 def copy(source, target):
-    """Copy a vector; the slice assignment of compiled code would allocate."""
+    """Copy a vector, without the allocation of a slice assignment."""
     for i in range(source.size):
         target[i] = source[i]
 
@@ -245,20 +246,19 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # its threads stay behind
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not exist in the child
 
 
 def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> None:
-    """Do work(low, high, *given) for parts of range(n) on the threads of numba; `work` is compiled without the lock of
-    the interpreter (nogil). Below `least` jobs on one thread."""
+    """Call work(low, high, *given) for parts of range(n) on the threads of numba; `work` must be compiled with nogil.
+    With fewer than `least` jobs, on one thread."""
     threads = numba.get_num_threads()
     if threads == 1 or n < max(least, 2):
         work(0, n, *given)
         return
-    work(0, 0, *given)  # compiled before it is shared
+    work(0, 0, *given)  # compile before the threads start
     ends = np.linspace(0, n, min(n, PARTS_PER_THREAD * threads) + 1).astype(int).tolist()
-    # each thread takes the next part; that is one step under the lock of the interpreter
-    parts = pairwise(ends)
+    parts = pairwise(ends)  # threads take the next part; the lock of the interpreter makes this safe
 
     def take_parts() -> None:
         for low, high in parts:
@@ -267,9 +267,9 @@ def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> Non
     taking = [_pool(threads - 1).submit(take_parts) for _ in range(threads - 1)]
     try:
         take_parts()
-        for own in taking:
-            own.result()
+        for task in taking:
+            task.result()
     finally:
-        for _ in parts:  # Ctrl-C waits for the parts at hand alone
+        for _ in parts:  # after Ctrl-C, only the present parts are completed
             pass
         wait(taking)

@@ -1,5 +1,4 @@
-"""Where compiled code is kept, and who hears when numba begins and ends to compile, which takes long; code from the
-cache is not compiled."""
+"""The cache folder of rock2d, and listeners that are told when numba begins and ends to compile."""
 
 from __future__ import annotations
 
@@ -10,18 +9,18 @@ from pathlib import Path
 
 COMPILING = "compiling, once for this version (about a minute)"
 _listeners: list[Callable[[bool], None]] = []
-_depth = 0  # functions are compiled within others
+_depth = 0  # the compilation of a function compiles others
 
 
 def cache_root() -> Path:
-    """The folder in which rock2d keeps what it can compute again; not made here."""
+    """The cache folder of rock2d; it may not exist yet."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d"
 
 
 @contextmanager
-def heard(listener: Callable[[bool], None]) -> Iterator[None]:
-    """In the block, this process calls `listener(True)` when it begins to compile, and `listener(False)` at the end.
-    The innermost listener hears it alone."""
+def listening(listener: Callable[[bool], None]) -> Iterator[None]:
+    """In the block, `listener(True)` is called when this process begins to compile, and `listener(False)` at the end.
+    Of nested blocks, only the innermost listener is called."""
     _listeners.append(listener)
     try:
         yield
@@ -31,7 +30,7 @@ def heard(listener: Callable[[bool], None]) -> Iterator[None]:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Numba compiles something in the block, or waits for another process that does."""
+    """Tell listeners that the block compiles something, or waits for another process that does."""
     begins()
     try:
         yield
@@ -40,7 +39,7 @@ def compiling() -> Iterator[None]:
 
 
 def begins() -> None:
-    """Numba compiles something; the module that sets up numba calls this."""
+    """Numba begins to compile a function; called by `rock2d.compiled`."""
     global _depth
     _depth += 1
     if _depth == 1 and _listeners:
@@ -48,7 +47,7 @@ def begins() -> None:
 
 
 def ends() -> None:
-    """What began last is compiled."""
+    """Numba has compiled the latest function."""
     global _depth
     _depth -= 1
     if _depth == 0 and _listeners:

@@ -1,9 +1,8 @@
-"""The one error that a user's input can cause, with its codes, and the warnings about old files and unusual numbers.
+"""The error for bad input, with its codes, and the warnings about old files and unusual numbers.
 
 A failure of the machine, for example a full disk, is an OSError; the command line exits with code 3.
 
-Programs look at `code` and at the fields of an `InputError`, people read its message. Codes are stable, messages are
-not.
+Programs use `code` and the fields of an `InputError`; its message is for people. Codes are stable, messages are not.
 
 ======================  ===================================================================================
 code                    meaning; fields beside file, line and column
@@ -56,7 +55,7 @@ MOST_LISTED = 8
 
 
 class InputError(Exception):
-    """Something the user gave cannot be used: one message, "file:line:column: expected ..., found ...".
+    """The input of the user cannot be used. The message has the form "file:line:column: expected ..., found ...".
 
     The command line prints it and exits with code 2.
 
@@ -99,7 +98,7 @@ class InputError(Exception):
 
 
 class OldKeyWarning(FutureWarning):
-    """A file uses the former name of a key. It is read all the same.
+    """A file uses the former name of a key. The file is read nevertheless.
 
     Attributes
     ----------
@@ -113,11 +112,11 @@ class OldKeyWarning(FutureWarning):
 
 
 class UnusualWarning(UserWarning):
-    """A number of an input is unusual. It is used all the same."""
+    """A number of an input is unusual. It is used nevertheless."""
 
 
 def print_warnings_in_one_line() -> None:
-    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
+    """Print warnings about input files in the form of error messages, without the line of code that raised them."""
     show = warnings.showwarning
 
     def print_warning(message: Any, category: type[Warning], *arguments: Any, **options: Any) -> None:
@@ -141,12 +140,12 @@ class ParameterError(ValueError):
 
 
 def counted(number: int, thing: str) -> str:
-    """A number of things in words: `1 release`, `2 releases`."""
+    """A number with its noun: `1 release`, `2 releases`."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def listed(things: Iterable[object]) -> str:
-    """Things in a row, the first few of many."""
+    """Comma-separated list, of at most MOST_LISTED things."""
     every = [str(thing) for thing in things]
     more = f" and {len(every) - MOST_LISTED} more" if len(every) > MOST_LISTED else ""
     return ", ".join(every[:MOST_LISTED]) + more

@@ -1,4 +1,4 @@
-"""How the command line answers Ctrl-C and a request to end (SIGTERM)."""
+"""Signal handlers of the command line for Ctrl-C and SIGTERM."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import signal
 
 
 class _Interrupt(KeyboardInterrupt):
-    """Ctrl-C. If a plain KeyboardInterrupt leaves exec("..."), as imports call it, Python notes that and kills itself
-    at the end, whatever the exit code; it does not do so for a type of its own."""
+    """Ctrl-C. If a plain KeyboardInterrupt leaves exec("..."), which imports call, Python later ends with a signal
+    instead of the exit code; it does not do so for a subclass."""
 
 
 def _interrupt(number: int, frame: object) -> None:
@@ -15,13 +15,14 @@ def _interrupt(number: int, frame: object) -> None:
 
 
 def answer_signals() -> list[int]:
-    """Answer Ctrl-C by _Interrupt, and a request to end (SIGTERM) by what Ctrl-C does; the list gets the request."""
+    """Raise _Interrupt at Ctrl-C, and handle SIGTERM like Ctrl-C. The returned list receives the number of a
+    SIGTERM."""
     received: list[int] = []
 
     def end(number: int, frame: object) -> None:
         received.append(number)
         interrupt = signal.getsignal(signal.SIGINT)
-        # not callable where Ctrl-C is ignored: started in the background by a shell
+        # not callable if Ctrl-C is ignored, as in a background job of a shell
         (interrupt if callable(interrupt) else _interrupt)(signal.SIGINT, None)
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -31,6 +32,6 @@ def answer_signals() -> list[int]:
 
 
 def ignore_signals() -> None:
-    """Neither ends the process from now on."""
+    """Ignore Ctrl-C and SIGTERM from now on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)

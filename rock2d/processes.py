@@ -1,4 +1,4 @@
-"""Independent jobs in several processes, which end with this one, in whatever way it ends."""
+"""Independent jobs in several processes, which always end with this process."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 UNGUARDED = 'a script without `if __name__ == "__main__":`'
-MOST_DEATHS = 3  # deaths of workers, one after the other without a finished job between them
+MOST_DEATHS = 3  # largest number of deaths of workers without a finished job between them
 _KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
 class Processes:
-    """Workers for several rounds of jobs: they start with the first round that needs them, and end with the block.
+    """Worker processes for several rounds of jobs. They start with the first round that needs them, and end with the
+    block.
 
-    In this process if one worker is enough, else in `workers` processes with one thread each; `shared` is sent to
-    each of them once.
+    If one worker is enough, jobs run in this process, else in `workers` processes with one thread each; `shared` is
+    sent to each of them once.
     """
 
     def __init__(self, workers: int, shared: tuple[Any, ...] = ()) -> None:
@@ -44,8 +45,8 @@ class Processes:
     ) -> Generator[tuple[int, Any]]:
         """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
 
-        The jobs that a worker did not finish because it died are repeated. Raises what `work` raises, and
-        ChildProcessError if workers keep dying.
+        Jobs of a worker that died are repeated. Raises the errors of `work`, and ChildProcessError if workers keep
+        dying.
         """
         if min(self._workers, len(jobs)) <= 1 and self._executor is None:
             for k, job in enumerate(jobs):
@@ -79,14 +80,14 @@ class Processes:
 
 
 def check_not_imported() -> None:
-    """Raise ChildProcessError in a worker that imports the script that has started it, and so comes here once more.
+    """Raise ChildProcessError in a worker that imports the script that started it, and so runs its work again.
 
-    The sign is that of `multiprocessing.spawn`, which refuses only the start of a process, after all work before it.
+    `multiprocessing.spawn` uses the same attribute, but detects this only at the start of a process, after the work.
     """
     from multiprocessing import current_process
 
     if getattr(current_process(), "_inheriting", False):
-        raise ChildProcessError(f"a worker process runs the work once more: this is {UNGUARDED}")
+        raise ChildProcessError(f"a worker process runs the work again: this is {UNGUARDED}")
 
 
 def as_finished(
@@ -94,8 +95,8 @@ def as_finished(
 ) -> Generator[tuple[int, Any]]:
     """One round of jobs of `Processes`.
 
-    Close the iterator (`contextlib.closing`) to kill the workers at once; temporary files of their jobs are left to the
-    caller.
+    Close the iterator (`contextlib.closing`) to kill the workers at once; the caller removes temporary files of their
+    jobs.
     """
     with Processes(min(workers, len(jobs)), shared) as processes:
         yield from processes.as_finished(work, jobs)
@@ -103,8 +104,8 @@ def as_finished(
 
 @contextmanager
 def second_process() -> Iterator[Callable[..., Future[Any]]]:
-    """Give a function that has another process do work(*given); it raises BrokenProcessPool once that has died. The
-    process has its own threads, for work that needs no compiled code."""
+    """Give a function that submits work(*given) to another process; it raises BrokenProcessPool if that has died. The
+    process has all its threads, for work without compiled code."""
     with _pool(1, (), begin=_begin) as pool:
 
         def submit(work: Callable[..., Any], *given: Any) -> Future[Any]:
@@ -116,7 +117,7 @@ def second_process() -> Iterator[Callable[..., Future[Any]]]:
 
 @contextmanager
 def _pool(workers: int, given: tuple[Any, ...], begin: Callable[..., None]) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose processes are gone after the block, also if it ends before their work."""
+    """A pool whose processes are killed if the block ends with an error."""
     import multiprocessing
 
     context = multiprocessing.get_context("spawn")
@@ -144,7 +145,7 @@ def _interrupts_held() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # else the first worker starts it, and unblocks the signal
+    resource_tracker.ensure_running()  # otherwise the first worker starts it, which unblocks the signal
     pressed: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -177,7 +178,7 @@ def _work(work: Callable[..., Any], job: tuple[Any, ...]) -> Any:
 
 
 def _follow_parent() -> None:
-    """End this process when its parent ends, killed or not."""
+    """End this process when its parent ends or is killed."""
     import ctypes
     import multiprocessing
 

@@ -1,9 +1,9 @@
-"""Progress bars: one for each stage of a command, with its total, the time so far and the time that the command still
-takes.
+"""Progress bars: one for each stage of a command, with its total, the elapsed time and the remaining time of the
+command.
 
-What is left is an amount of work, in a unit that is the same for all stages, times what a unit took in this run, above
-all recently. So the estimate follows a machine that is slow or becomes busy. Time in which code is compiled does not
-count. A bar keeps its line; in a log file it writes a line now and then.
+The remaining time is the remaining work, in a unit that is the same for all stages, times the time per unit in this
+run, with more weight on recent work. Time for compilation does not count. In a terminal a bar keeps its line; in a log
+file it writes a line now and then.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import Any
 
 from tqdm import tqdm
 
-from rock2d.compiling import COMPILING, heard
+from rock2d.compiling import COMPILING, listening
 
-MEMORY = 0.3  # share of the time so far: what happened longer ago hardly counts
-LOG_INTERVAL_S, LOG_SHARE = 10.0, 0.1  # between two lines in a log file; the second, of the time so far
+MEMORY = 0.3  # time constant of the weights of past work, as a share of the elapsed time
+LOG_INTERVAL_S, LOG_SHARE = 10.0, 0.1  # interval of lines in a log file, also as a share of the elapsed time
 FORM = "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} {unit}{times}{postfix}"
 
 
 class Pace:
-    """Seconds that a unit of work takes, recently and so far."""
+    """Time per unit of work, recently and in all."""
 
     def __init__(self, now_s: float) -> None:
         self._begin_s = self._last_s = now_s
         self._seconds = self._work = self._all_work = 0.0
 
     def did(self, work: float, now_s: float) -> None:
-        """An amount of work was done since the last call."""
+        """Note an amount of work that was done since the last call."""
         took, so_far = now_s - self._last_s, now_s - self._begin_s
         kept = exp(-took / (MEMORY * so_far)) if so_far > 0.0 else 1.0
         self._seconds, self._work = kept * self._seconds + took, kept * self._work + work
@@ -40,12 +40,12 @@ class Pace:
         self._last_s = now_s
 
     def pause(self, seconds: float) -> None:
-        """So much of the time since the last call of `did` was not spent on work."""
+        """Exclude so much of the time since the last call of `did`."""
         self._begin_s += seconds
         self._last_s += seconds
 
     def skip(self, now_s: float) -> None:
-        """Nor was any of it."""
+        """Exclude all the time since the last call of `did`."""
         self.pause(now_s - self._last_s)
 
     def seconds(self, here: float, ahead: float) -> float | None:
@@ -101,7 +101,7 @@ class Bars:
         if name in self._ahead:
             self._each[name] = self._ahead.pop(name) / max(total - done, 1)
         self._each.setdefault(name, 1.0)
-        with Bar(self, name, total, unit, done) as bar, heard(self.compiling):
+        with Bar(self, name, total, unit, done) as bar, listening(self.compiling):
             self.bar = bar
             try:
                 yield bar

@@ -42,8 +42,8 @@ PDF = click.option(
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
 @PDF
 @click.option("--compare", is_flag=True,
-              help="Also run the other law, rough or smooth ground, softer and harder soil, and blocks of other shapes, "
-              "to see how much the results depend on these.")  # fmt: skip
+              help="Also run the other law, rough or smooth ground, softer and harder soil, and blocks of other "
+              "shapes, to see how much the results depend on these.")  # fmt: skip
 @click.option("--precision", type=click.FloatRange(0.01, 50), metavar="PERCENT",
               help="Add releases until the half-width of the 95 % interval of every passing frequency is at most this "
               "many percentage points.")  # fmt: skip

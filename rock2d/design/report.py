@@ -453,8 +453,11 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
 
     title = "How much depends on the model"
     if content.models is None:
-        text = "Not computed: `rock2d run SCENARIO --compare --report` also runs the other law, rough or smooth ground,
-        " return Section(title, texts=[text + "softer and harder soil, and blocks of other shapes."])
+        text = (
+            "Not computed: `rock2d run SCENARIO --compare --report` also runs the other law, rough or smooth ground, "
+            "softer and harder soil, and blocks of other shapes."
+        )
+        return Section(title, texts=[text])
     text = "One change at a time, the same releases. None of these models is known to be the right one."
     alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
     return Section(

@@ -1,1 +1,1 @@
-"""Field tests: real blocks released on a real slope, of which starts and stops are known."""
+"""Field tests: releases of real blocks on a real slope with known starts and stops."""

@@ -1,4 +1,4 @@
-"""What stops alone can say about the model: changes of it, and what each gains on releases that were held out."""
+"""Changes of the model of a field test, and their gains on held-out releases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rock2d.scene.blocks import make_block
 if TYPE_CHECKING:
     import pandas as pd
 
-EFFORT_DIVISOR = 4  # times less is simulated of each change than of the model as it is
+EFFORT_DIVISOR = 4  # factor by which less is simulated for a change than for the calibration
 Data = dict[str, Any]
 
 
@@ -28,7 +28,7 @@ class Change:
     Attributes
     ----------
     name : name of the change
-    apply : takes the data of a scenario file to those of the changed one, in place; False if there is nothing to change
+    apply : changes the data of a scenario file in place; returns False if there is nothing to change
     """
 
     name: str
@@ -36,7 +36,7 @@ class Change:
 
 
 def _smooth(data: Data) -> bool:
-    """Without roughness below the cells of the terrain."""
+    """Without roughness smaller than the cells of the terrain."""
     _drop_unknowns(data, "roughness.")
     return bool(data.pop("roughness", None))
 
@@ -69,7 +69,7 @@ def _level_beyond(data: Data) -> bool:
 
 
 def _circles(data: Data) -> bool:
-    """Discs of the same area: no corners."""
+    """Discs of the same area instead of polygons."""
     for name, keys in data["blocks"].items():
         if keys["shape"] != "polygon":
             return False
@@ -80,7 +80,7 @@ def _circles(data: Data) -> bool:
 
 
 def _flat_side(data: Data) -> bool:
-    """Sections a third less high: the blocks roll about a longer axis."""
+    """Sections of blocks a third less high."""
     for keys in data["blocks"].values():
         if keys["shape"] != "polygon":
             return False
@@ -100,10 +100,8 @@ CHANGES = (
 def candidate_table(
     scenario: Scenario, base: Calibration, stages: Path | None, on_progress: OnProgress
 ) -> pd.DataFrame:
-    """Gain of each change in log score per held-out release over the model as it is, with its standard error.
-
-    change, gain, gain_se. All are calibrated with the same, smaller effort.
-    """
+    """Gain of each change in log score per held-out release over the unchanged model; columns change, gain, gain_se
+    (standard error). All are calibrated with the same reduced effort."""
     import pandas as pd
 
     whole = base.effort
@@ -144,7 +142,7 @@ def _changed(scenario: Scenario, change: Change) -> Scenario | None:
 
 
 def _drop_unknowns(data: Data, start: str) -> None:
-    """Take the places that start like this out of the key `uncertainty`: the change fixes them."""
+    """Remove places with this beginning from the key `uncertainty`, because the change fixes them."""
     site = data.get("uncertainty", {}).get("site", {})
     for place in [place for place in site if place.startswith(start)]:
         del site[place]

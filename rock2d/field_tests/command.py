@@ -41,10 +41,10 @@ def run_field_test(
     scenario: Scenario, folder: Path, *, seed: int | None = None, overwrite: bool = False, progress: bool = True,
     effort: Effort | None = None, report: Callable[[str], Any] = print,
 ) -> dict[str, pd.DataFrame]:  # fmt: skip
-    """Calibrate, predict, compare; write tables and figures into `folder`, and return the tables.
+    """Calibrate, predict and compare; write tables and figures into `folder`, and return the tables.
 
-    Simulated soils are kept in the user's cache: an interrupted study goes on where it was, and a forecast starts from
-    them. Raises InputError if the folder holds results already.
+    Simulated soils are kept in the cache of the user, so that an interrupted study continues, and forecasts reuse them.
+    Raises InputError if the folder already holds results.
     """
     check_output_folder(folder, overwrite)
     seed = scenario.seed if seed is None else seed
@@ -88,9 +88,10 @@ def predict_releases(
     scenario: Scenario, table: Path, out: Path, *, seed: int | None = None, overwrite: bool = False,
     progress: bool = True, effort: Effort | None = None, report: Callable[[str], Any] = print,
 ) -> pd.DataFrame:  # fmt: skip
-    """Forecast the releases of a table without stops, calibrated on all known ones; write a row for each to `out`.
+    """Forecast the releases of a table without stops, calibrated on all known releases, and write one row for each to
+    `out`.
 
-    Raises InputError for a mistake in the table, or if `out` is there and is not to be replaced.
+    Raises InputError for a mistake in the table, or if `out` exists and `overwrite` is not set.
     """
     if scenario.field_test is None:
         raise scenario.error(
@@ -101,7 +102,7 @@ def predict_releases(
             "--predict writes a table: --out predictions.csv", out, code="wrong_kind", option="out"
         )
     if out.exists() and not overwrite:
-        raise InputError("is there already: --overwrite replaces it", out, code="results_exist")
+        raise InputError("exists; --overwrite replaces it", out, code="results_exist")
     seed = scenario.seed if seed is None else seed
     releases = read_releases(table, scenario.field_test.block_ids, stops=False)
     with bars(progress) as show:
@@ -121,7 +122,7 @@ def predict_releases(
 
 
 def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
-    """The main tables as a person reads them."""
+    """The main tables as text."""
     runout, scores, shapes = tables["runout"], tables["scores"], tables["shapes"]
     lines = [
         "distance from start to stop in m: 10, 50, 90 %; error of the median; share within the central 80 and 90 %;",
@@ -142,12 +143,12 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
         lines.append(
             f"up to {100 * worst:.2g} % of a forecast's descents were cut short or buried: counted as stopped"
         )
-    lines.append(f"what shape does: {mass_kg:.0f} kg, the same soils, 10, 50, 90 % in m")
+    lines.append(f"effect of shape: {mass_kg:.0f} kg, same soils, 10, 50, 90 % in m")
     lines += [
         f"  {row['shape']:8s} {row['q10_m']:4.0f} {row['q50_m']:4.0f} {row['q90_m']:4.0f}"
         for _, row in shapes.iterrows()
     ]
-    lines.append("changes of the model: gain in log score per held-out release over the model as it is")
+    lines.append("changes of the model: gain in log score per held-out release over the unchanged model")
     lines += [
         f"  {row['change']:32s} {row['gain']:+.3f} ± {row['gain_se']:.3f}"
         for _, row in tables["candidates"].iterrows()
@@ -157,7 +158,7 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
 
 @contextmanager
 def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """A function that shows how many of how many are done of what, and the time that this still takes."""
+    """Give a function (what, done, total) that shows a progress bar for each `what`."""
     from rock2d.progress import Bar, Bars
 
     shown = dict[str, Bar]()
@@ -182,10 +183,10 @@ def _write_figures(
     known = scenario.terrain.known
     measured = {block: known.distances_m[known.of_blocks(block)] for block in dict.fromkeys(known.blocks)}
     expected: dict[str, dict[str, Any]] = {block: {} for block in measured}
-    for name, own in found.items():
+    for name, forecasts in found.items():
         if "held out" in name:
-            spread = own.found.spread(np.random.default_rng(0))
-            for block, rows in by_block(known, own).items():
+            spread = forecasts.found.spread(np.random.default_rng(0))
+            for block, rows in by_block(known, forecasts).items():
                 if block != ALL:
                     expected[block][name] = spread[rows]
     save_figure(stops_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")

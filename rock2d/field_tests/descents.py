@@ -1,7 +1,7 @@
-"""Simulated descents of a field test: each release several times, on its own section with its own rough ground.
+"""Simulated descents of a field test: several for each release, each on its own section with its own rough ground.
 
-What is random (direction, roughness, orientation) is drawn once for each descent, from its own seed. Two soils differ
-by their effect and not by chance.
+Direction, roughness and orientation are drawn once for each descent, from its own seed, so that two soils do not differ
+by chance.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rock2d.scene.rough_ground import roughened
 
 Array = np.ndarray
 
-NOT_STARTED_M = 10.0  # a block that stops sooner is pushed again, and not counted
+NOT_STARTED_M = 10.0  # a block that stops before counts as not started
 START_STREAM, GROUND_STREAM = range(2)  # spawn keys of the random streams of a descent
 
 
@@ -34,8 +34,8 @@ class Distances:
 
     Attributes
     ----------
-    metres : (n, m); NaN where a block did not begin to move
-    unresolved : (n, m) bool, cut short or buried
+    metres : (n, m); NaN if a block did not start
+    unresolved : (n, m) bool: whether a descent was cut short or buried
     """
 
     metres: Array
@@ -44,16 +44,16 @@ class Distances:
 
 @dataclass(frozen=True)
 class Descents:
-    """Releases that are to be simulated, `copies` times each.
+    """Descents of n releases, `copies` of each.
 
     Attributes
     ----------
-    scenario : with the field test; gives blocks, starts and sections
+    scenario : scenario with the field test, which gives blocks, starts and sections
     releases : n releases
-    copies : number of descents of each
+    copies : number of descents of each release
     seed : seed of every random draw
     engine : "batch", or "point_mass"
-    other_blocks : name -> block, of releases whose blocks are none of the scenario's
+    other_blocks : name -> block, for releases of blocks that are not in the scenario
     """
 
     scenario: Scenario
@@ -111,8 +111,8 @@ class Descents:
         ]
 
     def simulated(self, scenario: Scenario) -> Distances:
-        """The distances with the soil of a scenario: as blocks on its rough ground, or, with the engine point_mass, as
-        points, whose law has a roughness of its own."""
+        """The distances with the soil of a scenario: of blocks on rough ground, or with the engine point_mass of points
+        on smooth ground, because the rebound law includes roughness."""
         return self._as_points(scenario) if self.engine == "point_mass" else self._as_blocks(scenario)
 
     def _as_blocks(self, scenario: Scenario) -> Distances:
@@ -167,6 +167,6 @@ class Descents:
 
 
 def _with_zone_order(ground: CrossSection, zones: tuple[str, ...]) -> CrossSection:
-    """The same ground, whose zone ids count in a common order: a parameter table serves all grounds."""
+    """The same ground with zone ids in a common order, so that one parameter table holds for all grounds."""
     ground.__dict__["zone_names"] = zones
     return ground

@@ -1,4 +1,4 @@
-"""Forecasts of how far blocks go, and how well they met what was measured."""
+"""Forecasts of runout distances, and their log scores."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ QUANTILE_NAMES = ("q05", "q10", "q25", "q50", "q75", "q90", "q95")
 
 @dataclass(frozen=True)
 class Forecast:
-    """What is expected of n releases.
+    """Forecast distributions of the distances of n releases.
 
     Attributes
     ----------
     samples_m : (n, s) equally likely distances
-    kernel_m : (n, s) standard deviation by which each sample is off
-    caught : (n, s) chance that the block is caught anywhere on its way
+    kernel_m : (n, s) standard deviation of the discrepancy of each sample
+    caught : (n, s) probability that the block is caught anywhere on its way
     unresolved : share of the descents that were cut short or buried; they count as stopped there
     """
 
@@ -39,14 +39,14 @@ class Forecast:
     caught: Array
     unresolved: float = 0.0
 
-    def part(self, indices: Array) -> Forecast:
-        """Some of the releases."""
+    def subset(self, indices: Array) -> Forecast:
+        """The forecast of some of the releases."""
         return Forecast(
             self.samples_m[indices], self.kernel_m[indices], self.caught[indices], self.unresolved
         )
 
     def spread(self, rng: np.random.Generator) -> Array:
-        """(n, s) distances with all that they can be off by."""
+        """(n, s) draws of the distances, with discrepancy and caught blocks."""
         shape = self.samples_m.shape
         whole = np.maximum(self.samples_m + rng.standard_normal(shape) * self.kernel_m, 0.0)
         on_the_way = rng.random(shape) * self.samples_m
@@ -57,7 +57,7 @@ class Forecast:
         return np.asarray(np.quantile(self.spread(rng), QUANTILES, axis=1).T)
 
     def log_scores(self, measured_m: Array) -> Array:
-        """(n,) log of the density in 1/m at what was measured."""
+        """(n,) log of the density in 1/m at the measured distances."""
         return log_density(measured_m, self.samples_m, self.kernel_m, self.caught)
 
 
@@ -67,16 +67,16 @@ def forecast(
     soils: Array,
     on_progress: Callable[[int], Any] = lambda count: None,
 ) -> Forecast:
-    """Simulate releases with soils (s, d) of a posterior; `descents` of the same releases with different seeds take
-    turns.
+    """Simulate releases with soils (s, d) of a posterior, in turn with `descents` of the same releases with different
+    seeds.
 
-    A block that does not begin to move is pushed again: another of its distances, or of a block like it, takes the
-    place.
+    The distance of a block that does not start is replaced by another distance of the same release, or of the same
+    kind of block.
     """
     releases, copies = descents[0].releases, descents[0].copies
     metres, unresolved = np.empty((len(releases), len(soils) * copies)), 0.0
-    for i, (own, turn) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
-        found = turn.simulated(unknowns.soil(own))
+    for i, (soil, some) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
+        found = some.simulated(unknowns.soil(soil))
         metres[:, i * copies : (i + 1) * copies] = found.metres
         unresolved += float(found.unresolved.mean()) / len(soils)
         on_progress(1)
@@ -88,15 +88,15 @@ def forecast(
         started = others[np.isfinite(others)]
         row[missing] = rng.choice(started, int(missing.sum())) if len(started) else 0.0
     kernel, caught = (
-        np.tile(np.repeat(own, copies), (len(metres), 1))
-        for own in (unknowns.discrepancy_m(soils), unknowns.caught(soils))
+        np.tile(np.repeat(each, copies), (len(metres), 1))
+        for each in (unknowns.discrepancy_m(soils), unknowns.caught(soils))
     )
     return Forecast(metres, kernel, caught, unresolved)
 
 
 def naive_forecast(measured_m: Array, n: int) -> Forecast:
-    """The naive forecast of n releases: they stop where others stopped. Kernel and share of those that are caught are
-    the ones with which these tell each other best, each left out in turn."""
+    """The naive forecast of n releases: the distances (m,) of others. Kernel width and caught share maximize the
+    leave-one-out likelihood of these distances."""
     others = np.tile(measured_m, (len(measured_m), 1))
     np.fill_diagonal(others, np.nan)
     choices = itertools.product(np.geomspace(2.0, 40.0, 40), np.geomspace(0.005, 0.25, 12))
@@ -106,23 +106,23 @@ def naive_forecast(measured_m: Array, n: int) -> Forecast:
 
 
 def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
-    """One forecast of n releases from forecasts of parts (indices) of them, each with as many samples."""
+    """One forecast of n releases from forecasts of parts of them (indices, forecast), with equal numbers of samples."""
     samples = np.empty((n, parts[0][1].samples_m.shape[1]))
     kernel, caught = np.empty_like(samples), np.empty_like(samples)
-    for indices, own in parts:
-        samples[indices], kernel[indices], caught[indices] = own.samples_m, own.kernel_m, own.caught
-    unresolved = sum(own.unresolved * len(indices) for indices, own in parts) / n
+    for indices, part in parts:
+        samples[indices], kernel[indices], caught[indices] = part.samples_m, part.kernel_m, part.caught
+    unresolved = sum(part.unresolved * len(indices) for indices, part in parts) / n
     return Forecast(samples, kernel, caught, unresolved)
 
 
 def folds(releases: FieldReleases, count: int, rng: np.random.Generator) -> list[Array]:
-    """Indices of the releases of each fold; every fold has its share of every block."""
+    """Indices of the releases of each fold, stratified by block."""
     fold = np.empty(len(releases), int)
     place = 0
     for block in dict.fromkeys(releases.blocks):
-        own = rng.permutation(np.flatnonzero(releases.of_blocks(block)))
-        fold[own] = (place + np.arange(len(own))) % count
-        place += len(own)
+        shuffled = rng.permutation(np.flatnonzero(releases.of_blocks(block)))
+        fold[shuffled] = (place + np.arange(len(shuffled))) % count
+        place += len(shuffled)
     return [np.flatnonzero(fold == k) for k in range(count)]
 
 

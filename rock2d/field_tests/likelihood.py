@@ -1,9 +1,9 @@
-"""What measured distances say about a soil: a likelihood by simulation, its emulator, and the posterior.
+"""The likelihood of a soil given measured distances, by simulation; its emulator, and the posterior.
 
-A soil's likelihood is estimated from a hundred descents, so it is noisy and costs half a second. A Gaussian process
-smooths it over the soils that were simulated, and the posterior is drawn with the smooth one (Gutmann and Corander
-2016, J. Mach. Learn. Res. 17(125)). What was simulated serves any part of the releases: a calibration on one block, or
-a fold.
+The likelihood of a soil is estimated from a hundred descents, so it is noisy and takes half a second. A Gaussian
+process smooths it over the simulated soils, and the posterior is drawn with the smooth likelihood (Gutmann and Corander
+2016, J. Mach. Learn. Res. 17(125)). The same simulations give the posterior for any subset of the releases, such as one
+block or a fold.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from rock2d.files.scenario_variants import variant
 
 Array = np.ndarray
 
-# share of stops that nothing explains; they lie anywhere up to a distance
+# share of unexplained stops, which lie anywhere up to a distance
 UNEXPLAINED_SHARE, UNEXPLAINED_REACH_M = 0.002, 200.0
-# priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
-# model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
+# priors, uniform in the logarithm: standard deviation of the discrepancy, and share of blocks that something unknown (a
+# hollow, a shrub, a boulder) catches anywhere on their way
 DISCREPANCY_RANGE_M, CAUGHT_RANGE = (2.0, 16.0), (0.005, 0.25)
-LOG_LIKELIHOOD_DEPTH = 2.0  # log likelihood below the best, per release: less is as good as impossible
-# Powers of the likelihood from which each round is drawn. Far from what was simulated the Gaussian process may promise
-# what is not there: each round simulates its promises, and the next knows better.
+LOG_LIKELIHOOD_DEPTH = 2.0  # smaller log likelihoods, per release below the best, are cut off
+# Powers of the likelihood from which the soils of each round are drawn. Far from simulated soils the Gaussian process
+# may be too high; each round simulates soils there, and so corrects it.
 ROUND_POWERS = (0.4, 0.4, 0.7, 1.0)
 PRIOR_STREAM, REFINED_STREAM, POSTERIOR_STREAM = range(3)  # first numbers of spawn keys
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is not known: numbers of the scenario, how far off the model is, and how many blocks are caught.
+    """The unknowns: numbers of the scenario, the discrepancy, and the share of caught blocks.
 
     Attributes
     ----------
-    scenario : with the key uncertainty
-    quantiles : place -> shares in (0, 1) to values
+    scenario : scenario with the key uncertainty
+    quantiles : place -> quantile function
     """
 
     scenario: Scenario
@@ -50,7 +50,7 @@ class Unknowns:
 
     @property
     def dimensions(self) -> int:
-        """Dimensions of the unit cube: the numbers, and last the discrepancy and the share that is caught."""
+        """Number of dimensions: the numbers of the scenario, then the discrepancy and the share of caught blocks."""
         return len(self.quantiles) + 2
 
     def values(self, u: Array) -> dict[str, float]:
@@ -63,25 +63,25 @@ class Unknowns:
 
     @staticmethod
     def discrepancy_m(u: Array) -> Array:
-        """Standard deviation of soils u (..., d)."""
+        """Standard deviation of the discrepancy in m, for soils u (..., d)."""
         low, high = DISCREPANCY_RANGE_M
         return np.asarray(low * (high / low) ** u[..., -2])
 
     @staticmethod
     def caught(u: Array) -> Array:
-        """Share of the blocks that are caught, of soils u (..., d)."""
+        """Share of caught blocks, for soils u (..., d)."""
         low, high = CAUGHT_RANGE
         return np.asarray(low * (high / low) ** u[..., -1])
 
 
 @dataclass(frozen=True)
 class SimulatedSoils:
-    """Soils that were simulated, and how likely they make each release.
+    """Simulated soils, and the log density of each release with each soil.
 
     Attributes
     ----------
-    u : (k, d) in the unit cube
-    log_density : (k, n) of each measured distance
+    u : (k, d) soils in the unit cube
+    log_density : (k, n) log density in 1/m of each measured distance
     """
 
     u: Array
@@ -98,9 +98,9 @@ def log_density(measured_m: Array, simulated_m: Array, sd_m: Array | float, caug
     Parameters
     ----------
     measured_m : (n,)
-    simulated_m : (m,) or (n, m); NaN: a block that did not start, which does not count
+    simulated_m : (m,) or (n, m); NaN for blocks that did not start, which are ignored
     sd_m : standard deviation of the normal kernel about each simulated distance, a number or the shape of simulated_m
-    caught : share that stops anywhere on its way, likewise
+    caught : share of blocks that stop anywhere on their way, likewise
     """
     x, simulated = measured_m[:, None], np.atleast_2d(simulated_m)
     started = np.isfinite(simulated)
@@ -126,9 +126,9 @@ def simulate_soils(
 ) -> SimulatedSoils:
     """Simulate all releases with each of these soils (k, d)."""
     found = []
-    for own in u:
-        metres = descents.simulated(unknowns.soil(own)).metres
-        sd, caught = float(unknowns.discrepancy_m(own)), float(unknowns.caught(own))
+    for soil in u:
+        metres = descents.simulated(unknowns.soil(soil)).metres
+        sd, caught = float(unknowns.discrepancy_m(soil)), float(unknowns.caught(soil))
         found.append(log_density_by_block(descents.releases, metres, sd, caught))
         on_progress(1)
     return SimulatedSoils(u, np.array(found))
@@ -142,7 +142,7 @@ def prior_soils(unknowns: Unknowns, seed: int, count: int) -> Array:
 
 
 def refined_soils(soils: SimulatedSoils, seed: int, part: int, count: int) -> Array:
-    """(count, d) soils of a round: where all releases together are likely, as far as is known so far."""
+    """(count, d) soils of a round, drawn from the present posterior given all releases, with the power of the round."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED_STREAM, part)))
     every = np.arange(soils.log_density.shape[1])
     return drawn_posterior(soils, every, rng, count, ROUND_POWERS[part])
@@ -175,7 +175,7 @@ class Emulator:
             np.full(u.shape[1], 0.5), (0.1, 20.0)
         ) + WhiteKernel(0.05, (1e-4, 1.0))
         self._process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
-        with warnings.catch_warnings():  # a number that does not matter has no length scale
+        with warnings.catch_warnings():  # the length scale of a number without influence reaches its bound
             warnings.simplefilter("ignore", ConvergenceWarning)
             self._process.fit(u, np.maximum(log_likelihood, floor))
 

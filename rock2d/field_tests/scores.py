@@ -1,4 +1,4 @@
-"""How well forecasts of a field test met what was measured: tables with their intervals and yardsticks."""
+"""Tables that compare forecasts of a field test with measurements, with intervals."""
 
 from __future__ import annotations
 
@@ -84,9 +84,9 @@ def passing_table(
 def score_table(
     releases: FieldReleases, forecasts: Mapping[str, Forecasts], lines_m: Array, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """What each forecast is worth, for each block.
+    """Scores of each forecast, for each block.
 
-    median_error_m : forecast less measured median of all releases of the block
+    median_error_m : forecast minus measured median of all releases of the block
     log_score, log_score_se : mean log of the density in 1/m at what was measured, and its standard error
     inside80, inside90 : share of the releases within their central 80 and 90 %, with Wilson's 95 % intervals
     passing_rmse, rmse_floor : root mean square error of the passing frequencies at the lines, and its median for a

@@ -1,4 +1,4 @@
-"""What shape alone does on a slope: a sphere, a cube and a slab of one mass and one volume, with the same soils."""
+"""Effect of shape on the distance: a sphere, a cube and a slab of equal mass and volume, with the same soils."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SLAB = (2.0, 1.0)  # length of a slab's section and its depth, over its height
-SHOWN_PERCENTILES = (5.0, 10.0, 50.0, 90.0, 95.0)  # percentiles
+SLAB = (2.0, 1.0)  # length and depth of a slab over its height
+SHOWN_PERCENTILES = (5.0, 10.0, 50.0, 90.0, 95.0)
 SHAPE_STREAM = 9  # first number of a spawn key
 
 
@@ -49,11 +49,11 @@ def shape_forecasts(
     own_seed = int(np.random.SeedSequence(seed, spawn_key=(SHAPE_STREAM,)).generate_state(1)[0])
     descents = Descents(unknowns.scenario, releases, 1, own_seed, other_blocks=blocks)
     found = forecast(unknowns, [descents], soils, on_progress)
-    return {name: found.part(releases.of_blocks(name)) for name in blocks}
+    return {name: found.subset(releases.of_blocks(name)) for name in blocks}
 
 
 def shape_table(found: dict[str, Forecast]) -> pd.DataFrame:
-    """Percentiles of the simulated distances of each shape; what a section is off by does not count."""
+    """Percentiles of the simulated distances of each shape, without discrepancy."""
     import pandas as pd
 
     rows = [(name, *np.percentile(own.samples_m, SHOWN_PERCENTILES)) for name, own in found.items()]

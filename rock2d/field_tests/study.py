@@ -1,6 +1,7 @@
-"""The study of a field test: calibrate on one block, predict the others; and hold out folds of all blocks.
+"""The study of a field test: calibrate on one block and predict the others, and cross-validate over folds of all
+blocks.
 
-Both impact laws are treated alike, and two forecasts without any physics are their yardsticks.
+Both impact laws are treated in the same way, and compared with two forecasts without physics.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
-OnProgress = Callable[[str, int, int], Any]  # what is done, how many of how many
+OnProgress = Callable[[str, int, int], Any]  # (what, done, total)
 
 FOLDS = 5
-REBOUND_PLACES = "model.probabilistic."  # where the numbers of the rebound law stand
+REBOUND_PLACES = "model.probabilistic."  # beginning of the places of numbers of the rebound law
 FOLD_STREAM, FORECAST_STREAM = 7, 8  # first numbers of spawn keys
-FORECAST_SEEDS = 16  # starts, ways and rough grounds of each release that a forecast has
+FORECAST_SEEDS = 16  # number of different starts, directions and rough grounds of each release in a forecast
 FORECAST_NAMES = {"batch": "blocks", "point_mass": "points"}  # engine -> name of its forecasts
 
 
@@ -48,7 +49,7 @@ def _nothing(what: str, done: int, of: int) -> None:
 
 
 def counted(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None]:
-    """A function that takes how many more are done, and shows how many of how many are."""
+    """A function that gets the number of further steps done, and calls `on_progress` with their sum."""
     done = 0
 
     def step(count: int) -> None:
@@ -61,13 +62,13 @@ def counted(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is simulated.
+    """Numbers of simulations.
 
     Attributes
     ----------
-    prior, refined : soils drawn from the prior, and in each round where they are likely
-    copies : descents of each release with each of them
-    draws : draws of a posterior, from which a forecast is made
+    prior, refined : soils drawn from the prior, and from the posterior in each round
+    copies : descents of each release with each soil
+    draws : draws of a posterior for a forecast
     """
 
     prior: int = 256
@@ -78,7 +79,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A law on a field test: what is not known, and how likely the simulated soils make each release."""
+    """The calibration of a law on a field test: unknowns and simulated soils."""
 
     unknowns: Unknowns
     engine: str
@@ -101,7 +102,7 @@ class Calibration:
 
 
 def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
-    """What is not known for an engine: numbers of the other law do not matter."""
+    """The unknowns of an engine, without numbers of the other law."""
     of_points = engine == "point_mass"
     places = {
         place: quantiles
@@ -115,10 +116,10 @@ def calibrate(
     scenario: Scenario, engine: str, seed: int, stages: Path | None = None, effort: Effort | None = None,
     on_progress: OnProgress = _nothing,
 ) -> Calibration:  # fmt: skip
-    """Simulate all known releases with soils of the prior, then in rounds with soils where they are likely.
+    """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
-    Finished parts are kept in the folder `stages`. They serve later calibrations with the same input and the same
-    version of rock2d.
+    Finished parts are kept in the folder `stages` for later calibrations with the same input and the same version of
+    rock2d.
     """
     assert scenario.terrain is not None
     effort = effort or Effort()
@@ -170,7 +171,8 @@ def study_forecasts(
 
 
 def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
-    """Without physics: the others stop like the blocks of `calibrate_on`; a block stops like the same block before."""
+    """Forecasts without physics: other blocks stop like the blocks of `calibrate_on`; a block stops like the other
+    releases of the same block."""
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
     source, found = known.of_blocks(*sources), {}

@@ -1,4 +1,4 @@
-"""The instants between two flights at which a block meets the ground and leaves it, and whether it did so at all."""
+"""Contacts between two flights: whether a block met the ground, and when it touched and left it."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 NEAR_RADII = 0.5  # clearance in block radii below which the ground may have acted
-SEARCHED_INSTANTS = 33  # between two flights, at which clearances are computed
+SEARCHED_INSTANTS = 33  # instants between two flights at which clearances are computed
 
 
 class Contacts(NamedTuple):
-    """How the flights `before` and `after` some contacts meet: (n,) arrays.
+    """Contacts between pairs of flights: (n,) arrays.
 
     Attributes
     ----------
-    touch_s, leave_s : recorded instants at which the block meets the ground and leaves it, from the middles of the two
-        flights; both are the instant at which the carried-on flights are nearest to each other, unless these come to
-        the ground before it or are on it after it
-    arriving, leaving : (n, 6) states then
-    clearance_m : least height of the outline above the ground between the flights
+    touch_s, leave_s : recorded instants at which the block touches and leaves the ground, from the middles of the two
+        flights. Both flights are extrapolated; the instants are those of contact with the ground, or else the instant
+        at which the flights are nearest to each other
+    arriving, leaving : (n, 6) states at these instants
+    clearance_m : least clearance of the outline between the flights
     """
 
     touch_s: Array
@@ -37,11 +37,11 @@ class Contacts(NamedTuple):
     clearance_m: Array
 
     def are_impacts(self, tangent: Array, radius_m: Array) -> Array:
-        """(n,) whether the ground is near the outline, or the velocity across it turns round; `tangent` (n, 2):
-        direction of the ground. Nothing else divides a free flight."""
+        """(n,) whether the ground is near the outline, or the normal velocity changes its sign; `tangent` (n, 2):
+        direction of the ground."""
         across = np.column_stack([-tangent[:, 1], tangent[:, 0]])
         coming, going = (
-            (own[:, LINEAR_VELOCITY] * across).sum(axis=1) for own in (self.arriving, self.leaving)
+            (states[:, LINEAR_VELOCITY] * across).sum(axis=1) for states in (self.arriving, self.leaving)
         )
         return (self.clearance_m < NEAR_RADII * radius_m) | ((coming < 0.0) & (going > 0.0))
 
@@ -70,8 +70,8 @@ def find_contacts(
     for i in range(len(before)):
         shape, which = arrays[block[i]], np.full(SEARCHED_INSTANTS, i)
         down, up = ends[i] + share * (meet[i] - ends[i]), begins[i] + share * (meet[i] - begins[i])
-        gaps = [clearances(shape, ground, at(own[which], when)[:, POSE])
-                for own, when in ((before, down), (after, up - apart[i]))]  # fmt: skip
+        gaps = [clearances(shape, ground, at(flight[which], when)[:, POSE])
+                for flight, when in ((before, down), (after, up - apart[i]))]  # fmt: skip
         touch[i], leave[i] = (_crossed(when, gap) for when, gap in zip((down, up), gaps, strict=True))
         seen = world.view.true(film.pose[flights.last[before[i]] - 1 : flights.first[after[i]] + 1])
         least[i] = min(gaps[0].min(), gaps[1].min(), clearances(shape, ground, seen).min())

@@ -1,8 +1,7 @@
-"""What a film says of itself, before any model of contact: gravity in its flights, heights at rest, what it lacks.
+"""Findings about a film without a model of contact: gravity in its flights, heights at rest, missing angles.
 
-Gravity comes out with the factor of a wrong scale, and with the square of a wrong frame rate: g found = s g for
-lengths that are recorded s times too long, and g found = q² g for a true duration that is q times the recorded one.
-From g alone the two cannot be told apart.
+The measured gravity is s g if lengths are recorded s times too long, and q² g if the true duration is q times the
+recorded one. Gravity alone cannot tell a wrong scale from a wrong frame rate.
 """
 
 from __future__ import annotations
@@ -33,23 +32,24 @@ FILM_FILE = "film.json"
 SCALE_OR_RATE = ("scale_error", "frame_rate_error")
 DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
-LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
+LOCAL_GRAVITY = 0.003  # relative variation of gravity on the earth about its mean
 
 
 @dataclass(frozen=True)
 class FilmFindings:
-    """What a film says of itself.
+    """Findings about a film.
 
     Attributes
     ----------
-    stated_m_s2, fps : gravity and frame rate as stated
-    gravity : as the flights show it; None if no flight does
-    flights, releases : how many show it; `left_out`: flights that do not
-    air : share of gravity by which the air would change it, and angle in rad by which it would turn it, for bodies of
-        the stated mass and size; `spin`: the share by which the lift of a spin that was not measured may change it
+    stated_m_s2, fps : stated gravity and frame rate
+    gravity : gravity measured in the flights; None if no flight shows it
+    flights, releases : numbers of flights and releases that show it; `left_out`: number of the other flights
+    air : expected relative change of gravity by air drag, and its angle in rad, for bodies of the stated mass and size
+    spin : largest relative change of gravity by the lift of a spin that was not measured
     rests : heights at rest
     without_angle : blocks whose angle was not measured
-    from_gravity : what gravity gave, so that the flights cannot check it; None if scale and frame rate were measured
+    from_gravity : quantity that was computed from gravity, so that flights cannot check it; None if scale and frame
+        rate were measured
     """
 
     stated_m_s2: float
@@ -66,49 +66,49 @@ class FilmFindings:
 
     @property
     def ratio(self) -> Measured | None:
-        """Gravity found over gravity stated: 1 if scale and frame rate are right."""
+        """Measured over stated gravity: 1 if scale and frame rate are right."""
         if self.gravity is None:
             return None
-        own = self.gravity.gravity_m_s2
-        return Measured(own.value / self.stated_m_s2, own.error / self.stated_m_s2)
+        measured = self.gravity.gravity_m_s2
+        return Measured(measured.value / self.stated_m_s2, measured.error / self.stated_m_s2)
 
     @property
     def off(self) -> bool:
-        """Whether scale or frame rate must be wrong: gravity is off by more than its error, the air and the place on
-        the earth explain."""
+        """Whether scale or frame rate must be wrong: the deviation of gravity is larger than its error, air and the
+        place on the earth explain."""
         if self.from_gravity is not None or (ratio := self.ratio) is None:
             return False
         return ratio.off(1.0) and not self._explained(ratio)
 
     @property
     def unexplained_error(self) -> float:
-        """Relative standard error of gravity as a standard of length over time squared: that of the flights, the air
-        and the spin, the place on the earth."""
+        """Relative standard error of gravity as a reference for scale or frame rate: error of the flights, air, spin
+        and place on the earth."""
         assert self.ratio is not None
         return float(
             np.hypot(self.ratio.error, np.hypot(np.hypot(self.air[0], self.spin), 0.5 * LOCAL_GRAVITY))
         )
 
     def _explained(self, ratio: Measured) -> bool:
-        """If the air, twice as strong as expected, an unmeasured spin or another place on the earth would explain the
-        difference."""
+        """Whether air drag up to twice as strong as expected, an unmeasured spin and the place on the earth explain the
+        deviation."""
         beyond = ratio.value - 1.0
         rest = min((abs(beyond - share) for share in np.linspace(0.0, 2.0 * self.air[0], 21)), default=beyond)
         return max(rest - self.spin - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
 
     @property
     def turned(self) -> bool:
-        """Whether blocks do not fall straight down in the picture, by more than the air explains."""
+        """Whether the direction of gravity in the picture deviates from the vertical by more than air explains."""
         return bool(self._tilt_sentence())
 
     @property
     def spin_hides(self) -> bool:
-        """Whether the lift of an unmeasured spin may do what a wrong scale or frame rate does, if these are wrong."""
+        """Whether the lift of an unmeasured spin can hide a wrong scale or frame rate."""
         return (ratio := self.ratio) is not None and not self.off and self.spin > ratio.error
 
     @property
     def unjudged(self) -> dict[str, str]:
-        """Effects of which this film can say nothing, whatever is found in it -> why."""
+        """Effect that this film can never show -> reason."""
         if self.from_gravity is None:
             return {}
         given = "frame rate" if self.from_gravity.which == "fps" else "scale"
@@ -118,11 +118,11 @@ class FilmFindings:
 
     @property
     def suspects(self) -> list[str]:
-        """Effects of which one must act, or both."""
+        """Effects of which at least one acts."""
         return list(SCALE_OR_RATE) if self.off else []
 
     def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """Effect -> its parameter, if it acts alone: value, 95 % interval, unit."""
+        """Effect -> its parameter if it acts alone: value, 95 % interval, unit."""
         if (ratio := self.ratio) is None or self.from_gravity is not None:
             return {}
         rate = Measured(ratio.value**0.5, 0.5 * ratio.error / ratio.value**0.5)
@@ -134,18 +134,18 @@ class FilmFindings:
         }
 
     def true_fps(self) -> Measured | None:
-        """The frame rate with which gravity comes out as stated."""
+        """The frame rate with which the measured gravity equals the stated one."""
         if (ratio := self.ratio) is None:
             return None
         value = self.fps / ratio.value**0.5
         return Measured(value, 0.5 * value * ratio.error / ratio.value)
 
     def content(self) -> dict[str, Any]:
-        """As plain numbers and words, for `film.json` and `diagnosis.json`."""
+        """The findings as plain data for `film.json` and `diagnosis.json`."""
         return {
             "gravity": self._gravity_content() if self.from_gravity is None else None,
             "from_gravity": None if self.from_gravity is None else self.from_gravity.model_dump(),
-            "rests": [asdict(own) for own in self.rests],
+            "rests": [asdict(rest) for rest in self.rests],
             "without_angle": self.without_angle,
             "said": self.sentences(),
         }
@@ -175,17 +175,17 @@ class FilmFindings:
         }
 
     def sentences(self) -> list[str]:
-        """For the user: gravity first."""
-        said = [self._gravity_sentence()]
-        said += [line for line in (self._tilt_sentence(),) if line]
-        said += [_rest_sentence(own) for own in self.rests]
+        """The findings in sentences; the first one is about gravity."""
+        sentences = [self._gravity_sentence()]
+        sentences += [line for line in (self._tilt_sentence(),) if line]
+        sentences += [_rest_sentence(rest) for rest in self.rests]
         if names := self.without_angle:
             whose = f"block {names[0]}" if len(names) == 1 else f"the blocks {', '.join(names)}"
-            said.append(
+            sentences.append(
                 f"the angle of {whose} was not measured: the spin is unknown, so that effects on the spin, and on the "
                 "speed along the ground after an impact, can hardly be judged"
             )
-        return said
+        return sentences
 
     def _gravity_sentence(self) -> str:
         ratio, fps = self.ratio, self.true_fps()
@@ -254,8 +254,8 @@ class FilmFindings:
 def film_findings(
     data: FilmSegments, world: World, fps: float, from_gravity: FromGravity | None = None
 ) -> FilmFindings:
-    """What a film says of itself, from its segments in a `world`; `fps`: the stated frame rate; `from_gravity`: what of
-    scale and frame rate was not measured."""
+    """The findings about a film, from its segments in a `world`. `fps`: stated frame rate; `from_gravity`: scale or
+    frame rate, if it was computed from gravity."""
     film, flights = data.film, data.segmentation.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
@@ -278,12 +278,12 @@ def write_film_findings(folder: Path, findings: FilmFindings) -> None:
 
 
 def _drag_per_mass(block: Block) -> float:
-    """c / m in 1/m that is expected of a block."""
+    """Expected drag over mass, c / m in 1/m, of a block."""
     return DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
 
 
 def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:
-    """Share by which drag changes the size of the acceleration, and angle by which it turns it."""
+    """(relative change of the acceleration by drag, angle in rad by which drag turns it)."""
     change = -(gravity.weight * drag) @ gravity.pull
     return float(-change[Y] / stated_m_s2), float(change[X] / stated_m_s2)
 
@@ -300,7 +300,7 @@ def _rest_sentence(own: RestHeight) -> str:
 
 
 def _decimals(error: float) -> int:
-    """So that an error has one digit, or two if the first is 1."""
+    """Number of decimals with which an error has one significant digit, or two if the first is 1."""
     if not (error > 0.0 and math.isfinite(error)):
         return 3
     first = math.floor(math.log10(error))

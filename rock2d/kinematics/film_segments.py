@@ -1,4 +1,4 @@
-"""A film as flights and impacts with measured states: what is read from it without any model of contact."""
+"""Flights and impacts of a film with measured states, without a model of contact."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class FilmSegments:
     ----------
     segmentation : the film, its flights and the kind of each frame
     basis : polynomials of the flights
-    impacts : pairs of flights in a row between which the block met the ground or turned round
-    mid_air : the other pairs, of which nothing says that they are two flights
+    impacts : pairs of consecutive flights between which the block met the ground or its normal velocity changed sign
+    mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
     order : (releases,) place of each release in its block's series
@@ -48,7 +48,7 @@ class FilmSegments:
 
     @classmethod
     def of(cls, film: Film, world: World) -> Self:
-        """Divide a film into segments in `world`: the stated one, or the one that `sanity` found to fit the film."""
+        """Divide a film into segments in `world`, which is the stated one or that of `sanity.Sanity.registered`."""
         segmentation = segment_film(world, film)
         basis = flight_basis(film, segmentation.flights)
         states = fit_states(world, film, segmentation.flights, basis)
@@ -70,14 +70,14 @@ class FilmSegments:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
         flights = self.segmentation.flights
         keep = releases[flights.release]
-        index = np.append(np.cumsum(keep) - 1, -1)  # the first flight of a release still follows none
+        index = np.append(np.cumsum(keep) - 1, -1)  # -1 stays -1: the first flight of a release follows none
         fewer = replace(
             flights, **{f.name: getattr(flights, f.name)[keep] for f in fields(flights) if f.name != "follows"},
             follows=index[flights.follows[keep]],
         )  # fmt: skip
-        pairs = [own.only(releases[own.release]) for own in (self.impacts, self.mid_air)]
-        for own in pairs:
-            own.before, own.after = index[own.before], index[own.after]
+        pairs = [each.only(releases[each.release]) for each in (self.impacts, self.mid_air)]
+        for each in pairs:
+            each.before, each.after = index[each.before], index[each.after]
         segmentation = replace(self.segmentation, flights=fewer)
         return replace(
             self,
@@ -90,7 +90,7 @@ class FilmSegments:
         )
 
     def states(self, world: World) -> States:
-        """The flights' states in a world. Worlds that differ only in their ground have the same."""
+        """The states of the flights in a world; they do not depend on the ground."""
         key = free_motion_key(world)
         if key not in self._states:
             if len(self._states) >= KEPT_STATES:
@@ -135,20 +135,20 @@ def _radii(world: World) -> Array:
 
 
 def _rolling(world: World, segmentation: Segmentation, states: States) -> Array:
-    """(flights,) spin in rad/s of a block that rolls as fast as it flies, and at least as it falls over its radius."""
+    """(flights,) spin in rad/s of a block that rolls at its speed of flight, or at least at √(g radius)."""
     radius = _radii(world)[segmentation.flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)
 
 
 def flightless_remarks(data: FilmSegments) -> list[str]:
-    """A remark on the releases of which no flight was recognised, so that nothing is learnt from them."""
+    """A remark on releases without a recognised flight."""
     film = data.film
     missing = np.setdiff1d(np.arange(len(film.release_names)), data.segmentation.flights.release)
     if not len(missing):
         return []
-    said = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
+    number = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
     return [
-        f"no flight was recognised in {said}: nothing is learnt from it. The frames do not lie on parabolas to "
+        f"no flight was recognised in {number}: nothing is learnt from it. The frames do not lie on parabolas to "
         "within the noise of the film, or the block never flies"
     ]

@@ -1,20 +1,20 @@
-"""Gravity from the flights of a film, with its error: how far lengths or times of the film are off.
+"""Gravity measured in the flights of a film, with its error. It shows errors of lengths or times of the film.
 
 Frame k of a flight shows p + v t + a t²/2 with two errors: one of the position, of standard deviation σ in each axis,
 and one of the instant, τ (frames are not evenly spaced), which shifts the block along its path by its speed. So its
 covariance is C = σ² 1 + τ² v vᵀ. Both variances are estimated from the residuals of all flights, and each flight is
 fitted by generalised least squares. Of n even frames over a time T without τ, a has the standard error σ √(720/n) / T².
 
-Errors that change slowly (compression, a lens, drag) do not average out over the frames. They show in the polynomials
-next to the parabola: if those of degree 3 and 4 are clearly larger than the rest, they alone give the variance.
+Errors that change slowly (compression, a lens, drag) do not average out over the frames. They appear in the next higher
+polynomials: if the coefficients of degree 3 and 4 are clearly larger than the rest, only these give the variance.
 
-What shifts a block by a length that grows with its speed, as blur does where one side of the block is darker, bends all
-flights alike: it neither averages out nor shows. Its size comes with the film (`Film.smear_offset_s`); its effect is
-added to the error.
+An offset that is proportional to the speed, for example by blur if one side of the block is darker, bends all flights
+in the same way: it neither averages out nor appears in the residuals. Its size is known (`Film.smear_offset_s`), and
+its effect is added to the error.
 
-Flights are combined within each release, and releases with each other. Where releases disagree by more than their
-errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982),
-Journal of Research of the National Bureau of Standards 87(5), 377-385.
+Flights are combined within each release, and then releases. If releases disagree by more than their errors explain
+(blocks at different distances from the camera), a scatter between them is added: Paule and Mandel (1982), Journal of
+Research of the National Bureau of Standards 87(5), 377-385.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ from rock2d.statistics import NORMAL_95, student, weighted_median
 Array = np.ndarray
 
 PARABOLA = 3  # polynomials of a parabola
-SLOW_DEGREES = 2  # polynomials of the next higher degrees, at most
-VARIANCE_ROUNDS = 5  # rounds of the estimate of σ and τ, at most
-CONVERGED_VARIANCE = 0.01  # relative change of the variances below which they are known
-SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered
-CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
+SLOW_DEGREES = 2  # largest number of polynomials of the next higher degrees
+VARIANCE_ROUNDS = 5  # most iterations of the estimate of σ and τ
+CONVERGED_VARIANCE = 0.01  # relative change of the variances at which the iteration ends
+SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # significance levels of slow errors, and of scatter between flights
+CLEAR_JITTER = 1.0  # smallest τ² that is used, in its standard errors
 EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
     3,
     16,
-)  # left out at an end next to a contact; at most one of so many frames
-OUTLYING_ERRORS = 6.0  # standard errors beyond which a flight belongs to something else
+)  # frames left out at an end next to a contact, at most one of so many
+OUTLYING_ERRORS = 6.0  # distance in standard errors at which a flight counts as an outlier
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A value with its standard error, defined so that value ± 1.96 errors is the 95 % interval: few frames make it
-    larger by Student's distribution."""
+    """A value with its standard error, scaled by Student's distribution so that value ± 1.96 errors is the 95 %
+    interval."""
 
     value: float
     error: float
@@ -63,25 +63,25 @@ class Measured:
         return self.value - NORMAL_95 * self.error, self.value + NORMAL_95 * self.error
 
     def off(self, expected: float) -> bool:
-        """Whether the value differs from what is expected, at 3 standard errors."""
+        """Whether the value differs from the expected one by more than 3 standard errors."""
         return abs(self.value - expected) > 3.0 * self.error
 
 
 @dataclass(frozen=True)
 class FlightGravity:
-    """Gravity as the flights of a film show it.
+    """Gravity measured in the flights of a film.
 
     Attributes
     ----------
     gravity_m_s2 : size of the acceleration in flight
     tilt_rad : angle of the image against the vertical, counter-clockwise
-    used : (flights,) whether a flight counts; others are too straight, or differ from the rest
+    used : (flights,) whether a flight is used; others are too straight, or outliers
     each, each_error : (flights,) acceleration of each flight along their mean and its standard error, in m/s²
-    weight : (flights,) share of each flight in the result
-    pull : (flights, 2) mean of speed × velocity over the flight, weighted as an acceleration shows in the parabola,
-        in m²/s²
+    weight : (flights,) weight of each flight in the result
+    pull : (flights, 2) mean of speed × velocity over the flight in m²/s², weighted like an acceleration in the fit of
+        the parabola
     noise_m, instant_noise_s : σ and τ
-    slow : whether slowly changing errors decide
+    slow : whether slowly changing errors give the standard error
     """
 
     gravity_m_s2: Measured
@@ -99,7 +99,7 @@ class FlightGravity:
 def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGravity | None:
     """Gravity from the flights of a film, as recorded; None if no flight shows it clearly.
 
-    `stated_m_s2`: the gravity that is expected, which tells falls from other smooth motion.
+    `stated_m_s2`: expected gravity, which distinguishes falls from other smooth motion.
     """
     paths = [
         _Path(film.t_s[a:b], film.pose[a:b, POSITION]) for a, b in zip(*_inner(film, flights), strict=True)
@@ -116,7 +116,9 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         np.einsum("nij,nj->i", precision, fits.acceleration),
     )
     down = mean / np.hypot(*mean)
-    aside = np.array([-down[Y], down[X]])  # where a turn of the picture, counter-clockwise, moves it
+    aside = np.array(
+        [-down[Y], down[X]]
+    )  # direction in which a counter-clockwise turn of the picture moves it
     size, error = _along(fits, down)
     turn, turn_error = (values / np.hypot(*mean) for values in _along(fits, aside))
     turn += np.arctan2(
@@ -126,7 +128,7 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
     smeared = film.smear_offset_s * _bend_of_speed(paths)
-    shared = abs(float(_spread(weight, used) @ smeared))  # alike in all flights
+    shared = abs(float(_spread(weight, used) @ smeared))  # equal in all flights
     each, each_error = _along(every, down)
     return FlightGravity(
         Measured(gravity.value, float(np.hypot(gravity.error, shared))),
@@ -137,8 +139,8 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
 
 
 def _inner(film: Film, flights: Flights) -> tuple[Array, Array]:
-    """First and last (exclusive) frame of each flight without those next to a contact: too weak a contact to be seen in
-    single frames bends the ends of hundreds of flights alike."""
+    """First and last (exclusive) frame of each flight without frames next to a contact: a contact too weak to be seen
+    in single frames still bends the ends of flights."""
     begin, end = (np.searchsorted(film.release, flights.release, side=side) for side in ("left", "right"))
     margin = np.minimum(EDGE_FRAMES, (flights.last - flights.first) // FRAMES_PER_EDGE_FRAME)
     return flights.first + margin * (flights.first > begin), flights.last - margin * (flights.last < end)
@@ -184,7 +186,7 @@ def _fitted(paths: list[_Path]) -> _Fits:
     variance, jitter = 1.0, 0.0
     flights: list[_Whitened] = []
     for _ in range(VARIANCE_ROUNDS):
-        before: list[Array | None] = [own.coefficients for own in flights] if flights else [None] * len(paths)
+        before: list[Array | None] = [f.coefficients for f in flights] if flights else [None] * len(paths)
         flights = [_whitened(p, variance, jitter, c) for p, c in zip(paths, before, strict=True)]
         known = np.array([variance, jitter])
         variance, jitter = _variances(flights, variance, jitter)
@@ -289,9 +291,12 @@ def _along(fits: _Fits, axis: Array) -> tuple[Array, Array]:
 
 
 def _falls(fits: _Fits, stated_m_s2: float) -> Array:
-    """(m,) flights that fall. Those whose path gravity would clearly bend must bend; steep ones are steeper than any
-    ground; the noise of the others allows no such test, so that all together must be clear. What is tested does not
-    depend on the acceleration found, or chance would choose the flights."""
+    """(m,) whether flights are falls.
+
+    If gravity would clearly bend the path, it must be bent. Steep paths are steeper than any ground. The noise of other
+    flights allows no such test; they must be clear all together. The choice of the test does not depend on the measured
+    acceleration, which would bias the result.
+    """
     down = np.array([0.0, -1.0 if np.median(fits.acceleration[:, Y]) < 0 else 1.0])
     size, error = _along(fits, down)
     vx, vy = fits.velocity.T
@@ -316,7 +321,7 @@ def _falls(fits: _Fits, stated_m_s2: float) -> Array:
 def _combined_over_releases(
     values: Array, errors: Array, release: Array, freedom: float
 ) -> tuple[Measured, Array]:
-    """Mean over releases with its error, and the weight of each flight. Of a single release, its flights count."""
+    """Mean over releases (over flights if there is a single release) with its error, and the weight of each flight."""
     names, index = np.unique(release, return_inverse=True)
     if len(names) == 1:
         names = index = np.arange(len(values))
@@ -337,7 +342,7 @@ class _Mean(NamedTuple):
 
 
 def _combined(values: Array, errors: Array) -> _Mean:
-    """Weighted mean; where the values disagree, with a scatter that makes chi-square their number less one."""
+    """Weighted mean; if the values disagree, with an added scatter that makes chi-square their number minus one."""
     from scipy.optimize import brentq
     from scipy.special import chdtrc
 
@@ -355,14 +360,14 @@ def _combined(values: Array, errors: Array) -> _Mean:
 
 
 def _spread(weight: Array, used: Array) -> Array:
-    """(flights,) the weights of the flights that are used; 0 elsewhere."""
+    """(flights,) weights of the used flights; 0 for others."""
     out = np.zeros(len(used))
     out[used] = weight
     return out
 
 
 def _bend_of_speed(paths: list[_Path]) -> Array:
-    """(m,) acceleration in 1/s that each flight would show if its places were moved by its speed times a second."""
+    """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed."""
     out = np.zeros(len(paths))
     for i, path in enumerate(paths):
         s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
@@ -373,8 +378,8 @@ def _bend_of_speed(paths: list[_Path]) -> Array:
 
 
 def _pulls(paths: list[_Path]) -> Array:
-    """(m, 2) see `FlightGravity.pull`. A force that changes within a flight shows in the parabola with the weight
-    (1 - s²)², s the time from -1 to 1."""
+    """(m, 2) see `FlightGravity.pull`. A force that changes within a flight enters the fit of the parabola with the
+    weight (1 - s²)², with the time s from -1 to 1."""
     out = np.zeros((len(paths), 2))
     for i, path in enumerate(paths):
         s = _own_time(path.t_s)

@@ -1,4 +1,4 @@
-"""Filmed releases as flights, contacts and rests. The noise of the film is estimated from the flights."""
+"""Segmentation of filmed releases into flights, contacts and rests, and the noise of the film from its flights."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # in √(g × size): a smaller change of velocity above the ground is no impact
 IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
-SMOOTH_ACCELERATION_SD = 0.5  # 1 sigma, in units of gravity, by which air, lens and perspective bend a flight
+SMOOTH_ACCELERATION_SD = (
+    0.5  # 1 sigma of the apparent acceleration by air, lens and perspective, in units of gravity
+)
 SMOOTH_DEGREE = 4  # degree of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
 SMALLEST_NOISE = 1.0e-9  # for positions in m and angles in rad, in films without noise
@@ -55,11 +57,12 @@ class Film:
     t_s : (frames,) instants
     pose : (frames, 3) x_m, y_m, theta_rad (unwrapped) as recorded
     release, block : (frames,) index into `release_names` and `block_names`
-    release_names : numbers of the releases, ascending (the order filmed)
-    release_block : (releases,) block of each
-    angle_known : (releases,) whether the angle was measured; that of a circle without marks is not, and constant
-    noise : (3,) 1 sigma of a frame, white part; `long_noise` (3,) the same for averages over many frames, which
-        correlated noise makes larger
+    release_names : numbers of the releases, ascending, in the order of filming
+    release_block : (releases,) block of each release
+    angle_known : (releases,) whether the angle was measured; the angle of a circle without marks is constant
+    stated_noise : (3,) noise of the experiment, 1 sigma
+    noise : (3,) 1 sigma of a frame; `long_noise` (3,) the same for averages over many frames, which is larger if the
+        noise is correlated
     smear_offset_s : offset of a block over its speed that all frames share, 1 sigma
     """
 
@@ -82,7 +85,7 @@ class Film:
 
     @cached_property
     def measured(self) -> Array:
-        """(3,) whether x, y and theta change at all; what never does was not measured."""
+        """(3,) whether x, y and theta were measured, that is change at all."""
         return np.asarray(np.ptp(self.pose, axis=0) > 0.0)
 
 
@@ -147,7 +150,7 @@ def load_film(experiment: Experiment) -> Film:
 
 
 def _or_stated(film: Film, noise: Array) -> Array:
-    """The noise found; of what was not measured the noise stated."""
+    """The estimated noise; the stated noise for quantities that were not measured."""
     return np.where(film.measured, noise, np.maximum(film.stated_noise, SMALLEST_NOISE))
 
 
@@ -236,10 +239,8 @@ def _partition(recording: _Recording) -> tuple[Array, Array]:
 
 
 def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
-    """First and last (exclusive) frame of the flight i to j without the frames that may still be in contact.
-
-    A block that still touches its indentation does not fly freely, though the ground may not press on it.
-    """
+    """First and last (exclusive) frame of the flight i to j without frames that may still be in contact, for example
+    within the indentation."""
     gap, noise = recording.gap_m, recording.noise
     free = np.flatnonzero(gap[i:j] > 2.0 * noise[Y])
     head = max(CONTACT_MARGIN_FRAMES, int(free[0]) if len(free) else 0) if i > 0 else 0
@@ -252,9 +253,9 @@ def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
 def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tuple[int, int]]:
     """Segments (first, last) of frames that are flights.
 
-    Two parts of one flight that was divided in mid-air are joined: drag, a lens or perspective bend it away from one
-    parabola. A segment counts as a flight only if it rises above the ground: a hop within the indentation is contact.
-    Where the ground lies higher than stated, blocks do not come down to it. Then a flight must rise above its own lower
+    Two parts of one flight that was divided in mid-air are joined, because drag, a lens or perspective deform the
+    parabola. A segment counts as a flight only if it rises above the ground; hops within the indentation are contact.
+    If the ground lies higher than stated, so that blocks do not come down to it, a flight must rise above its own lower
     end.
     """
     gap, noise, size = recording.gap_m, recording.noise, recording.size_m
@@ -280,9 +281,9 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
 
 
 def _kinked(recording: _Recording, before: tuple[int, int], after: tuple[int, int]) -> bool:
-    """Whether the velocity changes at once between two segments, by more than a smooth curve through both explains.
+    """Whether the velocity jumps between two segments, by more than a smooth curve through both explains.
 
-    The curve is a polynomial whose acceleration stays near gravity, with a change of velocity where the segments meet.
+    The fitted curve is a polynomial with an acceleration near gravity, and a jump of velocity between the segments.
     """
     t, pose, _, noise, size, g = recording
     frames = np.concatenate([np.arange(*before), np.arange(*after)])
@@ -321,7 +322,7 @@ def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
 
 
 def _noise_of_flights(film: Film, flights: Flights) -> tuple[Array, Array]:
-    """The same, of flights whose angles are all measured, or do not matter."""
+    """`_flight_noise` of flights whose angles are all measured or are not used."""
     lagged, pairs, freedom, used = np.zeros((NOISE_LAGS + 1, 3)), np.zeros(NOISE_LAGS + 1), 0.0, 0
     for a, b in zip(flights.first, flights.last, strict=True):
         n = b - a
@@ -345,12 +346,12 @@ def _noise_of_flights(film: Film, flights: Flights) -> tuple[Array, Array]:
 
 
 def clearances(block, ground, pose: Array) -> Array:
-    """(n,) height in m of a block at poses (n, 3) above the ground, negative where it is in it."""
+    """(n,) clearance in m of a block at poses (n, 3), negative inside the ground."""
     return _clearances(block, ground, np.ascontiguousarray(pose))
 
 
 def heights(world: World, block: Array, pose: Array) -> Array:
-    """(n,) the same of several blocks, with the number `block` (n,) of each, in a world."""
+    """(n,) clearances of blocks with the indices `block` (n,) in a world."""
     ground, out = ground_arrays(world.cross_section), np.empty(len(pose))
     for b, shape in enumerate(world.blocks.values()):
         out[block == b] = clearances(block_arrays(shape), ground, pose[block == b])
@@ -367,7 +368,7 @@ def _clearances(block, ground, pose):
 
 @kernel
 def _clearance(block, ground, x, y, theta):
-    """Height of one pose above the ground."""
+    """Clearance in m at one pose."""
     sides, facets = block.sides, ground.facets
     f0, f1 = facet_range(ground, x - 3.0 * block.radius, x + 3.0 * block.radius)
     if sides.shape[0] == 0:

@@ -1,7 +1,6 @@
-"""Impacts of a film: pairs of flights in a row, and what happened between them.
+"""Impacts of a film: pairs of consecutive flights.
 
-An *impact* here is what happens between two flights: one touch of the ground or several in a row. Where neither the
-ground is near nor the velocity turns round, nothing is known to have happened.
+An *impact* here is everything between two flights: one touch of the ground, or several.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation of an impact starts
-COMPARISON_WINDOW = 2.0  # compared part of the flight after an impact, in √(radius / g)
+COMPARISON_WINDOW = 2.0  # length of the compared part of the flight after an impact, in √(radius / g)
 
 
 @dataclass
 class Impacts:
-    """Pairs of flights in a row: (n,) arrays.
+    """Pairs of consecutive flights: (n,) arrays.
 
     Attributes
     ----------
@@ -37,7 +36,7 @@ class Impacts:
     window_s : recorded time for which the flight after is compared with a simulation
     zone : zone of the nearest facet of the ground
     tangent : (n, 2) direction of that facet
-    order : how many releases of the same block were filmed before
+    order : number of releases of the same block that were filmed before
     """
 
     before: Array
@@ -86,7 +85,7 @@ def start_instants(world: World, segmentation: Segmentation, basis: Basis, state
 def find_impacts(
     world: World, segmentation: Segmentation, basis: Basis, states: States, start: Array
 ) -> Impacts:
-    """Every pair of flights in a row, impact or not; `start` are the `start_instants` of the flights."""
+    """All pairs of consecutive flights, with or without an impact; `start`: see `start_instants`."""
     film, flights = segmentation.film, segmentation.flights
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
@@ -108,11 +107,11 @@ def find_impacts(
 
 
 def release_order(release_block: Array) -> Array:
-    """(releases,) how many releases of the same block came before each."""
+    """(releases,) number of earlier releases of the same block."""
     order = np.zeros(len(release_block), np.int64)
     for block in np.unique(release_block):
-        own = release_block == block
-        order[own] = np.arange(own.sum())
+        of_block = release_block == block
+        order[of_block] = np.arange(of_block.sum())
     return order
 
 

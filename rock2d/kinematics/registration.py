@@ -1,9 +1,8 @@
-"""Rough correction of camera or cross-section, so that a film can be segmented.
+"""Registration: a rough correction of camera or cross-section, so that a film can be segmented.
 
-A film can be divided into flights and impacts only on a ground that the blocks come down to. If the stated set-up puts
-the blocks inside the ground, a camera that is scaled or turned, or a cross-section that was built otherwise than
-surveyed, may explain it. The correction found here is good enough for the segmentation and for a first fit of the law.
-The diagnosis then finds the cause among all effects.
+The segmentation needs a ground to which the blocks come down. If the blocks lie inside the stated ground, a wrong scale
+or tilt of the camera, or a cross-section that differs from the survey, may be the reason. The correction is good enough
+for the segmentation and for a first fit of the law. The diagnosis then finds the cause among all effects.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from rock2d.scene.world import View, World
 
 Array = np.ndarray
 
-CAMERA_GRID = 21  # positions of the camera's axis that are tried along x and y each, within the image's width
-CROSS_SECTION_GRID = 9  # values of each parameter of the cross-section that are tried
-MOST_REGISTRATION_FRAMES = 5000  # about how many frames of all releases are searched for their lowest points
-BEYOND_CATALOGUE = 0.1  # by which scale and tilt (rad) may leave the ranges of the catalogue
-USUAL_DEPTH_RADII = 0.2  # block radii to which blocks sink into soil
-ASIDE_RADII = 0.05  # block radii of misfit that a camera must save to aim one image's width aside
+CAMERA_GRID = 21  # number of tried positions of the camera's axis along x and along y, within the image width
+CROSS_SECTION_GRID = 9  # number of tried values of each parameter of the cross-section
+MOST_REGISTRATION_FRAMES = 5000  # approximate number of frames that are searched for the lowest points
+BEYOND_CATALOGUE = 0.1  # largest excess of scale and tilt (rad) over the ranges of the catalogue
+USUAL_DEPTH_RADII = 0.2  # usual penetration of blocks into soil, in block radii
+ASIDE_RADII = 0.05  # penalty in block radii for a camera that aims one image width aside
 POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
 LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points of most releases
 
@@ -41,8 +40,8 @@ def below_ground(world: World, film: Film) -> float:
 
 
 def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
-    """For each release (releases,): height of the block above the ground at its lowest, in radii, negative in the
-    ground; and the number of frames after that one."""
+    """For each release (releases,): least clearance of the block in radii, negative in the ground; and the number of
+    frames after it."""
     step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
     blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
     ground = ground_arrays(world.cross_section)
@@ -58,15 +57,15 @@ def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
 
 
 def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[World, str] | None:
-    """The world in which most releases come down to the ground and no farther, and a text that says what differs in it;
-    None if there is none.
+    """A corrected world in which most releases come down just to the ground, and the correction in words; None if there
+    is none.
 
-    gravity : (2,) acceleration in m/s² of flights as recorded, None if it is not known
+    gravity : (2,) recorded acceleration of flights in m/s², None if it is not known
     """
 
     def miss(other: World) -> float:
-        """How far the lowest points of the releases are from a usual depth, and from each other, in block radii. Of
-        cameras that fit about equally well, the one that aims nearest to the middle of the set-up counts."""
+        """Misfit in block radii: distance of the lowest points of the releases from a usual depth, and from each other,
+        with a penalty for cameras that aim aside of the middle of the set-up."""
         low, middle, high = np.quantile(lowest_gaps(other, film)[0], (0.25, 0.5, 0.75))
         aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.axis_m, aim)) / width
         return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
@@ -101,7 +100,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
 
 
 def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
-    """Worlds with a cross-section that was built otherwise than surveyed."""
+    """Worlds with a cross-section that differs from the survey."""
     effect = catalogue()["geometry_error"]
     what, unit = ("facing", "ditch"), "embankment heights"
     if world.cross_section.embankment is None:

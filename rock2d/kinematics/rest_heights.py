@@ -1,7 +1,6 @@
-"""Where blocks lie at rest: a block that hovers above the stated ground has another size, or the film another scale,
-origin or ground.
+"""Heights of blocks at rest. A block above the stated ground indicates a wrong size, scale, origin or ground.
 
-Only heights above the ground are judged: how deep a block lies in its indentation is a property of the soil.
+Only heights above the ground are judged: the depth of a block in its indentation is a property of the soil.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-REST_FRAMES = 10  # last frames of a release, in which a block at rest does not move
-STILL_SDS = 8.0  # standard deviations of the noise by which their positions may differ
-FEWEST_RESTS = 5  # per block
-# mean height from which on it counts, in its standard errors and in block radii
+REST_FRAMES = 10  # number of last frames of a release in which a block at rest does not move
+STILL_SDS = 8.0  # largest range of their positions, in standard deviations of the noise
+FEWEST_RESTS = 5  # fewest releases of a block for a remark
+# least mean height for a remark, in its standard errors and in block radii
 CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
-FARTHEST_RADII = 2.0  # from the ground, of a block that lies on it
+FARTHEST_RADII = 2.0  # largest distance from the ground of a block that lies on it, in radii
 
 
 @dataclass(frozen=True)
 class RestHeight:
-    """Height of the lowest point of a block at rest above the stated ground: mean over `rests` releases, with its
-    standard error (None of a single release), and over the radius of the block."""
+    """Height of the lowest point of a block at rest above the stated ground: mean over `rests` releases in m, its
+    standard error (None for a single release), and the height over the radius of the block."""
 
     block: str
     rests: int
@@ -39,7 +38,7 @@ class RestHeight:
 
     @property
     def clear(self) -> bool:
-        """Whether the block lies above the ground by more than chance."""
+        """Whether the height is significantly above the ground."""
         above = self.height_radii > LEAST_HEIGHT_RADII
         return above and self.error_m is not None and self.height_m > CLEAR_HEIGHT * self.error_m
 
@@ -79,7 +78,7 @@ def _rest_heights_m(film: Film, world: World, block: int) -> Array:
     ground, own = ground_arrays(world.cross_section), block_arrays(list(world.blocks.values())[block])
     ends = np.searchsorted(film.release, np.arange(len(film.release_names)), side="right")
     poses = []
-    smooth = list(world.blocks.values())[block].smooth  # the others lie on a side that only the angle tells
+    smooth = list(world.blocks.values())[block].smooth  # the height of a polygon depends on its angle
     for release in np.flatnonzero((film.release_block == block) & (film.angle_known | smooth)):
         pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
         if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():

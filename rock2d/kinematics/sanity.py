@@ -1,9 +1,9 @@
-"""Sanity checks: tests that an experiment must pass before anything is concluded from it.
+"""Sanity checks that an experiment must pass before a diagnosis.
 
-Every check looks at the recorded data alone, without a model of contact. A *fault* makes a diagnosis meaningless and
-stops it. A *remark* is printed and goes into the report. A mirrored axis, or a set-up in which the blocks would sink
-into the ground, would spoil the segmentation. It is corrected for the segmentation and for a first fit of the law only:
-the diagnosis has to find the cause.
+The checks use only the recorded data, without a model of contact. A *fault* makes a diagnosis meaningless and stops it.
+A *remark* is printed and stands in the report. A mirrored axis, or a set-up in which the blocks would sink into the
+ground, would spoil the segmentation. It is corrected only for the segmentation and for a first fit of the law; the
+diagnosis has to find the cause.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from rock2d.scene.world import View, World
 
 Array = np.ndarray
 
-FEWEST_RELEASES = 2  # one is compared with what the others say
+FEWEST_RELEASES = 2  # so that one can be held out
 FEWEST_IMPACTS = 15
-FEWEST_REBOUNDS = 6  # impacts that a flight follows, where blocks stick
+FEWEST_REBOUNDS = 6  # fewest impacts followed by a flight, if blocks stick
 MIRRORED_SIGNS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
 IMPOSSIBLE_BELOW_GROUND = 0.2  # share of the frames with the centroid in the ground
-MOST_FRAMES = 20000  # in which blocks are sought in the ground
+MOST_FRAMES = 20000  # approximate number of frames that are checked against the ground
 REMARKABLE_GRAVITY = 0.06  # relative difference of recorded gravity
 STILL_ANGLE_SDS = 1.5  # standard deviation of an angle that does not change, over that of the noise
-MOST_BESIDE = 0.5  # share of the frames
-LANDED_FRAMES = 5  # recorded after the lowest position of a block that has come down
-DEEP_RADII, FAR_RADII = 0.5, 2.0  # block radii below and above the ground that no soil explains
+MOST_BESIDE = 0.5  # largest share of the frames with the block outside the cross-section
+LANDED_FRAMES = 5  # fewest frames after the lowest position of a block that has landed
+DEEP_RADII, FAR_RADII = 0.5, 2.0  # depth and height of blocks, in radii, that no soil explains
 
 
 # codes of faults
@@ -55,7 +55,7 @@ CONSTANT_ANGLE, ENERGY_GAIN = "constant_angle", "energy_gain"
 
 @dataclass(frozen=True)
 class Fault:
-    """Why an experiment cannot be diagnosed: one of the codes of this module, and a message."""
+    """A reason why an experiment cannot be diagnosed: one of the codes of this module, and a message."""
 
     code: str
     message: str
@@ -67,9 +67,9 @@ class Sanity:
 
     Attributes
     ----------
-    faults, remarks : see above
-    mirror : the axis that was recorded with the wrong sign, "" if none
-    registered : the world in which the film is segmented, None if it is the stated one
+    faults, remarks : see the module
+    mirror : axis that was recorded with the wrong sign, "" if there is none
+    registered : corrected world in which the film is segmented, None if it is the stated one
     suspects : effects that could have caused the faults
     """
 
@@ -85,11 +85,11 @@ class Sanity:
 
 
 def check_impacts(impacts: int, landings: int, flying: int, edged: Sequence[str], found: Sanity) -> bool:
-    """Whether impacts can be judged; if not, flights are judged alone, with a remark, or where fewer than two releases
-    are `flying` there is a fault.
+    """Whether impacts can be judged. If not, adds a remark that only flights are diagnosed, or a fault if fewer than
+    two releases have flights (`flying`).
 
-    Where blocks stick, few impacts are followed by a flight. Then `landings` count, with those after which a block
-    stays on the ground. `edged`: blocks with corners whose angle was not measured.
+    If blocks stick, few impacts are followed by a flight; then `landings`, which include impacts after which a block
+    stays on the ground, count. `edged`: blocks with corners whose angle was not measured.
     """
     least = FEWEST_REBOUNDS if landings >= FEWEST_IMPACTS else FEWEST_IMPACTS
     stay = f", {landings - impacts} more end the flight of a block for good" if landings > impacts else ""
@@ -198,7 +198,7 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
 
 
 def _check_recorded_gravity(experiment: Experiment, gravity: Array | None, found: Sanity) -> None:
-    """Lengths or times that are off: by a little an effect may explain it, by more none can."""
+    """Wrong lengths or times: an effect may explain a small error, but not a large one."""
     if gravity is None or found.faults:
         return
     ratio = float(np.hypot(*gravity)) / experiment.gravity_m_s2
@@ -259,8 +259,8 @@ def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found
 
 
 def _ground_gives_way(setup: World, film: Film) -> bool:
-    """If blocks start above the ground, and are later in it only where it may give way: in an embankment that they push
-    aside, or not deeper than they are high."""
+    """Whether blocks start above the ground, and are later inside it only where it may give way: in an embankment, or
+    not deeper than their height."""
     import shapely
 
     ground, step = setup.cross_section, max(1, len(film.t_s) // MOST_FRAMES)
@@ -277,8 +277,7 @@ def _ground_gives_way(setup: World, film: Film) -> bool:
 
 
 def _check_angles(experiment: Experiment, film: Film, found: Sanity) -> None:
-    """An angle that was not measured, but is stated: it does not change in any release of a block, though the block
-    moves."""
+    """Find angles that are given but were not measured: they never change although the block moves."""
     table = experiment.trajectories
     assert table is not None
     for b, name in enumerate(film.block_names):
@@ -297,7 +296,7 @@ def _check_angles(experiment: Experiment, film: Film, found: Sanity) -> None:
 
 
 def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, found: Sanity) -> None:
-    """A film beside the ground, above it or deep in it: another origin, or another block than stated."""
+    """Find films outside the cross-section, above the ground or deep in it: a wrong origin or a wrong block."""
     setup = setup_world(experiment)
     ends = experiment.cross_section.points_m[[0, -1], X]
     beside = float(((film.pose[:, X] < ends[0]) | (film.pose[:, X] > ends[1])).mean())

@@ -1,8 +1,8 @@
-"""The segmentation of a filmed release into flights, rests and contact, by optimal partition, compiled.
+"""Segmentation of a filmed release into flights, rests and contact, by optimal partitioning, compiled.
 
-A flight is a range of frames that one parabola explains. A rest is one that a fixed pose explains. All other frames are
-contact. The cost is chi-square plus a fixed cost for each segment, so the noise decides and not a threshold on speed.
-The accelerations of a flight are free within a prior, so drag, a tilted camera or a wrong scale do not split it.
+A flight is a range of frames on one parabola; a rest is a range of frames with a fixed pose; all other frames are
+contact. The cost is chi-square plus a fixed cost for each segment, so that the noise decides, not a threshold on speed.
+Accelerations of a flight are free within a prior, so that drag, a tilted camera or a wrong scale do not split it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from rock2d.compiled import njit
 
 CONTACT, FLIGHT, REST = 0, 1, 2
-SEGMENT_COST = 25.0  # chi-square that one more flight or rest must save
-UNEXPLAINED_FRAME_COST = 9.0  # chi-square of a frame of contact; a frame of a flight costs 3 on average
+SEGMENT_COST = 25.0  # decrease of chi-square that one more flight or rest must give
+UNEXPLAINED_FRAME_COST = 9.0  # chi-square of a contact frame; a frame of a flight has 3 on average
 ACCELERATION_SD = 0.15  # prior, 1 sigma, of a flight's acceleration about gravity, in units of gravity
 SPIN_ACCELERATION_SD = 3.0  # the same of its angular acceleration, in units of 1 rad per (sqrt(size / g))²
 
@@ -92,7 +92,7 @@ def partition(t, data, curvature, curvature_sd, fewest_frames):
     data : (n, 3) x, y, theta in units of their noise
     curvature, curvature_sd : (3,) half the acceleration that the prior of a flight expects, and its 1 sigma, in units
         of noise / s²
-    fewest_frames : of a flight or rest
+    fewest_frames : fewest frames of a flight or rest
     Returns (n,) kind of each frame and (n,) number of its segment (-1 for contact).
     """
     n = t.size
@@ -129,7 +129,7 @@ def partition(t, data, curvature, curvature_sd, fewest_frames):
             if best[i] + cost + SEGMENT_COST < best[j]:
                 best[j] = best[i] + cost + SEGMENT_COST
                 came[j], kind[j] = i, FLIGHT if flight <= rest else REST
-            # a start that costs more than contact up to here can never become the best again
+            # a start that costs more than contact up to here can never be the best later
             if best[i] + cost <= best[j]:
                 alive[kept] = i
                 kept += 1

@@ -1,7 +1,7 @@
-"""Whether blocks have the stated shape: with the true outline, how deep a block sinks in does not depend on its angle.
+"""Check of the stated shapes: with the true outline, the penetration of a block does not depend on its angle.
 
-The depth at the lowest point of each impact is fitted with the second and fourth harmonic of the angle between block
-and ground, which tell circles, squares and elongated blocks apart.
+The depth at the lowest point of each impact is fitted with harmonics of the angle between block and ground. The second
+and the fourth harmonic distinguish circles, squares and elongated blocks.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ Array = np.ndarray
 
 HARMONICS = (1, 2, 3, 4)
 TELLING_HARMONICS = (1, 3)  # indices of the second and the fourth harmonic
-FEWEST_IMPACTS = 20  # per block
-MOST_FRAMES = 40  # frames of an impact; a longer contact is a roll or a slide
-# in block radii (half of what a square shows that is stated as the circle around it), in standard errors
+FEWEST_IMPACTS = 20  # fewest impacts of a block
+MOST_FRAMES = 40  # most frames of an impact; longer contacts are rolling or sliding
+# least amplitude in block radii (half of that of a square stated as its circumscribed circle), and in standard errors
 LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
 LARGEST_CONDITION = 1.0e3
 LARGEST_DEVIATION = 6.0  # distance of a depth from the median, in median deviations
 
 
 def shape_remarks(data: FilmSegments, world: World) -> list[str]:
-    """A remark on each block whose depth in the ground depends on its angle as that of another shape would."""
+    """A remark on each block whose penetration depends on its angle, as with a wrong shape."""
     depth, angle, block = _lowest_points(data, world)
     remarks = []
     for b, name in enumerate(data.film.block_names):
-        own = block == b
-        if own.sum() >= FEWEST_IMPACTS and _depends(depth[own], angle[own]):
+        rows = block == b
+        if rows.sum() >= FEWEST_IMPACTS and _depends(depth[rows], angle[rows]):
             remarks.append(
                 f"the depth to which block {name} sinks into the ground depends on its angle: are its shape "
                 f"({world.blocks[name].shape}) and sizes right?"
@@ -66,13 +66,13 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
 
 
 def _depends(depth: Array, angle: Array) -> bool:
-    """If one of the telling harmonics of the depth is large and clear."""
+    """Whether the second or fourth harmonic of the depth is large and significant."""
     off = np.abs(depth - np.median(depth))
     use = off <= LARGEST_DEVIATION * np.median(off)
     waves = [wave(n * angle[use]) for n in HARMONICS for wave in (np.cos, np.sin)]
     design = np.column_stack([np.ones(use.sum()), *waves])
     freedom = len(design) - design.shape[1]
-    if freedom < 1 or np.linalg.cond(design) > LARGEST_CONDITION:  # the angles are too much alike
+    if freedom < 1 or np.linalg.cond(design) > LARGEST_CONDITION:  # the angles vary too little
         return False
     fitted = np.linalg.lstsq(design, depth[use], rcond=None)[0]
     variance = ((depth[use] - design @ fitted) ** 2).sum() / freedom

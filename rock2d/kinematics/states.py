@@ -1,8 +1,8 @@
 """States of the block in every flight, fitted in a given world, and the residuals of the flights.
 
-The world's view transforms recorded poses to true ones. Each flight is then the free motion of the world (a parabola,
-with air forces if the world has any) from a state fitted by least squares. The residuals are kept as coefficients of
-orthonormal polynomials in time of degree 2 and higher: an acceleration is degree 2, a jerk degree 3.
+The view of the world transforms recorded poses to true ones. Each flight is then the free motion in this world (a
+parabola, with air forces if there are any) from a state that is fitted by least squares. Residuals are coefficients of
+orthonormal polynomials in time of degree 2 and higher; degree 2 is an acceleration, degree 3 a jerk.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Array = np.ndarray
 
 RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
 FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
-FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the states' noise
-AIR_ROUNDS = 12  # rounds of the fit of a flight through air, whose forces depend on the state
-CONVERGED_SLOPE = 1e-3  # share of the noise of a frame: a smaller slope left in a flight does not matter
+FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the noise of the states
+AIR_ROUNDS = 12  # most iterations of the fit of a flight through air, whose forces depend on the state
+CONVERGED_SLOPE = 1e-3  # remaining slope at which the iteration ends, as a share of the noise of a frame
 LEAST_RESPONSE, MOST_RESPONSE = 0.03, 2.0  # change of a slope per change of the first velocity; 1 without air
 
 
@@ -132,7 +132,7 @@ def _bodies(world: World, blocks: Array) -> _Bodies:
 
 
 def free_motion_key(world: World) -> Hashable:
-    """All of a world that `fit_states` depends on."""
+    """Key of everything in a world on which `fit_states` depends."""
     bodies = [(*b.air, b.mass_kg, b.inertia_kg_m2, *b.centre_of_mass_m) for b in world.blocks.values()]
     return world.view, world.gravity_m_s2, tuple(bodies)
 
@@ -189,8 +189,9 @@ def _move_freely(q, dt, bodies, i):
 
 @njit
 def _follow(track, middle, q, t, bodies, i):
-    """Poses of body i at the instants t, in the rows of `track`, and its state at t = 0 in `middle`: from its state q
-    at the first instant, which becomes that at the last. Backwards, drag would magnify every error."""
+    """Integrate body i from its state q at the first instant to the last one, in place; write its poses at the instants
+    t into the rows of `track`, and its state at t = 0 into `middle`. Backward integration would amplify errors by
+    drag."""
     now = t[0]
     for f in range(t.size):
         if now < 0.0 <= t[f]:

@@ -1,4 +1,4 @@
-"""Gravity of a film that is not segmented yet: acceleration in windows of frames in which a block surely falls."""
+"""Gravity of a film before the segmentation: acceleration in windows of frames in which a block surely falls."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rock2d.records.columns import POSITION, X, Y
 
 Array = np.ndarray
 
-WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of the parabolas from which gravity is read
-FEWEST_WINDOWS = 20  # windows of one length
-CLEAR_CURVATURE = 8.0  # standard errors
-UNBIASED_CURVATURE = 12.0  # standard errors from which on the clear windows are all windows
-FEWEST_FALLING_RELEASES = 3  # whose accelerations must agree
-AGREEING_SPREAD = 0.1  # largest relative spread of accelerations of which most are those of free flights
-FREE_FALL_SPREAD = 0.03  # the same where noise hides stated gravity
-STEEP = 5.0  # steepness of a path, down over along: no ground is as steep
+WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # lengths in frames of the windows for fits of parabolas
+FEWEST_WINDOWS = 20  # fewest windows of one length
+CLEAR_CURVATURE = 8.0  # least curvature in standard errors
+UNBIASED_CURVATURE = 12.0  # curvature in standard errors at which the selection of clear windows has no bias
+FEWEST_FALLING_RELEASES = 3  # fewest releases whose accelerations agree
+AGREEING_SPREAD = 0.1  # largest relative spread of the accelerations of free flights
+FREE_FALL_SPREAD = 0.03  # the same if noise hides the stated gravity
+STEEP = 5.0  # steepness of a path, down over along; no ground is so steep
 # ratio of recorded to stated gravity in a film whose lengths and times may be right
 LEAST_RATIO, LARGEST_RATIO = 0.6, 1.6
 
@@ -49,8 +49,8 @@ class _Mode(NamedTuple):
 def window_gravity(experiment: Experiment, film: Film) -> Array | None:
     """(2,) acceleration in m/s² of blocks in free flight; None if too few fly, or if their accelerations disagree.
 
-    A short window may be the smooth turn of an impact. So the mode over the windows of one length counts, and of all
-    lengths the mode that is narrowest: free flights agree with each other.
+    A short window may be a smooth part of an impact. Therefore the result is a mode over the windows of one length, and
+    of all lengths the narrowest mode, because free flights agree with each other.
     """
     found: list[_Mode] = []
     beyond: list[_Mode] = []
@@ -91,8 +91,8 @@ def _mode(falls: _Falls) -> _Mode:
 def _falls(film: Film, window: int) -> _Falls:
     """The windows of frames that lie on a clearly curved parabola.
 
-    A block that slides or rolls may move as smoothly as one that flies, but straight along the ground. So the path must
-    bend, or be steeper than any ground.
+    A sliding or rolling block may move as smoothly as a flying one, but straight along the ground. So the path must be
+    bent, or steeper than any ground.
     """
     start = np.arange(0, len(film.t_s) - window, max(window // 2, 1))
     start = start[film.release[start] == film.release[start + window - 1]]

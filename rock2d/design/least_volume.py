@@ -63,7 +63,7 @@ class Combination:
 def check_varied(place: str, over: Mapping[str, tuple[float, float]]) -> None:
     """Raise InputError if too many numbers vary in addition to `place`, or if they do not belong to the earthworks."""
     if place in over:
-        raise InputError(f"{place} stands under --vary and under --over")
+        raise InputError(f"{place} is given to --vary and to --over")
     if len(over) > MOST_OTHERS:
         raise InputError(
             f"{len(over)} numbers are too many: vary at most {MOST_OTHERS} in addition to {place}"

@@ -1,6 +1,6 @@
-"""Bar charts of one row each as inline SVG: markers with intervals, bars, spans.
+"""Horizontal charts as inline SVG: markers with intervals, bars, spans.
 
-Positions are percentages: a chart fills the width that the page gives it, while markers and strokes keep their size.
+Positions are percentages: a chart fills the available width, while markers and strokes keep their size.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MARK_HEIGHT_PX = 12
-NARROW_LABEL = 24.0  # distance of tick labels on a phone, in % of the width
-# drawn about the origin; every model has another shape, so the chart can be read without colour
+NARROW_LABEL = 24.0  # least distance of tick labels on a phone, in % of the width
+# centred on the origin; the shapes differ so that the chart can be read without colour
 SHAPES = {
     "measured": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
     "base": "M0,-5L5,0L0,5L-5,0Z",
@@ -27,18 +27,19 @@ SHAPES = {
 
 @dataclass(frozen=True)
 class Axis:
-    """A scale from `low` to `high`: linear, or with `linear_to` linear up to there and logarithmic beyond."""
+    """A scale from `low` to `high`: linear, or with `linear_to` nearly linear up to this magnitude and logarithmic
+    beyond (asinh)."""
 
     low: float
     high: float
     linear_to: float = 0.0
 
     def at(self, value: float) -> float:
-        """Position of a value in % of the width; values beyond the ends lie at the ends."""
-        low, high, here = (self._bent(v) for v in (self.low, self.high, value))
+        """Position of a value in % of the width, limited to 0 and 100."""
+        low, high, here = (self._scaled(v) for v in (self.low, self.high, value))
         return float(np.clip(100.0 * (here - low) / (high - low), 0.0, 100.0))
 
-    def _bent(self, value: float) -> float:
+    def _scaled(self, value: float) -> float:
         return float(np.arcsinh(value / self.linear_to)) if self.linear_to else value
 
     def ticks(self) -> list[float]:
@@ -58,7 +59,7 @@ class Axis:
 
 
 def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
-    """A linear axis over the finite `values`, and over zero if `zero`, with a margin."""
+    """A linear axis that contains the finite `values`, and zero if `zero`, with a margin."""
     known = [v for v in values if np.isfinite(v)] + ([0.0] if zero else [])
     low, high = (min(known), max(known)) if known else (0.0, 1.0)
     room = 0.03 * (high - low) or 0.5 * abs(high) or 1.0
@@ -67,8 +68,8 @@ def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
 
 @dataclass(frozen=True)
 class Mark:
-    """One mark of a chart: a point with a whisker from low to high, a bar from zero, a step from low to high, or a
-    span with a tick in it.
+    """One mark of a chart. Its `kind` is "point" (with a whisker from low to high), "bar" (from zero), "step" (a bar
+    from low to high) or "span" (a line from low to high with a marker).
 
     `model` gives colour and shape ("measured" | "base" | "effect" | "plain"); `label` is the tooltip.
     """
@@ -82,7 +83,7 @@ class Mark:
 
 
 def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
-    """A chart with one line for each mark, from the top down."""
+    """A chart with one row for each mark, from the top down."""
     from markupsafe import Markup, escape
 
     height = MARK_HEIGHT_PX * max(len(marks), 1) + 8
@@ -114,7 +115,7 @@ def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
 
 
 def tick_labels(axis: Axis) -> Markup:
-    """The tick labels of the axis, as wide as a chart. Those that a phone has no room for are of class "tight"."""
+    """The tick labels of the axis, as wide as a chart. Labels that do not fit on a phone have the class "tight"."""
     from markupsafe import Markup
 
     labels: list[str] = []

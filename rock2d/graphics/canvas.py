@@ -1,6 +1,6 @@
-"""A pixel canvas (OpenCV; BGR, anti-aliased, sub-pixel): the view that it shows, lines, areas and text on it.
+"""Drawing on pixel images (OpenCV, BGR, anti-aliased, sub-pixel): views, lines, areas and text.
 
-A `Viewport` maps metres to pixels; pixel centres lie at whole numbers, row 0 is at the top.
+A `Viewport` maps metres to pixels; pixel centres have integer coordinates, row 0 is at the top.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PIXEL_FRACTION_BITS = 6  # fractional bits of cv2's fixed-point coordinates: 1/6
 
 @dataclass(frozen=True)
 class Viewport:
-    """A rectangle of `width_px` x `height_px` whose top left corner shows (left_m, top_m), equal aspect."""
+    """A view of `width_px` x `height_px` with equal aspect, whose top left corner shows (left_m, top_m)."""
 
     left_m: float
     top_m: float
@@ -51,9 +51,9 @@ class Viewport:
 
 
 def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m: float) -> Limits:
-    """The part of the cross-section to show: motion, measure lines and the ground's near corners.
+    """The part of the cross-section to show: the motion, the measure lines and the ground vertices near them.
 
-    Far ends of long facets are left out, so a small motion on a wide floor stays large.
+    The far ends of long facets are left out, so that a short motion on a wide floor is not drawn too small.
     """
     x, y = np.asarray(x_m, float), np.asarray(y_m, float)
     seen = np.isfinite(x) & np.isfinite(y)
@@ -79,7 +79,7 @@ def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m:
 
 
 def fitted_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
-    """The view that holds `limits` at equal aspect, with room for zone names below the ground."""
+    """The view that contains `limits` at equal aspect, with room for zone names below the ground."""
     wide, high = limits[1] - limits[0], limits[3] - limits[2]
     px_per_m = min(0.92 * width_px / max(wide, 1e-9), 0.78 * height_px / max(high, 1e-9))
     shown_m = height_px / px_per_m
@@ -89,7 +89,8 @@ def fitted_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
 
 
 def exact_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
-    """The view centred on `limits` that just holds them, equal aspect. ValueError if they are empty."""
+    """The smallest view with equal aspect that contains `limits`, centred on them. Raises ValueError if they are
+    empty."""
     wide, high = limits[1] - limits[0], limits[3] - limits[2]
     if not (wide > 0 and high > 0 and np.isfinite([*limits]).all()):
         raise ValueError(f"view must be x_min < x_max, y_min < y_max in m, got {limits}")
@@ -142,9 +143,8 @@ def draw_text(
     part = image[y0 : top + int(height) + 4, x0 : left + int(width) + 4]
     if part.size == 0:
         return
-    picture = Image.fromarray(
-        np.ascontiguousarray(part)
-    )  # PIL's "RGB" holds our BGR: order is kept throughout
+    # PIL takes BGR as RGB here; the order is the same on return
+    picture = Image.fromarray(np.ascontiguousarray(part))
     style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": bgr(halo)} if halo else {}
     ImageDraw.Draw(picture).text(
         (left - x0, top - y0 + 0.5 * height), text, bgr(colour), _font(size_px, bold), anchor="lm", **style
@@ -157,18 +157,18 @@ def _font(size_px: int, bold: bool) -> Any:
     import matplotlib
     from PIL import ImageFont
 
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"  # comes with matplotlib: no system font needed
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"  # part of matplotlib
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size_px)
 
 
 def fixed_point(points_px: Array) -> Array:
-    """Pixel coordinates as the fixed-point integers of cv2."""
-    limit = 2.0**23  # keeps coordinates far outside the canvas within cv2's integers
+    """Pixel coordinates as the fixed-point integers of OpenCV."""
+    limit = 2.0**23  # far outside the canvas, within the integers of OpenCV
     return np.rint(np.clip(points_px, -limit, limit) * 2**PIXEL_FRACTION_BITS).astype(np.int32)
 
 
 def in_image(points_px: Array, image: Array) -> bool:
-    """Whether the box around points meets the image."""
+    """Whether the bounding box of points overlaps the image."""
     high, wide = image.shape[:2]
     low, top = points_px.min(axis=0), points_px.max(axis=0)
     return bool(low[0] < wide and low[1] < high and top[0] > 0 and top[1] > 0)

@@ -1,4 +1,4 @@
-"""Clips: the motion of one block, simulated or measured, for videos."""
+"""Clips: the simulated or measured motion of one block, for videos."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 STEP_S = 1e-3
-MOST_BRIDGED_FRAMES = 6.0  # lost ones
+MOST_BRIDGED_FRAMES = 6.0  # consecutive lost frames through which a block is still drawn
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Clip:
     Attributes
     ----------
     block : name of the block
-    t_s, x_m, y_m, theta_rad : (n,) samples, times not decreasing; straight lines are drawn between them
-    label, colour : what the legend says, "#rrggbb" (default: the block's name and colour)
-    body : the block that is drawn (default: the one of that name)
-    max_gap_s : the block is hidden between samples farther apart than this (lost frames)
+    t_s, x_m, y_m, theta_rad : (n,) samples, times not decreasing; interpolated linearly
+    label, colour : text of the legend and "#rrggbb" (default: name and colour of the block)
+    max_gap_s : between samples farther apart than this (lost frames) the block is hidden
+    body : the block that is drawn (default: the one with the name `block`)
     """
 
     block: str
@@ -47,8 +47,8 @@ class Clip:
     body: Block | None = None
 
     def pose(self, t_s: float) -> tuple[float, float, float] | None:
-        """x_m, y_m, theta_rad at a time; None before the first sample and where frames are lost; after the
-        last sample the last pose."""
+        """x_m, y_m, theta_rad at a time. None before the first sample and where frames are lost; the last pose after
+        the last sample."""
         t = self.t_s
         if t_s < t[0] - 1e-9:
             return None
@@ -60,7 +60,7 @@ class Clip:
         return x, y, theta
 
     def path(self, start_s: float, end_s: float) -> list[Array]:
-        """The way of the centroid between two times: pieces of (n, 2) m, interrupted where frames are lost."""
+        """The path of the centroid between two times: pieces (n, 2) in m, interrupted where frames are lost."""
         start, end = max(start_s, float(self.t_s[0])), min(end_s, float(self.t_s[-1]))
         if end <= start:
             return []
@@ -77,8 +77,8 @@ class Clip:
 
 
 def clip_from_track(track: Track, *, body: Block | None = None) -> Clip:
-    """A clip of a simulated release, sampled every STEP_S and at every knot (straight lines between samples err by
-    g step²/8, a micrometre)."""
+    """A clip of a simulated release, sampled every STEP_S and at every knot. The error of linear interpolation is
+    g STEP_S² / 8, about a micrometre."""
     start, end = float(track.knots[0, TIME]), track.end_s
     count = int(np.ceil((end - start) / STEP_S)) + 1
     t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, TIME])
@@ -89,14 +89,16 @@ def clip_from_track(track: Track, *, body: Block | None = None) -> Clip:
 def clip_from_measured(rows: pd.DataFrame) -> Clip:
     """A clip of one filmed release from its rows `block, t_s, x_m, y_m, theta_rad`.
 
-    Lost frames (missing rows or empty cells) are bridged for drawing up to MOST_BRIDGED_FRAMES frame intervals.
-    Raises InputError if fewer than two frames are left, or rows of two releases are mixed.
+    Gaps of lost frames (missing rows or empty cells) up to MOST_BRIDGED_FRAMES frame intervals are interpolated.
+    Raises InputError if fewer than two frames are measured, or the rows belong to several releases.
     """
     if rows[[c for c in ("release", "block") if c in rows]].drop_duplicates().shape[0] > 1:
         raise InputError("a clip shows one release of one block; the rows given hold several")
     seen = rows[["t_s", "x_m", "y_m", "theta_rad"]].dropna().sort_values("t_s").to_numpy(float)
     if len(seen) < 2:
-        raise InputError(f"release {_named(rows)} has {len(seen)} measured frames, at least 2 are needed")
+        raise InputError(
+            f"release {_release_text(rows)} has {len(seen)} measured frames, at least 2 are needed"
+        )
     frame_s = float(np.median(np.diff(seen[:, 0])))
     block, theta, gap = (
         str(rows["block"].iloc[0]),
@@ -106,5 +108,5 @@ def clip_from_measured(rows: pd.DataFrame) -> Clip:
     return Clip(block, seen[:, 0], seen[:, 1], seen[:, 2], theta, "measured", MEASURED_COLOUR, gap)
 
 
-def _named(rows: pd.DataFrame) -> str:
+def _release_text(rows: pd.DataFrame) -> str:
     return f"{rows['release'].iloc[0]}" if len(rows) and "release" in rows else "(no rows)"

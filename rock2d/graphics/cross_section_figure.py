@@ -1,4 +1,4 @@
-"""A picture of a cross-section alone."""
+"""The figure of a cross-section."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ WIDE_IN, AXIS_IN = 7.5, 6.85
 def cross_section_figure(
     cross_section: CrossSection, title: str = "", release_m: tuple[float, float] | None = None
 ) -> Figure:
-    """The cross-section with its zones and measure lines, and the stations between which blocks start, to scale."""
+    """The cross-section with its zones and measure lines, drawn to scale.
+
+    `release_m`: the stations (m) between which blocks start; this part is marked.
+    """
     points = cross_section.points_m
     limits = motion_limits(cross_section, points[:, 0], points[:, 1], 0.0)
     high_in = float(

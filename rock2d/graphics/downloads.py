@@ -1,4 +1,4 @@
-"""Data of a page as a link that downloads a CSV: the data are inside the page."""
+"""Links that download a CSV whose data are inside the page."""
 
 from __future__ import annotations
 
@@ -12,19 +12,13 @@ from typing import Any
 import numpy as np
 
 SIGNIFICANT_DIGITS = 6
-FORMULA_SIGNS = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "\t",
-    "\r",
-)  # a text that begins with one would be a formula of a spreadsheet
+# a spreadsheet takes a text that begins with one of these as a formula
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
 class Download:
-    """A link: the name of the file, the data URI, the number of rows below the header."""
+    """A link: file name, data URI and the number of rows without the header."""
 
     name: str
     href: str
@@ -32,7 +26,7 @@ class Download:
 
 
 def download(name: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Download:
-    """A CSV with a header; numbers with SIGNIFICANT_DIGITS, missing ones empty."""
+    """A CSV with a header. Numbers have SIGNIFICANT_DIGITS; missing numbers are empty cells."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)

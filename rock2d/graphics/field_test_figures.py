@@ -1,4 +1,4 @@
-"""Figures of a field test: where blocks stopped and were expected to, and how many pass which distance."""
+"""Figures of a field test: measured and forecast stops, and the share of blocks that pass each distance."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ INTERVALS = ((0.05, 0.95, 1.5), (0.10, 0.90, 4.0), (0.25, 0.75, 8.0))  # from, t
 def stops_figure(
     ground: CrossSection, measured: Mapping[str, Array], expected: Mapping[str, Mapping[str, Array]]
 ) -> Figure:
-    """The mean section, and below it, for each block, measured distances (n,) and the samples (any shape) of each
-    forecast of it."""
+    """The mean section `ground`, and below it the stops of each block: `measured` distances (n,) in m, and the
+    `expected` samples (any shape, m) by block and by forecast."""
     figure = blank_figure(8.0, 3.0 + 0.75 * len(measured))
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 0.75 * len(measured) + 0.6])
     far = max(float(own.max()) for own in measured.values()) + 35.0
@@ -59,8 +59,10 @@ def stops_figure(
 
 
 def passing_figure(table: pd.DataFrame, names: Mapping[str, str]) -> Figure:
-    """Share of each block's releases that pass a distance, from `field_tests.scores.passing_table`; `names` are the
-    forecasts that are drawn, with their labels."""
+    """The share of the releases of each block that pass a distance.
+
+    `table` is that of `field_tests.scores.passing_table`; `names` gives the forecasts to draw and their labels.
+    """
     shown = table[table["forecast"].isin(list(names))]
     blocks = list(dict.fromkeys(shown["block"]))
     figure = blank_figure(3.0 * len(blocks) + 0.8, 3.4)

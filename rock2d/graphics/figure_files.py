@@ -1,4 +1,4 @@
-"""When the figures of a result are drawn: at once, in a second process while tables are written, or not at all."""
+"""Figures of a result as files: drawn immediately, in a second process while tables are written, or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Figures:
-    """Figures that are drawn at once. A file is drawn once, although several parts of a result may ask for it."""
+    """Figures that are drawn immediately. Each file is drawn once, even if several parts of a result request it."""
 
     wanted = True
 
@@ -27,14 +27,14 @@ class Figures:
         self._asked: set[Path] = set()
 
     def save(self, path: Path, draw: Draw, *given: Any) -> Path:
-        """Let the figure draw(*given) be a file, at the latest when `finish` ends."""
+        """Request the figure `draw(*given)` as a file; it exists when `finish` returns."""
         if path not in self._asked:
             self._asked.add(path)
             self._save(path, draw, given)
         return path
 
     def finish(self) -> None:
-        """Wait until all are files. Raises what a function raised that drew."""
+        """Wait until all files exist. Raises the exceptions of the functions that draw."""
 
     def _save(self, path: Path, draw: Draw, given: tuple[Any, ...]) -> None:
         from rock2d.graphics.figure_style import save_figure
@@ -43,7 +43,7 @@ class Figures:
 
 
 class NoFigures(Figures):
-    """No figure is drawn."""
+    """Draws no figure."""
 
     wanted = False
 
@@ -52,17 +52,17 @@ class NoFigures(Figures):
 
 
 class FiguresBeside(Figures):
-    """Figures that another process draws. It gives pictures and writes no file, so it leaves nothing half-written."""
+    """Figures that a second process draws. It returns pictures and writes no files, so none can be incomplete."""
 
     def __init__(self, submit: Callable[..., Future[Any]]) -> None:
         super().__init__()
         self._submit = submit
         self._waiting: dict[Path, tuple[Future[Any], Draw, tuple[Any, ...]]] = {}
-        submit(_load)
+        submit(_import_matplotlib)
 
     def finish(self) -> None:
-        """See `Figures`. Those that the other process has not begun are drawn here meanwhile, as are those on which it
-        died."""
+        """See `Figures`. This process draws the figures that the second process has not begun, and those during which
+        the second process ended."""
         waiting, self._waiting = self._waiting, {}
         for path, (future, draw, given) in reversed(waiting.items()):
             if future.cancel():
@@ -83,13 +83,13 @@ class FiguresBeside(Figures):
 
 @contextmanager
 def figures_beside() -> Iterator[Figures]:
-    """Figures that are drawn in a second process, which loads while this one does other work."""
+    """Figures that a second process draws; it starts and imports matplotlib in the background."""
     with second_process() as submit:
         yield FiguresBeside(submit)
 
 
-def _load() -> None:
-    """Import what figures need, before the first is asked for."""
+def _import_matplotlib() -> None:
+    """Import matplotlib before the first figure is requested."""
     from rock2d.graphics.figure_style import blank_figure
 
     blank_figure(1.0, 1.0)

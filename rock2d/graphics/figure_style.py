@@ -1,6 +1,6 @@
-"""The common look of figures: sizes, lines, frames, legends, and writing them whole.
+"""The common style of figures (sizes, lines, frames, legends), and writing them to files.
 
-Figures live outside any global state of matplotlib and show every text as it is.
+Figures do not use the global state of matplotlib (`pyplot`), and show text unchanged.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ FILE_DPI = 200  # resolution of figures that are files
 
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
-    """Write `figure` (format by suffix) beside `path` and rename it when whole.
+    """Write `figure` to `path`, completely or not at all; the suffix gives the format.
 
-    Raises InputError if the suffix is not a picture format.
+    Raises InputError if matplotlib does not know the suffix.
     """
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
@@ -35,7 +35,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
 
 
 def blank_figure(wide_in: float, high_in: float) -> Figure:
-    """An empty figure of this size in inches, outside any global state."""
+    """An empty figure of this size in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from rock2d.graphics.plain_figure import PlainFigure
@@ -46,7 +46,7 @@ def blank_figure(wide_in: float, high_in: float) -> Figure:
 
 
 def finish(figure: Figure, title: str = "") -> None:
-    """The common look: title, sizes of the labels, no frame at the top and on the right."""
+    """Apply the common style: title, label sizes, no frame line at the top and on the right."""
     if title:
         figure.suptitle(title, fontsize=TEXT_PT + 2, fontweight="bold")
     for axis in figure.axes:

@@ -1,4 +1,4 @@
-"""Data for the live views of pages, small enough to travel inside a page, and the scripts that show them."""
+"""Compact data for the live views of pages, and the scripts that show them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-STEPS = 65535  # values of a packed number
+STEPS = 65535  # steps of the 16-bit numbers of `packed_columns`
 
 
 def live_assets(name: str) -> dict[str, str]:
-    """The `script` and the style sheet `live_style` of a view: what all views share, then its own."""
+    """The `script` and the style sheet `live_style` of a view: the common part, then the part of this view."""
     return {
         "script": asset("live.js") + asset(f"{name}.js"),
         "live_style": asset("live.css") + asset(f"{name}.css"),
@@ -33,20 +33,21 @@ def compact(data: Any) -> str:
 
 
 def in_page(data: Any) -> str:
-    """JSON that can stand in a page: it holds no "<"."""
+    """JSON without "<", so that it can be part of an HTML page."""
     return compact(data).replace("<", "\\u003c")
 
 
 def packed(raw: bytes) -> str:
-    """Bytes as text: base64 of zlib."""
+    """Bytes as text: compressed by zlib, then in base64."""
     return base64.b64encode(zlib.compress(raw, 9)).decode()
 
 
 def packed_columns(values: Array) -> tuple[bytes, list[list[float]]]:
-    """Numbers (n, columns), which change little from row to row, as bytes; least value and span of each column.
+    """Pack numbers (n, columns) as bytes; returns these, and the minimum and the range of each column.
 
-    For each column the high and the low byte (n,) of the differences to the row before (modulo 2^16), in 1/STEPS of the
-    span.
+    A number is its distance from the minimum in 1/STEPS of the range. For each column, the bytes are the high bytes
+    (n,), then the low bytes (n,) of the differences to the previous row (modulo 2^16). These compress well if the
+    numbers change little from row to row.
     """
     low = values.min(axis=0)
     span = np.maximum(np.ptp(values, axis=0), 1e-9)
@@ -57,7 +58,7 @@ def packed_columns(values: Array) -> tuple[bytes, list[list[float]]]:
 
 
 def live_scene(ground: CrossSection) -> dict[str, Any]:
-    """What stands still: ground, zones, measure lines, and the colours."""
+    """The fixed parts of a live view: ground, zones, measure lines and colours."""
     tones = zone_tones(ground)
     return {
         "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],

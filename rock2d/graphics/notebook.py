@@ -1,4 +1,4 @@
-"""Pieces of HTML with which results show themselves in a notebook."""
+"""HTML with which results are displayed in a notebook."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def table_html(table: pd.DataFrame) -> str:
 
 
 def embedded_figure(figure: Figure) -> str:
-    """A picture that needs no file beside it."""
+    """An img element that holds the figure itself."""
     from rock2d.graphics.pages import embedded
 
     return f'<img src="{embedded(figure)}">'

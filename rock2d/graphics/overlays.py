@@ -1,4 +1,4 @@
-"""Figures that lay measured releases and their simulation over each other."""
+"""Figures that compare measured releases with their simulation."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def overlay_figure(
     releases: Sequence[int] | None = None,
     title: str = "",
 ) -> Figure:
-    """Measured (dots) against simulated (lines), a column for each release: the way with the outline of the block at
-    the start and the end, then height and orientation against time.
+    """Measured (dots) and simulated (lines), a column for each release: the path with the outline of the block at the
+    start and the end, then height and orientation against time.
 
-    `measured` has columns release, block, t_s, x_m, y_m, theta_rad, on the clock of the tracks. Without `releases`
-    (numbers, at most six are shown) those with the least, the median, the 90 % and the largest rms
-    distance are shown. Raises InputError if nothing measured has a track.
+    `measured` has the columns release, block, t_s, x_m, y_m, theta_rad, with the time of the tracks. `releases` are the
+    numbers to show, at most six; default: the releases with the least, the median, the 90th percentile and the largest
+    rms distance. Raises InputError if no measured release, or none of `releases`, has a track.
     """
     pairs = _pairs(measured, simulated)
-    shown, notes = _chosen(pairs, releases)
+    shown, notes = _selected(pairs, releases)
     columns = len(shown)
     points = [(p[0][["x_m", "y_m"]].to_numpy(float), positions_of(p[1], p[0]["t_s"].max())) for p in shown]
     unit, factor = ("mm", 1e3) if max(np.ptp(a, axis=0).max() for a, _ in points) < 1.0 else ("m", 1.0)
@@ -137,10 +137,10 @@ def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.
     return pairs
 
 
-def _chosen(
+def _selected(
     pairs: list[tuple[pd.DataFrame, Track]], releases: Sequence[int] | None
 ) -> tuple[list[tuple[pd.DataFrame, Track]], list[str]]:
-    """The pairs shown and a note for each."""
+    """The pairs to show and a note for each."""
     rms = np.empty(len(pairs))
     for i, (rows, track) in enumerate(pairs):
         apart = track.states(rows["t_s"].to_numpy(float))[:, :2] - rows[["x_m", "y_m"]].to_numpy(float)

@@ -1,4 +1,4 @@
-"""HTML pages of results: one file each, with their figures inside, without network."""
+"""HTML pages of results: one file each that contains its figures and needs no network."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 PAGE_INK, PAGE_ACCENT, PAGE_WARM, PAGE_RULE = "#2b2b2b", "#0072b2", "#d55e00", "#bbbbbb"
 PAGE_FIGURE_DPI = 110  # resolution of embedded PNG pictures
-SVG_DPI = 150  # resolution of the parts of an SVG that are pixels
+SVG_DPI = 150  # resolution of pixel images inside an SVG
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure inside a page (its data URI), with words for those who do not see it."""
+    """A figure inside a page: its data URI, the alternative text and the caption."""
 
     source: str
     alt: str
@@ -35,7 +35,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; `data` are the full numbers, to download."""
+    """A table of texts; `data` is a download of the unrounded numbers."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -46,13 +46,13 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page, in the order of its fields. What is missing is left out; all text is escaped, and what stands
-    in backticks of texts and items is code.
+    """A part of a page, in the order of its fields; empty fields are left out. All text is escaped; text in backticks
+    is code.
 
     Attributes
     ----------
-    texts, items : paragraphs, and bullets of a list
-    video : file beside the page
+    texts, items : paragraphs, and items of a list
+    video : name of a file in the folder of the page
     """
 
     title: str = ""
@@ -64,13 +64,15 @@ class Section:
 
 
 def page(title: str, sections: Sequence[Section]) -> str:
-    """A whole page."""
+    """A complete HTML page."""
     return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections}, {})
 
 
 def live_page(title: str, above: Sequence[Section], name: str, live: object, below: Sequence[Section]) -> str:
-    """A whole page with a live view between its sections: template and script of the view are `name`.html.j2 and .js,
-    `live` is what the template shows."""
+    """A complete HTML page with a live view between the sections `above` and `below`.
+
+    The files of the view are `name`.html.j2, .js and .css; `live` holds the values for the template.
+    """
     view = {"live": live, "view": f"{name}.html.j2", **live_assets(name)}
     context = {"title": title, "sections": above, "below": below, **view}
     return rendered("rock2d.graphics", "live_sections.html.j2", context, {})
@@ -84,7 +86,7 @@ def drawn(figure: Figure, alt: str, image_format: str = "png") -> Picture:
 def embedded(figure: Figure, image_format: str = "png") -> str:
     """The data URI of a figure, for `src` of an img element; `image_format` is "png" or "svg".
 
-    The text of an SVG is drawn as paths, so that the reader needs no font.
+    The text of an SVG is drawn as paths, so that it looks the same without the font.
     """
     import matplotlib
 
@@ -98,8 +100,8 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
 
 
 def embedded_picture(path: Path) -> str:
-    """The data URI of a figure that `save_figure` has written as PNG, reduced to the size for pages: to draw it once
-    more would take much longer."""
+    """The data URI of a PNG that `save_figure` has written, reduced to the size for pages. This is much faster than
+    drawing the figure again."""
     from PIL import Image
 
     from rock2d.graphics.figure_style import FILE_DPI
@@ -121,6 +123,6 @@ def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Fig
 
     figure = blank_figure(width_in, height_in)
     axes = list(np.atleast_1d(figure.subplots(1, columns)))
-    for own in axes:
-        own.spines[["top", "right"]].set_visible(False)
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
     return figure, axes

@@ -1,4 +1,4 @@
-"""Colours shared by video and figures: Okabe & Ito's set for blocks, muted earth tones for zones."""
+"""Colours of videos and figures: the set of Okabe & Ito for blocks, muted earth tones for zones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEADER_INK = "#8a8578"
 
 
 def block_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour a block, in the order of `names`."""
+    """A colour for each block, in the order of `names`."""
     return {name: BLOCK_COLOURS[i % len(BLOCK_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
@@ -27,6 +27,6 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def mixed(colour: str, other: str, share: float) -> str:
-    """`colour` with a `share` (0-1) of `other` in it."""
+    """The mixture of (1 - share) `colour` and `share` `other`, for `share` from 0 to 1."""
     pairs = zip(rgb(colour), rgb(other), strict=True)
     return "#" + "".join(f"{round((1 - share) * a + share * b):02x}" for a, b in pairs)

@@ -1,4 +1,4 @@
-"""A figure of matplotlib that shows every text as it is."""
+"""A matplotlib figure that never reads text as mathematics."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from matplotlib.text import Text
 
 
 class PlainFigure(Figure):
-    """A figure whose texts are shown as they are: a `$` in a name is no mathematics."""
+    """A figure that shows text unchanged: `$` in a name does not begin a formula."""
 
     def draw(self, renderer: Any) -> None:
         for text in self.findobj(Text):
             text.set_parse_math(False)
         layout = self.get_layout_engine()
-        # before it draws a figure into a file, `savefig` draws it for the sake of the layout alone
+        # `savefig` first calls `draw` only to compute the layout
         if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
             for axes in self.axes:
                 axes.apply_aspect()

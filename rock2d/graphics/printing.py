@@ -1,4 +1,4 @@
-"""Pages as PDF, by WeasyPrint, which is optional."""
+"""Write pages as PDF with WeasyPrint, an optional package."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ EXTRA = "pip install 'rock2d[pdf]'"
 
 
 def check_printer() -> None:
-    """Raises InputError if WeasyPrint, or a library of the system that it needs, is not there."""
+    """Raise InputError if WeasyPrint, or a system library that it needs, is missing."""
     try:
         import weasyprint  # noqa: F401
     except ImportError:
         raise InputError(
             f"a PDF needs WeasyPrint: {EXTRA}", code="missing_package", package="weasyprint"
         ) from None
-    except OSError as error:  # Pango is no Python package
+    except OSError as error:  # pip does not install Pango
         message = f"WeasyPrint does not find a library that it needs: {str(error).splitlines()[0]}"
         raise InputError(message, code="missing_package", package="weasyprint") from None
 
 
 def write_pdf(page: str, path: Path) -> None:
-    """A page as PDF; nothing is fetched from elsewhere."""
+    """Write a page as PDF, without access to files or the network. Raises InputError as `check_printer` does."""
     check_printer()
     from weasyprint import HTML
     from weasyprint.urls import URLFetcher

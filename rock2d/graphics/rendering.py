@@ -1,4 +1,4 @@
-"""Pages from templates, with one style; when, by what and with which version they were made."""
+"""Pages from templates with a common style, and the date, version and command that they state."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rock2d.errors import InputError
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-DATE_VARIABLE = "SOURCE_DATE_EPOCH"  # seconds since 1970, for pages that are the same at every run
+DATE_VARIABLE = "SOURCE_DATE_EPOCH"  # seconds since 1970; set it to get identical pages at every run
 
 
 @dataclass(frozen=True)
 class Made:
-    """When and how a page was made; `seed` is None if nothing was drawn, else the seed and what it is for."""
+    """When and how a page was made; `seed` says the seed and what it is for, None without random numbers."""
 
     date: str
     version: str
@@ -30,16 +30,16 @@ class Made:
 
     @classmethod
     def now(cls, command: str, seed: str | None) -> Made:
-        """By this version of rock2d, at `page_date()`."""
+        """With this version of rock2d, at `page_date()`."""
         from rock2d.version import __version__
 
         return cls(page_date(), __version__, command, seed)
 
 
 def page_date() -> str:
-    """Now in UTC, or the instant of SOURCE_DATE_EPOCH if that is set.
+    """The present time in UTC, or the time in SOURCE_DATE_EPOCH if that is set.
 
-    Raises `InputError` if SOURCE_DATE_EPOCH is no number of seconds.
+    Raises InputError if SOURCE_DATE_EPOCH is not a whole number of seconds.
     """
     stated = os.environ.get(DATE_VARIABLE)
     try:
@@ -51,7 +51,7 @@ def page_date() -> str:
 
 
 def coded(line: str) -> Markup:
-    """A text as HTML: escaped, with what stands in backticks as code and line breaks where it has them."""
+    """A text as HTML: escaped, text in backticks as code, line breaks kept."""
     from markupsafe import Markup, escape
 
     if "\n" in line:
@@ -64,33 +64,33 @@ def coded(line: str) -> Markup:
 
 
 def breakable(name: str) -> Markup:
-    """A name as HTML that may be broken behind its underscores."""
+    """A name as HTML that a browser may break after its underscores."""
     from markupsafe import Markup, escape
 
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
 def css_text(text: str) -> Markup:
-    """A text as a string of a style sheet, which can hold no markup: all but letters and digits are escaped."""
+    """A text as a string of a style sheet; all characters but letters and digits are escaped."""
     from markupsafe import Markup
 
     return Markup('"' + "".join(c if c.isalnum() else f"\\{ord(c):x} " for c in text) + '"')
 
 
 def asset(name: str) -> str:
-    """The text of a script or a style sheet of `rock2d.graphics`."""
+    """The text of a script or a style sheet in the folder of `rock2d.graphics`."""
     return files("rock2d.graphics").joinpath(name).read_text(encoding="utf-8")
 
 
 def source_hash(script: str) -> str:
-    """What a content security policy calls a script by that stands in the page."""
+    """The hash by which a content security policy allows an inline script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
 def rendered(
     package: str, template: str, context: Mapping[str, Any], filters: Mapping[str, Callable[..., Any]]
 ) -> str:
-    """A page from a template in the folder of a package; `style` and the template made.html.j2 are given to it."""
+    """A page from a template in the folder of a package; it can use `style` and the templates of `rock2d.graphics`."""
     import jinja2
 
     folders = (files(package), files("rock2d.graphics"))

@@ -24,10 +24,10 @@ Array = np.ndarray
 
 
 def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
-    """Simulated minus measured, a column a channel: median and 10-90 % band against the time since the start
-    of each release, and the distribution at the end of each release.
+    """Simulated minus measured, a column for each channel: median and 10-90 % band against the time since the start
+    of the release, and the distribution at the end of the releases.
 
-    `residuals` has columns release, block, t_s, dx_m, dy_m, dtheta_rad. Raises InputError if it is empty.
+    `residuals` has the columns release, block, t_s, dx_m, dy_m, dtheta_rad. Raises InputError if no row is complete.
     """
     channels = ["dx_m", "dy_m", "dtheta_rad"]
     rows = residuals.dropna(subset=[*channels, "t_s"])
@@ -55,7 +55,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
             finals[name] = values.groupby(own["release"]).last().to_numpy(float)
             quantiles = values.groupby(own["since_s"]).quantile([0.1, 0.5, 0.9]).unstack()
             count = values.groupby(own["since_s"]).size()
-            quantiles = quantiles[count >= min(5, count.max())]  # no band of a few long releases
+            quantiles = quantiles[count >= min(5, count.max())]  # a few long releases give no band
             t, colour = quantiles.index.to_numpy(float), colours[name]
             over.fill_between(t, quantiles[0.1], quantiles[0.9], color=colour, alpha=0.22, lw=0)
             style = LINESTYLES[i % len(LINESTYLES)]
@@ -85,7 +85,8 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
 
 
 def _histogram(axis: Any, values: Mapping[str, Array], colours: Mapping[str, str]) -> None:
-    """Counts in common bins over the middle 98 %, outlines for several blocks; says what lies beyond."""
+    """Counts in common bins over the middle 98 %, as outlines if there are several blocks; a note gives the number
+    beyond the bins."""
     every = np.concatenate(list(values.values()))
     low, high = np.quantile(every, [0.01, 0.99]) if len(every) >= 50 else (every.min(), every.max())
     if high - low < 1e-12 * max(1.0, abs(high)):

@@ -1,4 +1,4 @@
-"""What canvases show: the cross-section with its zones and measure lines, their names, blocks."""
+"""Draw the cross-section with its zones, measure lines and names, and blocks, on pixel images."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ Array = np.ndarray
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
 SHADES = 64  # shades of a tone, from the surface to the deep ground
-BUSY_PX = 3  # around the name of a measure line, where paths count as crossing it
-LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the way of the line
-LABEL_STOREYS = 4
+BUSY_PX = 3  # paths this near to the name of a measure line count as crossing it
+LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the direction of the line
+LABEL_LEVELS = 4
 
 
 def zone_tones(cross_section: CrossSection) -> dict[str, str]:
@@ -42,10 +42,10 @@ def zone_tones(cross_section: CrossSection) -> dict[str, str]:
 def ground_image(
     cross_section: CrossSection, view: Viewport, depth_px: float, *, surface_px: float = 2.0
 ) -> Array:
-    """The cross-section as a BGR image (height_px, width_px, 3): sky, ground tinted by the zone of the
-    nearest facet down to about `depth_px`, surface line.
+    """The cross-section as a BGR image (height_px, width_px, 3): sky, ground, surface line.
 
-    By nearest facet, so that vertical facings and overhangs are tinted as well as slopes.
+    Down to about `depth_px`, the ground has the tone of the zone of the nearest facet; this also holds at vertical
+    facings and overhangs.
     """
     pad = int(1.8 * depth_px) + 2
     surface = view.pixels(cross_section.points_m) + pad
@@ -72,21 +72,20 @@ def ground_image(
     inside = np.zeros(canvas, np.uint8)
     cv2.fillPoly(inside, [fixed_point(np.vstack([surface, floor]))], 1, cv2.LINE_8, PIXEL_FRACTION_BITS)
 
-    # a table of colours: those of each zone by depth, then the sky's
+    # the colours of each zone by depth, then the colour of the sky
     level = np.clip((1.6 - depth / depth_px) * (SHADES - 1), 0, SHADES - 1).astype(np.int32)
     share = np.linspace(0.0, 1.0, SHADES)[:, None]
     shades = [share * bgr(tone) + (1 - share) * bgr(DEEP_GROUND) for tone in zones.values()]
     colours = np.rint(np.vstack([*shades, bgr(SKY)])).astype(np.uint8)
     image = colours[np.where(inside[seen], near * SHADES + level, len(colours) - 1)]
-    image = np.asarray(
-        cv2.GaussianBlur(image, (3, 3), 0), np.uint8
-    )  # edges between tones; the line hides the rest
+    # smooths the borders between tones
+    image = np.asarray(cv2.GaussianBlur(image, (3, 3), 0), np.uint8)
     polyline(image, view.pixels(cross_section.points_m), INK, surface_px)
     return image
 
 
 def draw_measure_lines(image: Array, cross_section: CrossSection, view: Viewport, thick_px: float) -> None:
-    """Dashed measure lines."""
+    """Draw the measure lines, dashed."""
     for line in cross_section.measure_lines.values():
         a, b = view.pixels(line)
         length = float(np.hypot(*(b - a)))
@@ -98,7 +97,7 @@ def draw_measure_lines(image: Array, cross_section: CrossSection, view: Viewport
 
 @dataclass(frozen=True)
 class PlacedName:
-    """A placed name: the box of its text and, where the name is not beside its object, a leader line."""
+    """A name with the box of its text and, if it is away from its object, a leader line."""
 
     text: str
     box: Box
@@ -109,8 +108,8 @@ class PlacedName:
 def placed_names(
     cross_section: CrossSection, view: Viewport, size_px: int, avoid_px: Array | None = None
 ) -> list[PlacedName]:
-    """Places for the names of zones (under the ground) and of measure lines (beside their ends, off the
-    points `avoid_px` where possible). A zone's name that finds no room in the view is left out."""
+    """Places for the names of zones (below the surface) and of measure lines (near their ends, if possible away from
+    the points `avoid_px` (n, 2)). The name of a zone is left out if there is no room."""
     names: list[PlacedName] = []
     taken: list[Box] = []
     gap = 0.4 * size_px
@@ -133,14 +132,14 @@ def placed_names(
         names.append(PlacedName(text, box, NAME_INK, leader))
     busy = np.empty((0, 2)) if avoid_px is None else avoid_px
     for text, ends in _line_names(cross_section, view, size_px):
-        box = _line_label(ends, surface, text_size(text, size_px), gap, taken, bounds, busy)
+        box = _measure_line_box(ends, surface, text_size(text, size_px), gap, taken, bounds, busy)
         taken.append(box)
         names.append(PlacedName(text, box, LINE_INK))
     return names
 
 
 def draw_names(image: Array, names: Sequence[PlacedName], size_px: int) -> None:
-    """Names on a canvas; those of measure lines, which lie in the air, with a halo."""
+    """Draw names; names of measure lines, which are in the air, have a halo."""
     for name in names:
         if name.leader_px is not None:
             polyline(image, name.leader_px, LEADER_INK, 1.0)
@@ -151,8 +150,10 @@ def draw_names(image: Array, names: Sequence[PlacedName], size_px: int) -> None:
 def draw_block(
     image: Array, view: Viewport, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
 ) -> None:
-    """Draw `block` at `pose` (x_m, y_m, theta_rad): "solid" with an orientation mark (a pale half and a dot
-    on a smooth profile, a pale corner on a polygon), "ghost" (translucent) or "hollow" (outline)."""
+    """Draw `block` at `pose` (x_m, y_m, theta_rad), "solid", "ghost" (translucent) or "hollow" (outline).
+
+    A solid block has an orientation mark: a pale half and a dot on a smooth profile, a pale corner on a polygon.
+    """
     x, y, theta = pose
     turn = np.array([[np.cos(theta), np.sin(theta)], [-np.sin(theta), np.cos(theta)]])
 
@@ -200,7 +201,7 @@ def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
 
 
 def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -> list[tuple[str, Array]]:
-    """Zone name and anchor (middle of what is seen, px) of each run of facets of one zone."""
+    """Zone name and anchor (middle of the visible part, px) of each run of facets of one zone."""
     runs: list[tuple[str, list[Array]]] = []
     for i, zone in enumerate(cross_section.zones):
         a, b = surface[i], surface[i + 1]
@@ -253,7 +254,7 @@ def _line_names(cross_section: CrossSection, view: Viewport, near_px: float) -> 
     return [(", ".join(names).replace("_", " "), ends) for names, ends in groups]
 
 
-def _line_label(
+def _measure_line_box(
     ends: Array,
     surface: Array,
     size: tuple[float, float],
@@ -262,21 +263,22 @@ def _line_label(
     bounds: Box,
     busy: Array,
 ) -> Box:
-    """Where a measure line's name goes: near its end farther from the ground, off other names and `busy`."""
+    """The box for the name of a measure line: near the end farther from the ground, away from other names and from
+    the points `busy` (n, 2)."""
     away = [_distance(surface, end) for end in ends]
     tip, root = (ends[0], ends[1]) if away[0] >= away[1] else (ends[1], ends[0])
     along = (tip - root) / max(1e-9, float(np.hypot(*(tip - root))))
-    storey = 1.2 * size[1]  # names of lines that are close together stand one above the other
+    level_px = 1.2 * size[1]  # names of neighbouring lines are placed one above the other
     # no place of the name reaches farther from the tip
-    reach = gap + sum(size) + LABEL_STOREYS * storey + BUSY_PX
+    reach = gap + sum(size) + LABEL_LEVELS * level_px + BUSY_PX
     busy_x, busy_y = busy[
         (np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)
     ].T.copy()
     best, least = None, np.inf
-    for order, (level, turn) in enumerate(itertools.product(range(LABEL_STOREYS), LABEL_TURNS_RAD)):
+    for order, (level, turn) in enumerate(itertools.product(range(LABEL_LEVELS), LABEL_TURNS_RAD)):
         c, s = np.cos(turn), np.sin(turn)
         way = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1]])
-        far = gap + level * storey + 0.5 * (abs(way[0]) * size[0] + abs(way[1]) * size[1])
+        far = gap + level * level_px + 0.5 * (abs(way[0]) * size[0] + abs(way[1]) * size[1])
         x, y = tip + way * far
         box = (x - 0.5 * size[0], y - 0.5 * size[1], x + 0.5 * size[0], y + 0.5 * size[1])
         outside = box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]
@@ -285,7 +287,7 @@ def _line_label(
         cost = 1e6 * outside + 1e5 * sum(_overlap(box, other) for other in taken) + 1e4 * (hidden or on_line)
         cost += order
         if cost >= least:
-            continue  # whatever it crosses
+            continue  # crossed paths only add to the cost
         left, top, right, bottom = box[0] - BUSY_PX, box[1] - BUSY_PX, box[2] + BUSY_PX, box[3] + BUSY_PX
         crossed = (busy_x > left) & (busy_x < right) & (busy_y > top) & (busy_y < bottom)
         cost += 10.0 * min(int(crossed.sum()), 500)

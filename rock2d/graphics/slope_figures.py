@@ -1,4 +1,4 @@
-"""Figures of what blocks do along a slope: envelopes, stops, and distributions at the measure lines."""
+"""Figures of block motion along a slope: envelopes, stops, and distributions at the measure lines."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ LARGE_ENERGY_J = 1000.0  # from here on energies are shown in kJ
 
 
 def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Figure:
-    """Height above the ground, speed and energy along the slope, below the cross-section: the percentiles of
-    `indicators.envelopes`, a colour for each block, a line for each percentile, a band for the interval of the 95th."""
+    """Percentiles of height above the ground, speed and energy along the slope, below the cross-section: a colour for
+    each block, a line for each percentile, and a band for the 95 % interval of the 95th percentile.
+
+    `envelopes` is the table of `indicators.envelopes`.
+    """
     names = list(envelopes["block"].unique())
     scale, unit = energy_unit(
         envelopes.loc[envelopes["quantity"] == "kinetic_J", "value"].max() if len(names) else 0.0
@@ -65,7 +68,7 @@ def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Fi
 
 
 def stops_figure(cross_section: CrossSection, stops: pd.DataFrame) -> Figure:
-    """How many releases of each block ended where, below the cross-section; `stops` as the indicator gives them."""
+    """Histogram of the stops of each block, below the cross-section; `stops` is the table of the indicator."""
     names = list(stops["block"].unique())
     figure, axes, (left, right) = _below_section(cross_section, 1)
     colours = block_colours(names)
@@ -116,12 +119,12 @@ def distributions_figure(
 
 
 def energy_unit(largest_J: float) -> tuple[float, str]:
-    """Factor on energies in J and the unit that goes with it: kJ where kJ are usual."""
+    """Factor for energies in J and the resulting unit, J or kJ."""
     return (1e-3, "kJ") if largest_J >= LARGE_ENERGY_J else (1.0, "J")
 
 
 def _below_section(cross_section: CrossSection, panels: int) -> tuple[Figure, list[Any], tuple[float, float]]:
-    """A figure with the cross-section on top, axes below it that share its x, and the limits of x."""
+    """A figure with the cross-section on top, the axes below it (they share its x axis), and the limits of x."""
     points = cross_section.points_m
     limits = (points[:, 0].min(), points[:, 0].max(), points[:, 1].min(), points[:, 1].max())
     high_in = float(np.clip(AXIS_IN * (limits[3] - limits[2]) / (limits[1] - limits[0]) + 0.3, 0.9, 3.6))

@@ -1,7 +1,7 @@
-"""Paths of many releases in few points, small enough to travel inside a page.
+"""The paths of many releases with few points, for the data of a page.
 
-A flight needs its two ends alone: with the gravity and the time between them they give its parabola. Contacts and
-flights so short that they look straight are thinned as polylines (Douglas and Peucker 1973), as functions of time.
+A flight needs two points: with gravity and the time between them they define its parabola. Contacts, and flights that
+are nearly straight, are simplified as polylines in time (Douglas and Peucker 1973).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from rock2d.records.track import Track
 
 Array = np.ndarray
 
-TYPICAL_SPEED_M_S = 10.0  # by which a time counts as a length where paths are thinned
-AT_ONCE = 500  # tracks that are thinned in one go
+TYPICAL_SPEED_M_S = 10.0  # converts time to length where polylines in time are simplified
+TRACKS_PER_BATCH = 500
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ThinnedPaths:
     Attributes
     ----------
     instants : (n, 3) t_s, x_m, y_m
-    arc : (n,) bool, True where a parabola leads from this point to the next, else a straight line
+    arc : (n,) bool, True if the path from this point to the next is a parabola, False if it is a straight line
     counts : (paths,) points of each path
     """
 
@@ -37,22 +37,28 @@ class ThinnedPaths:
     counts: Array
 
     def subset(self, wanted: Sequence[int]) -> ThinnedPaths:
-        """Some of the paths, in the order in which they stand here."""
+        """The paths with these numbers, in their order here."""
         chosen = np.zeros(len(self.counts), bool)
         chosen[list(wanted)] = True
         kept = np.repeat(chosen, self.counts)
         return ThinnedPaths(self.instants[kept], self.arc[kept], self.counts[chosen])
 
     def packed(self) -> tuple[str, list[list[float]]]:
-        """The points as text, and the least value and the span of t_s, x_m and y_m: `packed_columns`, then `arc`."""
+        """The points as text (the bytes of `packed_columns`, then `arc`), and the minimum and the range of t_s, x_m
+        and y_m."""
         rows, scales = packed_columns(self.instants)
         return packed(rows + self.arc.astype(np.uint8).tobytes()), scales
 
 
 def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
-    """The paths of tracks (at least one), mostly off by less than `tolerance_m`, where blocks are fast by up to three
-    times that."""
-    parts = [_thinned(tracks[i : i + AT_ONCE], tolerance_m) for i in range(0, len(tracks), AT_ONCE)]
+    """The simplified paths of tracks (at least one).
+
+    The error is mostly below `tolerance_m`, and up to three times that where blocks are fast.
+    """
+    parts = [
+        _thinned(tracks[i : i + TRACKS_PER_BATCH], tolerance_m)
+        for i in range(0, len(tracks), TRACKS_PER_BATCH)
+    ]
     return ThinnedPaths(
         *(np.concatenate([getattr(p, name) for p in parts]) for name in ("instants", "arc", "counts"))
     )
@@ -61,10 +67,10 @@ def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
 def _thinned(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
     instants = np.concatenate([track.knots[:, [TIME, INSTANT_X, INSTANT_Y]] for track in tracks])
     sizes = np.array([len(track.knots) for track in tracks])
-    flies = np.concatenate([np.append(track.flight[: len(track.knots) - 1], False) for track in tracks])
-    lasts_s = np.append(np.diff(instants[:, 0]), 0.0)
+    in_flight = np.concatenate([np.append(track.flight[: len(track.knots) - 1], False) for track in tracks])
+    duration_s = np.append(np.diff(instants[:, 0]), 0.0)
     gravity = np.repeat([track.gravity_m_s2 for track in tracks], sizes)
-    arc = flies & (gravity * lasts_s**2 / 8.0 > tolerance_m)  # what a parabola sags below its chord
+    arc = in_flight & (gravity * duration_s**2 / 8.0 > tolerance_m)  # the parabola's height above its chord
     last = np.zeros(len(instants), bool)
     last[np.cumsum(sizes) - 1] = True
     run = np.concatenate([[0], np.cumsum((arc | last)[:-1])])  # knots between two parabolas
@@ -74,7 +80,10 @@ def _thinned(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
 
 
 def _polyline_vertices(instants: Array, run: Array, tolerance_m: float) -> Array:
-    """(n,) bool, which instants (n, 3) are kept of polylines; `run` (n,) numbers these. Their ends are kept."""
+    """Which vertices of polylines to keep, (n,) bool; the ends are kept.
+
+    `instants` (n, 3) are the vertices, `run` (n,) the number of the polyline of each.
+    """
     import shapely
 
     kept = np.bincount(run)[run] <= 2
@@ -83,15 +92,16 @@ def _polyline_vertices(instants: Array, run: Array, tolerance_m: float) -> Array
         return kept
     _, line = np.unique(run[rest], return_inverse=True)
     t, x, y = instants[rest].T
-    for way in (x, y):  # as functions of time; the third coordinate tells which vertices remain
-        lines = shapely.linestrings(np.column_stack([TYPICAL_SPEED_M_S * t, way, rest]), indices=line)
+    for coordinate in (x, y):  # the third coordinate of the lines tells which vertices remain
+        lines = shapely.linestrings(np.column_stack([TYPICAL_SPEED_M_S * t, coordinate, rest]), indices=line)
         remain = shapely.simplify(lines, tolerance_m, preserve_topology=False)
         kept[shapely.get_coordinates(remain, include_z=True)[:, 2].astype(np.int64)] = True
     return kept
 
 
 def largest_energies_J(tracks: Iterable[Track], masses: Iterable[tuple[float, float]]) -> Array:
-    """(n,) largest kinetic energy of each track at its knots; `masses`: mass in kg and moment of inertia in kg m²."""
+    """The largest kinetic energy of each track at its knots, (n,) J; `masses`: mass (kg) and moment of inertia (kg m²)
+    of its block."""
     found = []
     for track, (mass_kg, inertia_kg_m2) in zip(tracks, masses, strict=True):
         vx, vy, omega = track.knots[:, INSTANT_VX : INSTANT_OMEGA + 1].T

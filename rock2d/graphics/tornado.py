@@ -1,4 +1,4 @@
-"""Tornado figure: how much of the spread of a result each unknown value makes."""
+"""Tornado figure: the part of the variance of a result that each uncertain parameter causes."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ BAR_HIGH_IN, PANEL_WIDE_IN = 0.3, 3.2
 
 
 def told_apart(sensitivity: pd.DataFrame) -> pd.DataFrame:
-    """The rows of each block and line whose largest total index is larger than every 95 % error of them: what a tornado
-    figure can show."""
+    """The rows of `sensitivity` that a tornado figure can show: for a block and a line, the largest total index must be
+    larger than every 95 % error."""
     panels = sensitivity.groupby(["block", "line"])
     return sensitivity[panels["total"].transform("max") > panels["total_error95"].transform("max")]
 
 
 def tornado_figure(sensitivity: pd.DataFrame) -> Figure:
-    """Bars of the total Sobol index of each parameter with its 95 % error, a row of panels for each line and a panel
-    for each block; `sensitivity` as `design.uncertainty.sensitivity_table` gives it. An index that is not larger than
-    its error has no bar."""
+    """Bars of the total Sobol index of each parameter with its 95 % error: a row of panels for each line, a column for
+    each block. An index that is not larger than its error has no bar.
+
+    `sensitivity` is the table of `design.uncertainty.sensitivity_table`.
+    """
     blocks, lines = sensitivity["block"].unique(), sensitivity["line"].unique()
     mean = sensitivity.groupby("parameter")["total"].mean().sort_values()
     names = list(mean.index)
@@ -62,7 +64,7 @@ def tornado_figure(sensitivity: pd.DataFrame) -> Figure:
 
 
 def _shortened(name: str) -> str:
-    """A place in the scenario file, short: for a parameter of a law its name and where it applies."""
+    """A short form of a key of the scenario file; for a law parameter, its name and where it applies."""
     parts = name.split(".")
     text = f"{parts[-1]} ({', '.join(parts[2:-1])})" if parts[0] == "model" else name
     return text if len(text) <= LONGEST_LABEL else "..." + text[3 - LONGEST_LABEL :]

@@ -56,11 +56,12 @@ def trajectories_figure(
     window: Limits | None = None,
     releases: Mapping[str, int] | None = None,
 ) -> Figure:
-    """The cross-section with zones and measure lines, and the paths of the first MOST_PATHS releases; a panel a block.
+    """The cross-section with zones and measure lines, and the paths of the first MOST_PATHS releases; a panel for each
+    block.
 
     `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
-    `releases` of each block, of which `tracks` are the first; default: these are all.
-    Raises InputError if there are no tracks.
+    `releases`: number of releases of each block, of which `tracks` are the first; default: the number of tracks.
+    Raises InputError if there is no track of a known block.
     """
     from matplotlib.collections import LineCollection
 
@@ -100,10 +101,11 @@ def trajectories_figure(
                 *np.transpose(points), marker=STOP_MARKERS[stop][0], ms=4, mfc=colours[name], mec="white",
                 mew=0.5, ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
-        of = (releases or count)[name]
-        said = f"{of} release{'s' if of > 1 else ''}"
-        said = said if of <= MOST_PATHS else f"the first {MOST_PATHS} of {said}"
-        axis.set_title(f"{name.replace('_', ' ')}, {said}", loc="left", fontsize=TEXT_PT)
+        total = (releases or count)[name]
+        releases_text = f"{total} release{'s' if total > 1 else ''}"
+        if total > MOST_PATHS:
+            releases_text = f"the first {MOST_PATHS} of {releases_text}"
+        axis.set_title(f"{name.replace('_', ' ')}, {releases_text}", loc="left", fontsize=TEXT_PT)
         axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:
             axis.set_xlabel(f"x ({length_unit(view.limits_m)[0]})")
@@ -122,7 +124,7 @@ def _within(point: Array, window: Limits) -> bool:
 
 
 def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
-    """The cross-section with the parts of its measure lines that a window shows."""
+    """The cross-section with its measure lines clipped to a window."""
     import shapely
 
     left, right, low, high = window
@@ -137,7 +139,8 @@ def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
 def draw_cross_section(
     axis: Any, cross_section: CrossSection, view: Viewport, avoid: Array, axis_in: float
 ) -> None:
-    """The ground with zones and measure lines, their names off the points `avoid` (n, 2), on an axis `axis_in` wide."""
+    """Draw the ground with zones, measure lines and their names on an axis `axis_in` inches wide; names avoid the
+    points `avoid` (n, 2) in m."""
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
@@ -169,7 +172,7 @@ def draw_cross_section(
 
 
 def positions_of(track: Track, until_s: float | None = None) -> Array:
-    """Positions (n, 2) along a track, fine enough for print."""
+    """Positions (n, 2) in m along a track, close enough together for print."""
     end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, TIME]))
     t = np.union1d(
         np.linspace(track.knots[0, TIME], end, 600), track.knots[track.knots[:, TIME] <= end, TIME]
@@ -178,5 +181,5 @@ def positions_of(track: Track, until_s: float | None = None) -> Array:
 
 
 def length_unit(limits: Limits) -> tuple[str, float]:
-    """Unit of lengths for a figure that shows `limits`, and units per metre."""
+    """The unit of length for a figure that shows `limits`, cm or m, and its number per metre."""
     return ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)

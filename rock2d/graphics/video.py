@@ -1,7 +1,7 @@
-"""Headless video of trajectories: blocks on the cross-section, slowed down, with clock and scale.
+"""Videos of trajectories: blocks on the cross-section in slow motion, with clock and scale. No display is needed.
 
-A `Clip` is one block's motion, simulated or measured. Clips shown together share one clock; several lists of
-clips ("scenes") are shown one after another in one view. VP9 in WebM, which browsers play.
+A `Clip` is the simulated or measured motion of one block. The clips of a scene share one clock; scenes are shown one
+after another in the same view.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ def render_video(
     options: VideoOptions = DEFAULT_OPTIONS,
     progress: Progress | None = None,
 ) -> Path:
-    """Film `series` (clips together, or a list of scenes one after another) and return the path of the file.
+    """Write a video of `series` (the clips of one scene, or a list of scenes) and return its path.
 
-    A block whose samples end before the scene does is drawn hollow if it was filmed, and stays as it stopped if it was
-    simulated. `progress(done, all)` is called after each picture.
+    After the last sample of a clip, a measured block is drawn as an outline, and a simulated block stays where it is.
+    `progress(done, all)` is called after each picture.
 
-    Written beside `path` and renamed when whole. Raises InputError if the suffix is neither .webm nor .mp4,
-    nothing is to be shown, or a clip's block is unknown; ValueError on bad sizes.
+    The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4, there are
+    no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid.
     """
     scenes = _with_labels(_scenes(series), blocks)
     layout = Layout(options.size_px, 1)
@@ -59,10 +59,11 @@ def side_by_side(
     options: VideoOptions = DEFAULT_OPTIONS,
     progress: Progress | None = None,
 ) -> Path:
-    """Two panels with one clock and one view; the measured blocks on the left appear as ghosts in the right panel.
+    """Write a video of two panels with one clock and one view: measured on the left, simulated on the right. The right
+    panel also shows the measured blocks, translucent.
 
-    With one clip a side, the distance and the angle between the two are written under the right panel. File handling
-    and errors as in `render_video`.
+    With one clip on each side, the distance and the angle between the two are written below the right panel. File
+    handling and errors as in `render_video`.
     """
     left = [replace(c, colour=c.colour or MEASURED_COLOUR) for c in measured]
     right = [replace(c, colour=c.colour or SIMULATED_COLOUR) for c in simulated]
@@ -79,20 +80,20 @@ def compare_video(
     options: VideoOptions = DEFAULT_OPTIONS,
     progress: Progress | None = None,
 ) -> Path:
-    """Panels with one clock and one view, a panel for each of `labels`; the first panel's blocks appear as ghosts in
-    the others. `scenes` follow one another; each holds the clips of every panel.
+    """Write a video of several panels with one clock and one view, a panel for each of `labels`. The other panels also
+    show the blocks of the first panel, translucent. A scene holds the clips of every panel.
 
-    Where every panel shows one clip, its distance and angle from the first panel's are written below it. File handling
-    and errors as in `render_video`.
+    With one clip in every panel, the distance and the angle from the clip of the first panel are written below the
+    others. File handling and errors as in `render_video`.
     """
     if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
         raise InputError("side by side needs at least one clip on each side")
     layout = Layout(options.size_px, len(labels))
-    dressed = [[_with_labels([panel], blocks)[0] for panel in scene] for scene in scenes]
-    together = [[clip for panel in scene for clip in panel] for scene in dressed]
+    labelled = [[_with_labels([panel], blocks)[0] for panel in scene] for scene in scenes]
+    together = [[clip for panel in scene for clip in panel] for scene in labelled]
     view = _common_view(cross_section, blocks, together, layout, options.view)
     frames = Frames(layout, options)
-    for scene, clips in zip(dressed, together, strict=True):
+    for scene, clips in zip(labelled, together, strict=True):
         panels = [
             Panel(cross_section, blocks, own, scene[0] if k else (), view, label, clips)
             for k, (own, label) in enumerate(zip(scene, labels, strict=True))
@@ -108,7 +109,7 @@ def panel_views(
     options: VideoOptions = DEFAULT_OPTIONS,
     panels: int = 1,
 ) -> list[tuple[int, int, Viewport]]:
-    """Where a picture shows what: left and top pixel of each panel, and its `Viewport` relative to that corner."""
+    """The left and top pixel of each panel, and its `Viewport` relative to that corner."""
     layout = Layout(options.size_px, panels)
     view = _common_view(cross_section, blocks, _with_labels(_scenes(series), blocks), layout, options.view)
     return [(left, layout.top, view) for left in layout.lefts]
@@ -127,7 +128,7 @@ def _scenes(series: Sequence[Clip] | Sequence[Sequence[Clip]]) -> list[list[Clip
 
 
 def _with_labels(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> list[list[Clip]]:
-    """Clips with the label and colour of their block where they have none of their own."""
+    """Clips, with the name and the colour of their block where they have no label or colour."""
     colours = block_colours(blocks)
     out = []
     for scene in scenes:

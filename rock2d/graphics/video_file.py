@@ -1,6 +1,6 @@
-"""A video file, written whole or not at all: VP9 in WebM, which browsers play; H.264 in MP4 if asked by suffix.
+"""A video file, written completely or not at all: VP9 in WebM, which browsers play, or H.264 in MP4.
 
-Pictures are drawn by one thread and encoded by another, so that both take part of the time of the other.
+One thread draws pictures while another encodes them.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from rock2d.files.folders import atomic_file
 Array = np.ndarray
 Progress = Callable[[int, int], None]
 
-ENCODER_THREADS = 2  # a fixed number: the file must not depend on the machine
-WAITING_PICTURES = 4  # drawn and not yet encoded, at most
-LARGEST_DENOMINATOR = 1001  # for a frame rate as a fraction: 30000/1001 is that of television
+ENCODER_THREADS = 2  # fixed, because the file must not depend on the machine
+WAITING_PICTURES = 4  # most pictures that are drawn and not yet encoded
+LARGEST_DENOMINATOR = 1001  # of the frame rate as a fraction; television has 30000/1001
 
 
 class Encoder(NamedTuple):
@@ -60,13 +60,13 @@ class VideoWriter:
     """
 
     def __init__(self, path: str | Path, fps: float, size_px: tuple[int, int]) -> None:
-        """A file of `fps` pictures a second, each `size_px` (width, height), which must be even."""
+        """Open a file with `fps` pictures per second of `size_px` (width, height), both even."""
         self._path, self._shape = Path(path), (int(size_px[1]), int(size_px[0]), 3)
         encoder = encoder_of(self._path)
         try:
             self._container = av.open(str(self._path), "w", options={"fflags": "+bitexact"})
         except av.FFmpegError as error:
-            raise self._failed(error) from None
+            raise self._os_error(error) from None
         rate = Fraction(fps).limit_denominator(LARGEST_DENOMINATOR)
         stream = self._container.add_stream(encoder.name, rate=rate, options=encoder.options)
         assert isinstance(stream, av.VideoStream)
@@ -82,8 +82,8 @@ class VideoWriter:
         self._number = 0
 
     def write(self, picture: Array) -> None:
-        """Add a picture (height, width, 3), BGR uint8; it may be changed afterwards. Raises OSError if those before
-        could not be written, ValueError if it has another size."""
+        """Add a picture (height, width, 3), BGR uint8; the caller may change it afterwards. Raises OSError if earlier
+        pictures could not be written, ValueError if the size differs."""
         if picture.shape != self._shape:
             raise ValueError(f"expected pictures of shape {self._shape}, got {picture.shape}")
         self._waiting.append(self._thread.submit(self._encode, cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)))
@@ -91,10 +91,10 @@ class VideoWriter:
             self._waiting.popleft().result()
 
     def close(self) -> None:
-        """Finish the file; OSError if it is not whole."""
+        """Finish the file. Raises OSError if it is not complete."""
         try:
             if self._waiting:
-                self._waiting.append(self._thread.submit(self._mux, None))
+                self._waiting.append(self._thread.submit(self._encode_and_write, None))
             for future in self._waiting:
                 future.result()
         finally:
@@ -102,7 +102,7 @@ class VideoWriter:
             try:
                 self._container.close()
             except av.FFmpegError as error:
-                raise self._failed(error) from None
+                raise self._os_error(error) from None
 
     def __enter__(self) -> VideoWriter:
         return self
@@ -113,29 +113,29 @@ class VideoWriter:
         try:
             self.close()
         except OSError:
-            if error is None:  # else what ended the block says more
+            if error is None:  # otherwise the error inside the block is more informative
                 raise
 
     def _encode(self, picture: Array) -> None:
         frame = av.VideoFrame.from_ndarray(picture, format="yuv420p")
         frame.pts = self._number
         self._number += 1
-        self._mux(frame)
+        self._encode_and_write(frame)
 
-    def _mux(self, frame: av.VideoFrame | None) -> None:
-        """Encode a picture, or what is left if None, and write it."""
+    def _encode_and_write(self, frame: av.VideoFrame | None) -> None:
+        """Encode and write a picture, or with None the pictures that the encoder still holds."""
         try:
             self._container.mux(self._stream.encode(frame))
         except av.FFmpegError as error:
-            raise self._failed(error) from None
+            raise self._os_error(error) from None
 
-    def _failed(self, error: Exception) -> OSError:
+    def _os_error(self, error: Exception) -> OSError:
         number = getattr(error, "errno", None) or errno.EIO
         return OSError(number, getattr(error, "strerror", None) or str(error), str(self._path))
 
 
 def encoder_of(path: Path) -> Encoder:
-    """The encoder for a suffix; InputError if there is none."""
+    """The encoder for the suffix of a path. Raises InputError if there is none."""
     if path.suffix.lower() not in ENCODERS:
         raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
     return ENCODERS[path.suffix.lower()]
@@ -151,8 +151,8 @@ def write_video(
 ) -> Path:
     """Write `count` BGR `pictures` (height, width, 3) of `size_px` (width, height) and return the path.
 
-    Written beside `path` and renamed at the end. Raises InputError if the suffix is neither .webm nor .mp4 or there
-    are no pictures, OSError if not all could be written.
+    The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4 or there are
+    no pictures, OSError if a picture could not be written.
     """
     path = Path(path)
     encoder_of(path)

@@ -18,19 +18,19 @@ PAPER = "#ffffff"
 
 
 class Frames:
-    """The pictures of a video, in order; each is valid until the next one is drawn over it."""
+    """The pictures of a video, in order. All share one array: a picture is valid until the next one is drawn."""
 
     def __init__(self, layout: Layout, options: VideoOptions) -> None:
         fps_video, slow_motion, hold_s = options.fps_video, options.slow_motion, options.hold_s
         if not (fps_video > 0 and slow_motion > 0 and hold_s >= 0):
             raise ValueError("fps_video and slow_motion must be positive, hold_s not negative")
         self.layout, self.step_s = layout, 1.0 / (fps_video * slow_motion)
-        self.hold, self.fresh_s = round(hold_s * fps_video), 0.9 / slow_motion
+        self.hold, self.recent_s = round(hold_s * fps_video), 0.9 / slow_motion
         self.slow_motion, self.titles, self.trail = slow_motion, list(options.titles), options.trail
         self.scenes: list[tuple[list[Panel], Sequence[Clip], Array, str]] = []
 
     def add(self, panels: list[Panel], clips: Sequence[Clip]) -> None:
-        """One more scene: its panels and all its clips."""
+        """Add a scene: its panels and all its clips."""
         start, end = min(c.t_s[0] for c in clips), max(c.t_s[-1] for c in clips)
         count = int(np.floor((end - start) / self.step_s + 1e-6)) + 1
         times = np.concatenate([start + self.step_s * np.arange(count), np.full(self.hold, end)])
@@ -43,7 +43,7 @@ class Frames:
     def __iter__(self) -> Iterator[Array]:
         grounds: dict[Viewport, Array] = {}
         for panels, clips, times, title in self.scenes:
-            sheet = self._sheet(panels[0].view, clips, len(panels), title)
+            sheet = self._fixed_parts(panels[0].view, clips, len(panels), title)
             for panel in panels:
                 if panel.view not in grounds:
                     grounds[panel.view] = panel.ground(self.layout)
@@ -55,17 +55,17 @@ class Frames:
                 frame[: lay.top], frame[below:] = sheet[: lay.top], sheet[below:]
                 for left, panel in zip(lay.lefts, panels, strict=True):
                     panel.draw(
-                        frame[lay.top : below, left : left + lay.panel_width], t, self.fresh_s, self.trail
+                        frame[lay.top : below, left : left + lay.panel_width], t, self.recent_s, self.trail
                     )
                 clock = f"{1e3 * t:.0f} ms" if milliseconds else f"{t:.2f} s"
-                self._right(frame, clock, 24, 8, bold=True)
+                self._draw_right_aligned(frame, clock, 24, 8, bold=True)
                 if len(panels) > 1 and len(clips) == len(panels):
                     for left, clip in zip(self.layout.lefts[1:], clips[1:], strict=True):
-                        self._difference(frame, clips[0], clip, t, left + self.layout.panel_width)
+                        self._draw_difference(frame, clips[0], clip, t, left + self.layout.panel_width)
                 yield frame
 
-    def _sheet(self, view: Viewport, clips: Sequence[Clip], panels: int, title: str) -> Array:
-        """What stays the same over a scene: title, slow motion, scale bar, legend."""
+    def _fixed_parts(self, view: Viewport, clips: Sequence[Clip], panels: int, title: str) -> Array:
+        """The parts that do not change during a scene: title, slow motion, scale bar, legend."""
         lay, unit = self.layout, self.layout.unit
         sheet = np.full((lay.height, lay.width, 3), bgr(PAPER), np.uint8)
         side = 16 * unit
@@ -95,7 +95,7 @@ class Frames:
         text = _length_text(bar_m)
         draw_text(sheet, (side + bar + 10 * unit, middle - 0.6 * lay.text), text, lay.text)
         x = side + bar + 10 * unit + text_size(text, lay.text)[0] + 40 * unit
-        # two panels leave room for a legend, more do not: their labels must do
+        # with more than two panels there is no room for a legend; the panels have labels
         limit = {1: lay.width - side, 2: lay.lefts[-1] + 0.28 * lay.panel_width}.get(panels, 0.0)
         for label, colour in dict.fromkeys((c.label, c.colour) for c in clips):
             wide = text_size(label, lay.text)[0] + 26 * unit
@@ -107,7 +107,7 @@ class Frames:
             x += wide + 26 * unit
         return sheet
 
-    def _right(
+    def _draw_right_aligned(
         self,
         frame: Array,
         text: str,
@@ -124,7 +124,7 @@ class Frames:
         x = (lay.width if right is None else right) - 16 * lay.unit - wide
         draw_text(frame, (x, y), text, size_px, bold=bold)
 
-    def _difference(self, frame: Array, first: Clip, other: Clip, t_s: float, right: float) -> None:
+    def _draw_difference(self, frame: Array, first: Clip, other: Clip, t_s: float, right: float) -> None:
         a, b = first.pose(t_s), other.pose(t_s)
         if a is None or b is None:
             return
@@ -133,7 +133,9 @@ class Frames:
         apart = f"{1e3 * away:.1f} mm" if away < 1 else f"{away:.2f} m"
         lay = self.layout
         y = lay.height - 0.5 * lay.foot - 0.6 * lay.text
-        self._right(frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y, right=right)
+        self._draw_right_aligned(
+            frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y, right=right
+        )
 
 
 def _shortened(text: str, size_px: int, width_px: float) -> str:
@@ -143,7 +145,7 @@ def _shortened(text: str, size_px: int, width_px: float) -> str:
 
 
 def _round_length(length_m: float) -> float:
-    """The largest of 1, 2, 5 x 10^n not above a length."""
+    """The largest of 1, 2, 5 x 10^n that does not exceed a length."""
     power = 10.0 ** np.floor(np.log10(length_m))
     return float(max(f * power for f in (1, 2, 5) if f * power <= length_m * (1 + 1e-9)))
 

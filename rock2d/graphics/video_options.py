@@ -1,4 +1,4 @@
-"""How a video is made."""
+"""The options of a video."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rock2d.graphics.canvas import Limits
 
 @dataclass(frozen=True)
 class VideoOptions:
-    """How a video is made.
+    """The options of a video.
 
     Attributes
     ----------
-    fps_video : pictures per second when it is played
-    slow_motion : a scene lasts this many times as long as its motion; below 1 it is faster than life
-    size_px : width and height, even
-    titles : title of each scene; the last one is also that of all later scenes
-    view : x_min, x_max, y_min, y_max in m; without it the motion is in view
+    fps_video : frame rate of the video, 1/s
+    slow_motion : duration of a scene divided by the duration of its motion; below 1 the video is faster than real time
+    size_px : width and height, even numbers
+    titles : title of each scene; later scenes have the last title
+    view : x_min, x_max, y_min, y_max in m; default: the region in which blocks move
     trail : whether the paths of the centroids are drawn
-    hold_s : time for which the last picture of a scene stays
+    hold_s : time for which the last picture of a scene is shown, s
     """
 
     fps_video: float = 25

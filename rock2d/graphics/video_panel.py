@@ -24,11 +24,11 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-LINE_TOLERANCE_PX = 0.1  # by which a way may be drawn off
+LINE_TOLERANCE_PX = 0.1  # largest error of a drawn path
 
 
 class Layout:
-    """Header, panels and footer of a frame, px."""
+    """Positions and sizes of header, panels and footer of a picture, px."""
 
     def __init__(self, size_px: tuple[int, int], panels: int) -> None:
         self.width, self.height = (int(s) for s in size_px)
@@ -44,7 +44,7 @@ class Layout:
 
 
 class Panel:
-    """One view of a scene, kept between frames: the ground and the trails grow pale on `background`."""
+    """One view of a scene. `background` holds ground, names and the older parts of the trails, in a pale colour."""
 
     def __init__(
         self,
@@ -57,17 +57,19 @@ class Panel:
         all_clips: Sequence[Clip],
     ) -> None:
         self.cross_section, self.blocks, self.clips, self.ghosts = cross_section, blocks, clips, ghosts
-        self.all_clips = all_clips  # names keep off the paths of the other panel too: the same place in both
+        self.all_clips = (
+            all_clips  # names avoid the paths of all panels, so that they have the same place in each
+        )
         self.view, self.label, self.drawn_s = view, label, -np.inf
 
     def ground(self, layout: Layout) -> Array:
-        """What stays the same over all scenes of a view: ground and measure lines."""
+        """The parts that do not change between scenes: ground and measure lines."""
         image = ground_image(self.cross_section, self.view, 34 * layout.unit, surface_px=2.2 * layout.unit)
         draw_measure_lines(image, self.cross_section, self.view, 2 * layout.unit)
         return image
 
     def prepare(self, layout: Layout, ground: Array) -> None:
-        """Draw what stays the same over the scene: names and label onto a copy of `ground`; find the place of the
+        """Draw the parts that do not change during the scene, names and label, on a copy of `ground`, and place the
         magnifier."""
         view, self.unit = self.view, layout.unit
         self.background = ground.copy()
@@ -76,37 +78,37 @@ class Panel:
         names = placed_names(self.cross_section, view, layout.small, busy)
         draw_names(self.background, names, layout.small)
         if self.label:
-            _chip(self.background, self.label, self.clips[0].colour, layout)
-        self.inset = self._inset([n.box for n in names], layout)
+            _draw_label(self.background, self.label, self.clips[0].colour, layout)
+        self.magnifier = self._magnifier([n.box for n in names], layout)
 
-    def draw(self, image: Array, t_s: float, fresh_s: float, trail: bool) -> None:
-        """Draw the panel at a time onto an image of its size; the last `fresh_s` of the way is drawn strong."""
+    def draw(self, image: Array, t_s: float, recent_s: float, trail: bool) -> None:
+        """Draw the panel at a time on an image of its size; the last `recent_s` of the path has a strong colour."""
         if trail:
             for clip in self.clips:
                 for piece in clip.path(self.drawn_s, t_s):
                     pale = mixed(clip.colour, SKY, 0.6)
-                    polyline(self.background, _few_points(self.view.pixels(piece)), pale, 2 * self.unit)
+                    polyline(self.background, _simplified(self.view.pixels(piece)), pale, 2 * self.unit)
             self.drawn_s = t_s
         image[:] = self.background
         if trail:
-            self._fresh_trail(image, t_s, fresh_s)
-        self._blocks(image, self.view, t_s)
-        if self.inset:
-            self._draw_inset(image, t_s)
+            self._draw_recent_trail(image, t_s, recent_s)
+        self._draw_blocks(image, self.view, t_s)
+        if self.magnifier:
+            self._draw_magnifier(image, t_s)
 
-    def _fresh_trail(self, image: Array, t_s: float, fresh_s: float) -> None:
+    def _draw_recent_trail(self, image: Array, t_s: float, recent_s: float) -> None:
         ages = np.linspace(1.0, 0.0, 9)
         for clip in self.clips:
             for old, new in pairwise(ages):
-                for piece in clip.path(t_s - old * fresh_s, t_s - new * fresh_s):
+                for piece in clip.path(t_s - old * recent_s, t_s - new * recent_s):
                     colour = mixed(clip.colour, SKY, 0.6 * old)
-                    line = _few_points(self.view.pixels(piece))
+                    line = _simplified(self.view.pixels(piece))
                     polyline(image, line, colour, (2 + 2 * (1 - old)) * self.unit)
 
     def _body(self, clip: Clip) -> Block:
         return clip.body or self.blocks[clip.block]
 
-    def _blocks(self, image: Array, view: Viewport, t_s: float) -> None:
+    def _draw_blocks(self, image: Array, view: Viewport, t_s: float) -> None:
         for clip in self.ghosts:
             pose = clip.pose(t_s)
             if pose:
@@ -114,13 +116,13 @@ class Panel:
         for clip in self.clips:
             pose = clip.pose(t_s)
             if pose:
-                # a film that has ended says nothing about later: hollow
+                # hollow: the film has ended, the position is no longer known
                 ended = np.isfinite(clip.max_gap_s) and t_s > clip.t_s[-1] + 1e-9
                 style = "hollow" if ended else "solid"
                 draw_block(image, view, self._body(clip), pose, clip.colour, style)
 
-    def _inset(self, names: Sequence[Box], layout: Layout) -> tuple[int, int, int, float] | None:
-        """Corner (left, top), side and px per metre of a magnifier, for blocks whose rotation is too small to see."""
+    def _magnifier(self, names: Sequence[Box], layout: Layout) -> tuple[int, int, int, float] | None:
+        """Left, top, side (px) and px per metre of a magnifier; None if the block is large enough to see it rotate."""
         clip = self.clips[0]
         size_px = self._body(clip).size_m * self.view.px_per_m
         if size_px > 26 * layout.unit:
@@ -143,15 +145,15 @@ class Panel:
         x, y = corners[int(np.argmin(cost))]
         return x, y, side, 0.24 * side / self._body(clip).size_m
 
-    def _draw_inset(self, image: Array, t_s: float) -> None:
-        assert self.inset is not None
-        left, top, side, px_per_m = self.inset
+    def _draw_magnifier(self, image: Array, t_s: float) -> None:
+        assert self.magnifier is not None
+        left, top, side, px_per_m = self.magnifier
         pose = self.clips[0].pose(t_s)
         if pose is None:
             return
         near = self.view.around(pose[0], pose[1], px_per_m, side)
         part = ground_image(self.cross_section, near, 20 * self.unit, surface_px=2 * self.unit)
-        self._blocks(part, near, t_s)
+        self._draw_blocks(part, near, t_s)
         text = f"{px_per_m / self.view.px_per_m:.0f}× closer"
         size = max(9, round(14 * self.unit))
         draw_text(part, (8 * self.unit, 5 * self.unit), text, size, INK, halo=SKY)
@@ -163,13 +165,13 @@ class Panel:
         polyline(image, centre + (edge / side * 2 - 1) * half, "#8a8a8a", 1, closed=True)
 
 
-def _few_points(line_px: Array) -> Array:
-    """A line (n, 2) without the points that lie on it: each one costs as much to draw as a long line."""
+def _simplified(line_px: Array) -> Array:
+    """A line (n, 2) without points that lie on it; each point costs drawing time."""
     found = cv2.approxPolyDP(line_px.astype(np.float32), LINE_TOLERANCE_PX, closed=False)
     return np.asarray(found, float).reshape(-1, 2)
 
 
-def _chip(image: Array, label: str, colour: str, layout: Layout) -> None:
+def _draw_label(image: Array, label: str, colour: str, layout: Layout) -> None:
     wide, tall = text_size(label, layout.text, True)
     pad = 8 * layout.unit
     left, top = 12 * layout.unit, 10 * layout.unit

@@ -1,4 +1,4 @@
-"""Pages of results in the browser."""
+"""Open pages of results in the browser."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 
 
 def view(write: Callable[[Path], object], page: str) -> Path:
-    """Let `write` fill a new temporary folder and open its `page`; returns the path of the page.
+    """Call `write` with a new temporary folder, open its `page` in the browser and return the path of the page.
 
-    The folder is left to the system, because the browser reads it later.
+    The folder is not deleted, because the browser reads it later.
     """
     folder = Path(tempfile.mkdtemp(prefix="rock2d_"))
     try:

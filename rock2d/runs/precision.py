@@ -29,7 +29,7 @@ def releases_for(
     job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(
-            "the precision is that of passing frequencies: missing key 'measure_lines'",
+            "needs measure_lines: the precision is that of passing frequencies",
             "cross_section",
             at="key",
         )

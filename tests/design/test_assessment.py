@@ -43,5 +43,5 @@ def test_a_drawn_value_that_makes_no_sense_is_refused_with_all_values(tmp_path):
     from rock2d.errors import InputError
 
     unknown = UNKNOWN.replace("{low: 0.7, high: 1.3}", "{low: 0.01, high: 1.3}")
-    with pytest.raises(InputError, match=r"cannot be softer.*that is with .*k_ul_N_m = "):
+    with pytest.raises(InputError, match=r"cannot be softer.*with .*k_ul_N_m = "):
         assess(small_site(tmp_path, unknown), "batch", 1)

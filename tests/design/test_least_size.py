@@ -101,7 +101,7 @@ def test_a_share_of_the_arriving_blocks_and_a_limit_of_energy():
             "model.deterministic.default.k_ul_N_m",
             (1e7, 5e7),
             TARGET,
-            "is sought and stands under uncertainty",
+            "is varied by the search and is also under uncertainty",
         ),
         ("embankment.hight_m", (1.0, 5.0), TARGET, "no number at embankment.hight_m"),
     ],

@@ -117,17 +117,17 @@ def test_a_least_volume_at_the_end_of_a_range_is_told(best, ends):
 
     tried = [of(*best, 10.0), *(of(x, y, 20.0) for x in (1.0, 3.0) for y in (4.0, 6.0))]
     said = volume_text(tried).partition("the range of ")[2]
-    assert said == (f"{', '.join(ends)} ends there, so less may be found beyond" if ends else "")
+    assert said == (f"{', '.join(ends)} ends there, so a wider range may give less" if ends else "")
 
 
 @pytest.mark.parametrize(
     ("over", "said"),
     [
-        ([(PLACE, 1.0, 2.0)], "is sought and varied over"),
+        ([(PLACE, 1.0, 2.0)], "is given to --vary and to --over"),
         ([("embankment.uphill_deg", 60.0, 95.0)], "uphill_deg"),
         ([("embankment.uphill_deg", 80.0, 60.0)], "must rise"),
         ([("embankment.widht", 1.0, 2.0)], "no number"),
-        ([("blocks.ball.mass_kg", 1.0, 2.0)], "no number of the earthworks"),
+        ([("blocks.ball.mass_kg", 1.0, 2.0)], "is not a number of the earthworks"),
         (
             [(f"embankment.{key}", 1, 2) for key in ("crest_m", "x_m", "uphill_deg", "downhill_deg")],
             "too many",

@@ -138,7 +138,7 @@ def test_a_study_finds_the_soil_and_predicts_the_other_block(studied):
     assert names == {
         *(f"{name}.csv" for name in tables), "field_test.json", "stops.png", "passing.png", "rock2d_result.json",
     }  # fmt: skip
-    assert "what shape does" in said[0] and not list(folder.parent.glob(".*"))
+    assert "effect of shape" in said[0] and not list(folder.parent.glob(".*"))
 
 
 def test_a_study_does_not_replace_another_unasked(studied, field):
@@ -168,7 +168,7 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     ]
     quantiles = predicted[list(QUANTILE_NAMES)].to_numpy()
     assert (np.diff(quantiles, axis=1) >= 0).all() and (quantiles > 0).all()
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists; --overwrite replaces it"):
         predict_releases(scenario, table, tmp_path / "one.csv", progress=False, effort=LEAST)
     with pytest.raises(InputError, match="writes a table"):
         predict_releases(scenario, table, tmp_path / "out", progress=False, effort=LEAST)

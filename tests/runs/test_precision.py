@@ -27,4 +27,4 @@ def test_what_is_precise_already_needs_no_more(tmp_path):
 
 def test_without_a_measure_line_nothing_can_be_precise(tmp_path):
     scenario = load_scenario(scenario_file(tmp_path, "bare", ground=SLOPE))
-    refusal(releases_for, scenario, "batch", 1, 0.1, 20, said="no measure line")
+    refusal(releases_for, scenario, "batch", 1, 0.1, 20, said="needs measure_lines")

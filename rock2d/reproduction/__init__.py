@@ -1,1 +1,1 @@
-"""The paper's calibration and comparison, redone with what it did not publish marginalised over."""
+"""The calibration and comparison of the paper, repeated and averaged over the quantities that it does not give."""

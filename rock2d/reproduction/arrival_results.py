@@ -1,5 +1,5 @@
-"""What follows once the arrivals are known from the paper's own simulations: how well these are met, what the
-calibrated law then predicts, and which effect the paper's models lack."""
+"""Results with the arrivals inferred from the paper's simulations: agreement with these simulations, predictions of the
+calibrated law, and the effects that the paper's models lack."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SURE_OF_ERRORS = 2.0  # standard errors by which a candidate must be better than none
+SIGNIFICANT_ERRORS = 2.0  # a candidate must be better than none by this many standard errors
 CELL_COLUMNS = (
     "block", "line", "published", "published_low95", "published_high95", "predicted", "low95", "high95", "p",
 )  # fmt: skip
@@ -30,13 +30,13 @@ CELL_COLUMNS = (
 
 @dataclass(frozen=True)
 class ArrivalStages:
-    """What was computed of the arrivals of the paper's simulations.
+    """Arrays computed with the arrivals of the paper's simulations.
 
     Attributes
     ----------
     sample : hypotheses of DETERMINISTIC_SPACE
-    candidates : model -> what `missing_effects` computed
-    readings : what `table_3_readings` computed
+    candidates : model -> arrays of `missing_effects`
+    readings : arrays of `table_3_readings`
     """
 
     sample: Sample
@@ -52,7 +52,7 @@ class ArrivalResults:
     ----------
     sample : hypotheses of DETERMINISTIC_SPACE
     with_table_4, predicted : outcomes of the three blocks, with the law of Table 4 and with the calibrated law
-    found : the hypothesis that meets both columns of the paper best
+    found : the hypothesis with the best agreement with both columns of the paper
     paper_column, passing, missing_effects, table_3_readings : tables
     """
 
@@ -71,7 +71,7 @@ class ArrivalResults:
         return DETERMINISTIC_SPACE.values(self.sample.u)
 
     def errors(self) -> dict[str, float]:
-        """RMSE in points against the experiment, and against the paper's column."""
+        """RMSE in points from the experiment and from the paper's column."""
         ours, of_table_4 = summary.mean_percent(self.predicted), summary.mean_percent(self.with_table_4)
         own, validation = "arrivals of the paper's simulations", summary.VALIDATION_ROWS
         return {
@@ -94,7 +94,7 @@ class ArrivalResults:
         return float(low), float(high)
 
     def conclusions(self) -> list[str]:
-        """Sentences."""
+        """The conclusions, one sentence or two each."""
         low, high = self.validation_interval()
         validation, all_nine, _, _, of_paper = self.errors().values()
         column = self.paper_column
@@ -108,12 +108,15 @@ class ArrivalResults:
             "Cells that Tables 3 and 4 meet on the set-up and arrivals of paper_setup.yaml: "
             + self.found.met()
             + ".",
-            self._readings(),
-            *(self._missing(model) for model in dict.fromkeys(self.missing_effects["model"])),
+            self._readings_sentence(),
+            *(
+                self._missing_effects_sentence(model)
+                for model in dict.fromkeys(self.missing_effects["model"])
+            ),
         ]
 
-    def _readings(self) -> str:
-        """Which readings of Table 3 meet the sphere's row of the paper's probabilistic column."""
+    def _readings_sentence(self) -> str:
+        """A sentence on the readings of Table 3 that reproduce the sphere's row of the paper's probabilistic column."""
         excluded = dict(zip(*(self.table_3_readings[c] for c in ("reading", "excluded")), strict=True))
         met = ", ".join(name for name, lines in excluded.items() if lines == "none")
         missed = ", ".join(
@@ -124,8 +127,8 @@ class ArrivalResults:
             f"{met or 'no reading'}; impossible (p < 0.05) with {missed or 'no reading'}."
         )
 
-    def _missing(self, model: str) -> str:
-        """The candidates that predict angular blocks better than none, in every held-out test together."""
+    def _missing_effects_sentence(self, model: str) -> str:
+        """A sentence on the candidates that predict angular blocks better than none, over all held-out tests."""
         own = self.missing_effects[self.missing_effects["model"] == model]
         held_out = own[own["calibrated_on"] != "sphere"].groupby("candidate")
         gain, error = (
@@ -135,7 +138,7 @@ class ArrivalResults:
         better = [
             name
             for name in gain.sort_values(ascending=False).index
-            if gain[name] > SURE_OF_ERRORS * error[name]
+            if gain[name] > SIGNIFICANT_ERRORS * error[name]
         ]
         listed = ", ".join(f"{name} {gain[name]:+.1f} ± {error[name]:.1f}" for name in better[:3])
         return (
@@ -148,7 +151,7 @@ class ArrivalResults:
 def arrival_results(
     known: KnownSetup, found: ArrivalStages, draws: Mapping[str, Array], seed: int
 ) -> ArrivalResults:
-    """`draws`: standard normal, block -> (n, 6)."""
+    """Evaluate the arrays with the standard normal `draws`, block -> (n, 6)."""
     values = DETERMINISTIC_SPACE.values(found.sample.u)
     with_table_4, predicted = (
         [deterministic_outcome(known, own, block, draws[block]) for block in published.BLOCKS]
@@ -163,10 +166,10 @@ def arrival_results(
 
 
 def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
-    """A table (blocks, lines) of Table 2 in %, and what hypotheses give for it; one row for each block and line.
+    """A table `percent` (blocks, lines) of Table 2 and its prediction in %; one row for each block and line.
 
     published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;
-    p: probability of a number as far out as the published one under the hypotheses.
+    p: two-sided p-value of the published number under the hypotheses.
     """
     import pandas as pd
 

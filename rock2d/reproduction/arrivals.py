@@ -1,12 +1,12 @@
-"""Arrivals of the blocks, from the paper's own simulations.
+"""Arrivals of the blocks, inferred from the simulations of the paper.
 
-The paper's simulations started from the measured arrivals, with the parameters of Table 4, and their passing
-frequencies are printed in Table 2. So these columns tell about the set-up and the arrivals, and they hold nothing of
-the experiment's passing frequencies. Here set-up and arrivals explain the paper's deterministic column under Table 4;
-the parameters of the law, free in another factor of the likelihood, explain the sphere's experimental row from the same
+The paper's simulations started from the measured arrivals with the parameters of Table 4; Table 2 gives their passing
+frequencies. These columns therefore inform about the set-up and the arrivals, but not about the passing frequencies of
+the experiment. Here set-up and arrivals explain the paper's deterministic column under Table 4. In another factor of
+the likelihood the parameters of the law are free, and explain the experimental row of the sphere from the same
 arrivals.
 
-Assumed: the paper's 50 simulated and the 50 filmed releases of a block are independent draws of one distribution.
+Assumption: the 50 simulated and the 50 filmed releases of a block are independent draws of one distribution.
 """
 
 from __future__ import annotations

@@ -22,14 +22,14 @@ from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.stages import Effort
-from rock2d.reproduction.table_3_readings import readings_computed
+from rock2d.reproduction.table_3_readings import compute_readings
 
 Array = np.ndarray
 OnProgress = Callable[[float], None]
 
 PREDICTIONS, FIGURES = "predictions", "figures"  # stages after the calibrations
 
-# calibration -> its work with this effort, relative to the others
+# calibration -> relative duration with this effort, for the progress bars
 WORK_EFFORT = Effort(96, 16)
 WORK = {
     "deterministic": 1.2, "probabilistic": 1.3, "slope_reduction": 0.5, "without_cube": 2.0,
@@ -39,7 +39,7 @@ WORK = {
 
 
 def reproduction_bars(shown: bool, effort: Effort, candidates: bool) -> Bars:
-    """The bars of a reproduction."""
+    """The progress bars of a reproduction."""
     hypotheses, releases = effort.hypotheses / WORK_EFFORT.hypotheses, effort.releases / WORK_EFFORT.releases
     work = {
         stage_title(name): hypotheses * releases * own
@@ -50,16 +50,16 @@ def reproduction_bars(shown: bool, effort: Effort, candidates: bool) -> Bars:
 
 
 def stage_title(name: str) -> str:
-    """What the bar of a calibration is called."""
+    """The title of the progress bar of a calibration."""
     return name.replace("_", " ")
 
 
 def compute_results(
     finished: FinishedStages, bars: Bars, *, seed: int, effort: Effort, candidates: bool = False
 ) -> Results:
-    """Calibrate both models and predict the three blocks; stages that `finished` holds are not computed again.
+    """Calibrate both models and predict the three blocks; stages in `finished` are not computed again.
 
-    With `candidates` also the deterministic model with candidate effects, on held-out blocks.
+    With `candidates`, the deterministic model with candidate effects is also calibrated, with held-out blocks.
     """
     known = KNOWN_SETUP
     seeds = np.random.SeedSequence(seed).spawn(10)
@@ -90,7 +90,7 @@ def compute_results(
             ("probabilistic", point_mass_candidates, seeds[8]),
         )
     }
-    readings = finished.arrays("table_3_readings", partial(readings_computed, known, effort, seeds[9]))
+    readings = finished.arrays("table_3_readings", partial(compute_readings, known, effort, seeds[9]))
     found = ArrivalStages(arrivals, missing, readings)
     with bars.stage(PREDICTIONS, 1, "step") as bar:
         results = evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
@@ -99,7 +99,7 @@ def compute_results(
 
 
 class FinishedStages:
-    """Results of finished calibrations in a folder, each with the key (seed, effort, code) that it belongs to."""
+    """Results of finished calibrations in a folder, each with its key: seed, effort and fingerprint of the code."""
 
     def __init__(self, folder: Path, key: dict[str, Any], bars: Bars) -> None:
         self._folder, self._bars = folder, bars
@@ -107,7 +107,7 @@ class FinishedStages:
         make_folder(folder)
 
     def arrays(self, name: str, compute: Callable[[OnProgress], dict[str, Array]]) -> dict[str, Array]:
-        """What `compute` returns, or what it returned before an interruption."""
+        """The result of `compute`, or its saved result from before an interruption."""
         path = self._folder / f"{name}.npz"
         kept = load_arrays(path)
         if kept is not None and str(kept.pop("key", "")) == self._key:
@@ -118,10 +118,10 @@ class FinishedStages:
         return found
 
     def sample(self, name: str, compute: Callable[[OnProgress], Sample]) -> Sample:
-        """As `arrays`, of a posterior."""
+        """As `arrays`, for a posterior."""
         found = self.arrays(name, lambda on_progress: vars(compute(on_progress)))
         return Sample(found["u"], found["log_likelihood"], float(found["log_evidence"]))
 
     def clear(self) -> None:
-        """Remove the folder, once the results are written."""
+        """Delete the folder."""
         shutil.rmtree(self._folder, ignore_errors=True)

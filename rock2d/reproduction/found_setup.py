@@ -1,4 +1,4 @@
-"""The set-up and the arrivals under which Tables 3 and 4 meet the paper's columns best."""
+"""The hypothesis on set-up and arrivals under which Tables 3 and 4 agree best with the paper's columns."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class FoundSetup:
-    """One of the hypotheses.
+    """The best hypothesis.
 
     Attributes
     ----------
-    place : its index
+    place : index of the hypothesis
     of : number of hypotheses
     releases : simulated releases of each block
     agrees : model -> (blocks, lines) whether the simulated frequency agrees with the paper's, see `summary.agrees`
@@ -36,11 +36,11 @@ class FoundSetup:
     reached: Mapping[str, Array]
 
     def met(self) -> str:
-        """How many cells of each column are met, and which are not."""
+        """The number of cells of each column that agree, and the names of the others."""
         return "; ".join(f"{model} {met_cells(own)}" for model, own in self.agrees.items())
 
     def missed(self) -> list[str]:
-        """For each cell that is not met what all hypotheses reach there."""
+        """For each cell that does not agree, the range of all hypotheses."""
         return [
             f"{published.BLOCKS[b]} {published.LINES[i]}, {model}: {published.COLUMNS[model][b, i]} % in the paper, "
             f"{self.reached[model][0, b, i]:.0f} to {self.reached[model][1, b, i]:.0f} % over all hypotheses"
@@ -50,7 +50,7 @@ class FoundSetup:
 
 
 def met_cells(agrees: Array) -> str:
-    """How many of the cells (blocks, lines) of a column agree, and which do not."""
+    """The number of cells (blocks, lines) of a column that agree, and the names of the others."""
     off = [f"{published.BLOCKS[b]} {published.LINES[i]}" for b, i in np.argwhere(~agrees)]
     return f"{agrees.sum()} of {agrees.size}" + (f" (not {listed(off)})" if off else "")
 
@@ -58,10 +58,10 @@ def met_cells(agrees: Array) -> str:
 def found_setup(
     known: KnownSetup, values: Values, with_table_4: list[Outcome], draws: Mapping[str, Array]
 ) -> FoundSetup:
-    """The hypothesis that meets most cells of the deterministic column, of these most cells of the probabilistic one,
-    of these the one under which both are likeliest.
+    """The hypothesis with which most cells of the deterministic column agree. Among equals, the one with most cells of
+    the probabilistic column; among equals, the one with the highest likelihood of both.
 
-    `with_table_4`: outcomes of the three blocks under Table 4, of releases with these standard normal `draws`.
+    `with_table_4`: outcomes of the three blocks under Table 4, from the standard normal `draws`.
     """
     ones = np.ones(len(values["slope_deg"]))
     with_table_3 = [

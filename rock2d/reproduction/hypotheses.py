@@ -1,9 +1,9 @@
-"""Hypotheses on the paper's set-up: unknowns with their ranges, and the cross-sections and incident states they give.
+"""Hypotheses on the paper's set-up: unknowns with their ranges, and the resulting cross-sections and incident states.
 
-The paper publishes the blocks, the height and crest of the embankment and the drop; everything else is an unknown of a
-hypothesis. A simulated release starts when the block leaves the slope for the last time. Its speed along and across the
-slope is a share (0 to 1) of the speed of the drop, its spin lies between none and rolling, and its mean energy is at
-most that of the drop.
+The paper gives the blocks, the height and crest width of the embankment and the drop height; all other quantities are
+unknowns. A simulated release starts when the block leaves the slope for the last time. Its speeds along and across the
+slope are fractions (0 to 1) of the speed of the drop, its rotation rate lies between zero and rolling, and its mean
+energy is at most that of the drop.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Values = Mapping[str, Array]
 ZONES = ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out")
 PLAUSIBLE_RANGE, PHYSICAL_BOUNDS = "the plausible range", "physical bounds"
 DOWNHILL_FACE_DEG, SLOPE_LENGTH_M, RUN_OUT_LENGTH_M = 34.0, 1.3, 0.6  # results do not depend on them
-# longest measure line; lines are cut where they would reach over the slope, because rebounds there are no crossings
+# longest measure line; lines end before the slope, so that rebounds on the slope do not count as crossings
 MEASURE_LINE_M = 0.6
 
 SETUP_QUANTITIES = (
@@ -71,11 +71,10 @@ KNOWN_SETUP = KnownSetup(published.SETUP_BLOCKS, published.HEIGHT_M, published.C
 
 
 def arrival_quantities(block: str) -> tuple[Quantity, ...]:
-    """Unknowns of the state in which a block leaves the slope."""
+    """The unknowns of the state in which a block leaves the slope."""
     speeds = (
-        Quantity(
-            f"{block}.speed_across", 0.0, 1.0, source=PHYSICAL_BOUNDS
-        ),  # over the drop's speed across the slope
+        # divided by the component of the drop speed
+        Quantity(f"{block}.speed_across", 0.0, 1.0, source=PHYSICAL_BOUNDS),
         Quantity(f"{block}.speed_along", 0.0, 1.0, source=PHYSICAL_BOUNDS),
         Quantity(f"{block}.roll", 0.0, 1.0, source="spin from none to rolling"),
         Quantity(f"{block}.speed_spread", 0.01, 0.2, log=True, source="1 sd over the speed"),
@@ -115,7 +114,7 @@ class IncidentDistributions:
 
 
 def incident_distributions(values: Values, block: Block, gravity_m_s2: float) -> IncidentDistributions:
-    """Incident states of a block, for each hypothesis."""
+    """The distribution of the incident states of a block for each hypothesis."""
     own = {key.split(".")[1]: v for key, v in values.items() if key.startswith(f"{block.name}.")}
     slope = np.radians(values["slope_deg"])
     c, s = np.cos(slope), np.sin(slope)
@@ -123,7 +122,9 @@ def incident_distributions(values: Values, block: Block, gravity_m_s2: float) ->
     along, across = own["speed_along"] * speed * s, own["speed_across"] * speed * c
     omega = -own["roll"] * along / (0.5 * block.size_m)
     spread = values["drop_spread_m"]
-    offset = 1.02 * block.radius_m + 3.0 * spread * s  # from the slope, so that blocks do not start inside it
+    offset = (
+        1.02 * block.radius_m + 3.0 * spread * s
+    )  # distance from the slope: blocks must not start inside it
     mean, sd = np.zeros((len(slope), 6)), np.zeros((len(slope), 6))
     mean[:, 0] = -values["drop_up_slope_m"] * c + offset * s
     mean[:, 1] = values["drop_up_slope_m"] * s + offset * c
@@ -146,7 +147,7 @@ def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> Cross
     return _cross_section(known.height_m, known.crest_m, *(float(values[name][i]) for name in names))
 
 
-@lru_cache(maxsize=2**12)  # most moves of a sampler leave the set-up as it is
+@lru_cache(maxsize=2**12)  # most moves of a sampler do not change the set-up
 def _cross_section(
     height_m: float, crest_m: float, slope_deg: float, facing_deg: float, tilt_deg: float, foot: float,
     line_1: float, line_2: float,
@@ -168,15 +169,15 @@ def _cross_section(
 
 
 def table_4(values: Values) -> dict[str, Array]:
-    """Hypotheses with the parameters of Table 4 instead of their own."""
+    """The hypotheses with their contact parameters replaced by those of Table 4."""
     ones, paper = np.ones(len(values["slope_deg"])), published.CONTACT_PARAMETERS
     own = {name: value * ones for name, value in paper.items() if name != "k_ul_N_m"}
     return {**values, **own, "restitution": np.sqrt(paper["k_l_N_m"] / paper["k_ul_N_m"]) * ones}
 
 
 def table_3(values: Values, momentum_factor: float = 1.0) -> dict[str, Array]:
-    """Hypotheses with the parameters of Table 3 that do not depend on the block instead of their own; both thresholds
-    of the momentum times a factor."""
+    """The hypotheses with their rebound parameters replaced by those of Table 3, without slope reductions; both
+    thresholds of the momentum are multiplied by a factor."""
     ones = np.ones(len(values["slope_deg"]))
     own = {
         name: value * ones * (momentum_factor if "momentum" in name else 1.0)
@@ -186,7 +187,7 @@ def table_3(values: Values, momentum_factor: float = 1.0) -> dict[str, Array]:
 
 
 def contact_table(values: Values) -> Array:
-    """(n, zones, 7) rows of parameters of the contact law; all zones have the same soil, as in the paper."""
+    """(n, zones, 7) parameters of the contact law; all zones have the same parameters, as in the paper."""
     columns = [
         values["k_l_N_m"], values["k_l_N_m"] / values["restitution"] ** 2, values["k_t_N_m"],
         np.tan(np.radians(values["friction_angle_deg"])), values["k_r_Nm_rad"],

@@ -1,8 +1,8 @@
-"""Likelihood of the published counts and of the text on first impacts, given simulated releases.
+"""Likelihood of the published counts and of the statements on first impacts, given simulated releases.
 
-Both are counts of 50 filmed releases, compared with counts of simulated ones. With Jeffreys' prior for the frequencies
-the probability of the filmed counts given the simulated ones is Dirichlet-multinomial. It takes the sampling noise of
-few simulated releases into account.
+Both are counts of 50 filmed releases, compared with counts of simulated releases. With Jeffreys' prior for the
+frequencies, the probability of the filmed counts given the simulated counts is Dirichlet-multinomial. It includes the
+sampling error of the simulation.
 """
 
 from __future__ import annotations
@@ -18,18 +18,20 @@ Array = np.ndarray
 def log_counts(simulated: Array, filmed: Array) -> Array:
     """(k,) log-probability of `filmed` counts (c,) by category, given `simulated` counts (k, c) of each hypothesis.
 
-    Dirichlet-multinomial with 1/2 a category added to the simulated counts.
+    Dirichlet-multinomial with 1/2 added to each simulated count.
     """
     return _log_dirichlet_multinomial(simulated + 0.5, filmed)
 
 
 def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array:
-    """(k,) as `log_counts` when the number that passed one line (0, 1, 2) is not known.
+    """(k,) as `log_counts` if the number that passed one line (0, 1, 2) is unknown.
 
-    The releases that ended between the line before it and this line, and those that ended between this line and the
-    next, form one category (1 is added to its simulated count).
+    The releases that ended between the previous and this line, and those that ended between this and the next line,
+    form one category; 1 is added to its simulated count.
     """
-    return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
+    return _log_dirichlet_multinomial(
+        _merge_around_line(simulated + 0.5, line), _merge_around_line(filmed, line)
+    )
 
 
 def highest_log_counts(filmed: Array) -> float:
@@ -41,7 +43,7 @@ def highest_log_counts(filmed: Array) -> float:
     return float(gammaln(total + 1.0) + (xlogy(filmed, filmed / total) - gammaln(filmed + 1.0)).sum())
 
 
-def _merged(counts: Array, line: int) -> Array:
+def _merge_around_line(counts: Array, line: int) -> Array:
     both = counts[..., line] + counts[..., line + 1]
     return np.concatenate([counts[..., :line], both[..., None], counts[..., line + 2 :]], axis=-1)
 
@@ -55,23 +57,24 @@ def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
 
 
 def filmed_counts(block: str) -> Array:
-    """(lines + 1,) filmed releases of a block by the last line they passed."""
+    """(lines + 1,) number of filmed releases of a block by the last line they passed."""
     return published_counts(published.EXPERIMENT, block)
 
 
 def published_counts(percent: Array, block: str) -> Array:
-    """(lines + 1,) releases of a block by the last line they passed, from a table (blocks, lines) of Table 2."""
+    """(lines + 1,) number of releases of a block by the last line they passed, from a table (blocks, lines) of Table 2
+    in %."""
     passed = published.passed(percent)[published.BLOCKS.index(block)]
     return published.counts_by_last_line(np.concatenate([[published.RELEASES], passed]))
 
 
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return _possible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
+    return _exclude_impossible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
-    """(k,) log-likelihood of the statements of the text on the block's first impacts."""
+    """(k,) log-likelihood of the statements on the block's first impacts."""
     n = outcome.first_zone.shape[1]
     of = published.RELEASES
     if block == "sphere":
@@ -90,11 +93,11 @@ def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
         )
         beyond = np.maximum(angle - published.OFF_NORMAL_DEG, 0.0) / published.OFF_NORMAL_SD_DEG
         likely = likely - 0.5 * beyond**2
-    return _possible(outcome, likely)
+    return _exclude_impossible(outcome, likely)
 
 
 def _log_between(simulated: Array, n: int, low: int, high: int) -> Array:
-    """Log-probability that of RELEASES filmed releases `low` to `high` do what `simulated` of n did."""
+    """(k,) log-probability that `low` to `high` of the filmed RELEASES do what `simulated` (k,) of n releases did."""
     from scipy.special import logsumexp
 
     pairs = np.column_stack([simulated, n - simulated])
@@ -103,5 +106,5 @@ def _log_between(simulated: Array, n: int, low: int, high: int) -> Array:
     return logsumexp([log_counts(pairs, np.array([count, of - count])) for count in counts], axis=0)
 
 
-def _possible(outcome: Outcome, log_likelihood: Array) -> Array:
+def _exclude_impossible(outcome: Outcome, log_likelihood: Array) -> Array:
     return np.where(outcome.possible, log_likelihood, -np.inf)

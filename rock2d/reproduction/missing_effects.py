@@ -1,9 +1,10 @@
-"""What the paper's models lack: candidates are added to each of them on the arrivals that the paper's simulations tell.
+"""The effects that the paper's models lack: candidates are added to each model, with the arrivals inferred from the
+paper's simulations.
 
-The deterministic model keeps the parameters of Table 4, so that a candidate has nothing to hide behind. The point mass
-model has parameters that explain the sphere's experimental row: those of Table 3 do not. A candidate is calibrated on
-the experimental rows of some blocks and scored on another's: importance weights over hypotheses and sizes of the
-effect, drawn from their priors.
+The deterministic model keeps the parameters of Table 4, so that other parameters cannot compensate for a candidate. The
+point mass model has parameters that explain the experimental row of the sphere, because those of Table 3 do not. A
+candidate is calibrated on the experimental rows of some blocks and scored on the row of another: hypotheses and sizes
+of the effect are drawn from their priors and weighted by the likelihood.
 """
 
 from __future__ import annotations
@@ -43,21 +44,21 @@ Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
 Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 
-HYPOTHESES, SIZES = 48, 4  # hypotheses of the posterior; sizes of a candidate for each of them
-REBOUND_DRAWS = 24  # parameters of the point mass model that are tried for each hypothesis
-# held-out tests: the blocks that a candidate is calibrated on, and those that it is scored on
+HYPOTHESES, SIZES = 48, 4  # hypotheses of the posterior; sizes of a candidate for each hypothesis
+REBOUND_DRAWS = 24  # parameter sets of the point mass model that are tried for each hypothesis
+# held-out tests: the blocks on which a candidate is calibrated, and those on which it is scored
 TESTS = (
     (("sphere",), ("cube", "parallelepiped")),
     (("cube",), ("parallelepiped",)),
     (("parallelepiped",), ("cube",)),
 )
-SHARE_OF_RELEASES = 0.6  # number of releases as a share of that of the calibrations
+SHARE_OF_RELEASES = 0.6  # number of releases relative to the calibrations
 RESAMPLES = 200  # bootstrap samples of the hypotheses, for the errors of scores
 
-LARGEST_SLOPE_REDUCTION_DEG = 60.0  # for a block as far from round as a square
-SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0
+LARGEST_SLOPE_REDUCTION_DEG = 60.0  # for a square
+SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0  # R / r - 1
 LARGEST_FRICTION_CHANGE_DEG = 30.0
-SMALLEST_FACTOR = 0.2  # on a parameter of the point mass model
+SMALLEST_FACTOR = 0.2  # of a parameter of the point mass model
 SLOPE_REDUCTION, SHAPE = "slope_reduction", "shape"
 POINT_MASS_CANDIDATES = (
     NO_CANDIDATE, "friction", "momentum_half", "tangential_restitution", SLOPE_REDUCTION, SHAPE,
@@ -67,38 +68,43 @@ POINT_MASS_CANDIDATES = (
 def deterministic_candidates(
     known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
-    """What each of CANDIDATES, added to Table 4, makes of the three blocks: `percent` (candidates, k, blocks, lines)
-    and `log_likelihood` (candidates, k, blocks) of the experimental rows, for hypotheses `sample` (k', d) of
-    DETERMINISTIC_SPACE."""
+    """Simulate the three blocks with Table 4 and each of CANDIDATES, for hypotheses `sample` (k', d) of
+    DETERMINISTIC_SPACE.
+
+    Returns `percent` (candidates, k, blocks, lines) that pass, and the `log_likelihood` (candidates, k, blocks) of the
+    experimental rows.
+    """
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
         own = {f"candidate.{i}": size for i, size in enumerate(sizes.T)}
         chosen = np.full(len(sizes), candidate_value(candidate))
         return candidate_outcome(known, {**values, "candidate": chosen, **own}, block, draws)
 
-    values = table_4(DETERMINISTIC_SPACE.values(_some(sample)))
-    return _every_candidate(simulate, CANDIDATES, values, effort, seed, on_progress)
+    values = table_4(DETERMINISTIC_SPACE.values(_evenly_chosen(sample)))
+    return _simulate_candidates(simulate, CANDIDATES, values, effort, seed, on_progress)
 
 
 def point_mass_candidates(
     known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
-    """The same of POINT_MASS_CANDIDATES, with parameters of the point mass model that explain the sphere."""
+    """As `deterministic_candidates`, for POINT_MASS_CANDIDATES and parameters of the point mass model that explain the
+    sphere."""
     fitting, trying = seed.spawn(2)
-    fitted = _fitted_to_the_sphere(known, DETERMINISTIC_SPACE.values(_some(sample)), effort, fitting)
+    fitted = _resampled_for_sphere(known, DETERMINISTIC_SPACE.values(_evenly_chosen(sample)), effort, fitting)
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
         changed, reduction = point_mass_with(candidate, values, known.blocks[block], sizes[:, 0])
         return probabilistic_outcome(known, changed, block, draws, reduction)
 
-    return _every_candidate(simulate, POINT_MASS_CANDIDATES, fitted, effort, trying, on_progress)
+    return _simulate_candidates(simulate, POINT_MASS_CANDIDATES, fitted, effort, trying, on_progress)
 
 
 def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -> tuple[Values, Array]:
-    """Parameters of the point mass model with a candidate of `size` (k,) in [0, 1], and its slope reduction in degrees.
+    """Parameters of the point mass model with a candidate of `size` (k,) in [0, 1], and the slope reduction (k,) in
+    degrees.
 
-    The slope reduction of `shape` is in proportion to how far the profile of a block is from round, R / r - 1 with the
-    radii of the circles around and inside it; `slope_reduction` is the same for every block that is not round.
+    The slope reduction of `shape` is proportional to R / r - 1, with the radii of the circumscribed and the inscribed
+    circle of the block; `slope_reduction` is the same for every block that is not round.
     """
     changed, reduction = dict(values), np.zeros(len(size))
     for zone in ("ditch", "facing"):
@@ -116,8 +122,8 @@ def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -
     return changed, reduction
 
 
-def _some(sample: Array) -> Array:
-    """Some of the hypotheses, evenly from both halves."""
+def _evenly_chosen(sample: Array) -> Array:
+    """At most HYPOTHESES of the hypotheses, evenly spaced, so that both halves contribute."""
     return sample[np.linspace(0, len(sample) - 1, min(HYPOTHESES, len(sample))).astype(int)]
 
 
@@ -125,10 +131,11 @@ def _releases(effort: Effort) -> int:
     return max(1, round(SHARE_OF_RELEASES * effort.releases))
 
 
-def _fitted_to_the_sphere(
+def _resampled_for_sphere(
     known: KnownSetup, values: Values, effort: Effort, seed: np.random.SeedSequence
 ) -> dict[str, Array]:
-    """Hypotheses with parameters of the point mass model, resampled so that they explain the sphere's row."""
+    """Hypotheses with parameters of the point mass model, drawn from the prior and resampled by the likelihood of the
+    sphere's row."""
     draw_seed, run_seed = seed.spawn(2)
     rng, count = np.random.default_rng(run_seed), len(values["slope_deg"])
     many = {name: np.repeat(v, REBOUND_DRAWS) for name, v in values.items()}
@@ -141,7 +148,7 @@ def _fitted_to_the_sphere(
     return {name: v[kept] for name, v in many.items()}
 
 
-def _every_candidate(
+def _simulate_candidates(
     simulate: Simulation, candidates: Sequence[str], values: Values, effort: Effort,
     seed: np.random.SeedSequence, on_progress: OnProgress,
 ) -> dict[str, Array]:  # fmt: skip
@@ -152,7 +159,7 @@ def _every_candidate(
     percent = np.empty((len(candidates), k, len(published.BLOCKS), len(published.LINES)))
     likely = np.empty(percent.shape[:3])
     for c, candidate in enumerate(candidates):
-        alike = SIZES if candidate == NO_CANDIDATE else 1  # nothing has no size
+        alike = SIZES if candidate == NO_CANDIDATE else 1  # without a candidate all sizes give the same
         many = {name: np.repeat(v, SIZES // alike) for name, v in values.items()}
         for b, block in enumerate(published.BLOCKS):
             outcome = simulate(many, block, draws[block], candidate, every_size[::alike])
@@ -164,14 +171,14 @@ def _every_candidate(
 
 @dataclass(frozen=True)
 class HeldOutScore:
-    """A candidate on blocks that it was not calibrated on.
+    """The score of a candidate on blocks that were not used for its calibration.
 
     Attributes
     ----------
     log_score : log-probability of the filmed numbers of these blocks
-    over_none, error : log_score above that of no candidate, and its standard error over hypotheses
-    percent : (blocks, lines) predicted passing frequencies of these blocks
-    effective : number of hypotheses that carry the weight
+    over_none, error : log_score minus that of no candidate, and its standard error over hypotheses
+    percent : (blocks, lines) predicted passing frequencies of these blocks in %
+    effective : effective number of hypotheses
     """
 
     log_score: float
@@ -188,11 +195,11 @@ def held_out_score(
     scored_on: Sequence[str],
     seed: int,
 ) -> HeldOutScore:
-    """The score of the candidate at this place in `found` of `deterministic_candidates` or `point_mass_candidates`;
-    the first place is that of no candidate."""
-    on, ahead = ([published.BLOCKS.index(b) for b in blocks] for blocks in (calibrated_on, scored_on))
+    """The score of the candidate with this index in `found`, the arrays of `deterministic_candidates` or
+    `point_mass_candidates`; index 0 is no candidate."""
+    on, scored = ([published.BLOCKS.index(b) for b in blocks] for blocks in (calibrated_on, scored_on))
     likely = found["log_likelihood"]
-    known, predicted = likely[:, :, on].sum(axis=2), likely[:, :, ahead].sum(axis=2)
+    known, predicted = likely[:, :, on].sum(axis=2), likely[:, :, scored].sum(axis=2)
     groups = likely.shape[1] // SIZES
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     every = np.arange(groups)
@@ -207,13 +214,13 @@ def held_out_score(
         own,
         own - _log_score(known[0], predicted[0], every),
         float(np.std(resampled)),
-        np.einsum("k,kbl->bl", weight, found["percent"][candidate][:, ahead]) / weight.sum(),
+        np.einsum("k,kbl->bl", weight, found["percent"][candidate][:, scored]) / weight.sum(),
         float(weight.sum() ** 2 / (weight**2).sum()),
     )
 
 
 def _log_score(known: Array, predicted: Array, groups: Array) -> float:
-    """log of the mean probability of what is predicted, over hypotheses in proportion to that of what is known."""
+    """Logarithm of the mean of exp(`predicted`) over hypotheses with weights exp(`known`)."""
     rows = (groups[:, None] * SIZES + np.arange(SIZES)).ravel()
     top, both = known[rows].max(), (known + predicted)[rows].max()
     return float(
@@ -225,21 +232,21 @@ def _log_score(known: Array, predicted: Array, groups: Array) -> float:
 
 
 def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -> pd.DataFrame:
-    """One row for each model, test and candidate, the best score of a test first; `found`: model -> candidates."""
+    """One row for each model, test and candidate, the best score of a test first; `found`: model -> arrays."""
     import pandas as pd
 
     names = {"deterministic": CANDIDATES, "probabilistic": POINT_MASS_CANDIDATES}
     rows = []
     for model, own in found.items():
-        for on, ahead in TESTS:
+        for on, scored in TESTS:
             for c, candidate in enumerate(names[model]):
-                score = held_out_score(own, c, on, ahead, seed)
+                score = held_out_score(own, c, on, scored, seed)
                 row: dict[str, object] = {
-                    "model": model, "calibrated_on": "+".join(on), "scored_on": "+".join(ahead), "candidate": candidate,
-                    "log_score": score.log_score, "over_none": score.over_none, "error": score.error,
-                    "effective": score.effective,
+                    "model": model, "calibrated_on": "+".join(on), "scored_on": "+".join(scored),
+                    "candidate": candidate, "log_score": score.log_score, "over_none": score.over_none,
+                    "error": score.error, "effective": score.effective,
                 }  # fmt: skip
-                for block, percent in zip(ahead, score.percent, strict=True):
+                for block, percent in zip(scored, score.percent, strict=True):
                     row |= {f"{block}_{line}": p for line, p in zip(published.LINES, percent, strict=True)}
                 rows.append(row)
     table = pd.DataFrame(rows)

@@ -1,4 +1,4 @@
-"""Simulated releases of many hypotheses with either model: measure lines passed and first impacts."""
+"""Simulated releases of many hypotheses with both models: passed measure lines and first impacts."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-RELEASES_PER_CALL = 40_000  # releases in one call
+RELEASES_PER_CALL = 40_000  # of the batch engine
 TIME_LIMIT_S = 3.0
-SHARE_PAST_SLOPE = 0.5  # least share of a hypothesis' releases that must not touch the slope again
+SHARE_PAST_SLOPE = 0.5  # least share of the releases of a hypothesis that must not touch the slope again
 SLOPE_ZONE = ZONES.index("slope")
 FACING_ZONE = ZONES.index("uphill_face")
 DITCH_ZONE = ZONES.index("ditch")
@@ -45,10 +45,10 @@ class Outcome:
     ----------
     crossed : (k, n, lines) whether a release passed each line
     first_zone : (k, n) zone id of the first impact, -1 without an impact
-    off_normal_deg : (k, n) angle between the velocity before that impact and the facing's normal, NaN without an impact
+    off_normal_deg : (k, n) angle between the velocity before that impact and the normal of the facing, NaN without one
     at_line_2 : (k, n, 7) time and state at the first crossing of line 2, NaN if it was not passed
-    possible : (k,) whether the energy of the drop allows the incident states and most releases do not touch the slope
-        again; the lines are evaluated for possible hypotheses alone
+    possible : (k,) whether the energy of the drop allows the incident states, and most releases do not touch the slope
+        again; the lines are evaluated only for possible hypotheses
     """
 
     crossed: Array
@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def by_last_line(self) -> Array:
-        """(k, lines + 1) releases by the last line they passed."""
+        """(k, lines + 1) number of releases by the last line they passed."""
         return by_last_line(self.crossed)
 
     @property
@@ -72,12 +72,12 @@ class Outcome:
         return Outcome(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
     def first_in(self, zone: int) -> Array:
-        """(k,) releases whose first impact was in this zone."""
+        """(k,) number of releases whose first impact was in this zone."""
         return (self.first_zone == zone).sum(axis=1)
 
 
 def by_last_line(crossed: Array) -> Array:
-    """(k, lines + 1) releases by the last line they passed, from whether they passed each (k, n, lines)."""
+    """(k, lines + 1) number of releases by the last line they passed, from `crossed` (k, n, lines)."""
     last = (crossed * np.arange(1, crossed.shape[-1] + 1)).max(axis=-1)
     return (last[..., None] == np.arange(crossed.shape[-1] + 1)).sum(axis=1)
 
@@ -93,14 +93,14 @@ def deterministic_outcome(
     possible = np.flatnonzero(outcome.possible)
     crossings = np.full((*outcome.first_zone.shape, len(LINES), N_INSTANT), np.nan)
     crossings[possible] = _crossings(known, values, block_name, draws, change, possible)
-    return replace(outcome, **_passings(crossings))
+    return replace(outcome, **_line_fields(crossings))
 
 
 def deterministic_crossed(
     known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Array:
-    """(k, n, lines) whether a release passes each line, as `deterministic_outcome`; all hypotheses are taken as
-    possible."""
+    """(k, n, lines) whether a release passes each line, as in `deterministic_outcome`, but for all hypotheses, also
+    impossible ones."""
     every = np.arange(len(values["slope_deg"]))
     return np.isfinite(_crossings(known, values, block_name, draws, change, every)[..., TIME])
 
@@ -108,35 +108,36 @@ def deterministic_crossed(
 def deterministic_first_impacts(
     known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
-    """As `deterministic_outcome`, but up to the first impact: no line counts as passed.
+    """As `deterministic_outcome`, but only up to the first impact: no line counts as passed.
 
-    A release is followed until the first impact must have begun: when its centroid would be below all ground. How it
-    begins does not depend on the contact law; that of Table 4 is taken.
+    A release is simulated until its centroid in free fall would be below all ground, so that the first impact must have
+    begun. Its beginning does not depend on the contact parameters; those of Table 4 are used.
     """
     values = table_4(values)
     block, n = known.blocks[block_name], len(draws)
     begin = incident_distributions(values, block, known.gravity_m_s2)
     every = begin.states(draws)
     height, rise = every[..., Y], every[..., VY]
-    falls_s = (rise + np.sqrt(rise**2 + 2.0 * known.gravity_m_s2 * height)) / known.gravity_m_s2
+    fall_time_s = (rise + np.sqrt(rise**2 + 2.0 * known.gravity_m_s2 * height)) / known.gravity_m_s2
     parts = []
     for chosen in _chunks(np.arange(len(every)), n):
         result = _simulate(
             _worlds(known, values, chosen, change), block_name, every[chosen], impact_limit=1, impact_room=1,
-            time_limit_s=falls_s[chosen].ravel(),
+            time_limit_s=fall_time_s[chosen].ravel(),
         )  # fmt: skip
         zones, before = result.impacts[:, 0, I_ZONE], result.impacts[:, 0, BEFORE_INSTANT]
         possible = begin.possible[chosen] & _past_slope(zones, n)
         nowhere = np.full((len(chosen), n, len(LINES), N_INSTANT), np.nan)
         parts.append(_outcome(nowhere, zones, before, values["facing_deg"][chosen], possible))
-    return _joined(parts)
+    return _concatenated(parts)
 
 
 def _crossings(
     known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None,
     hypotheses: Array,
 ) -> Array:  # fmt: skip
-    """(k', n, lines, 7) time and state at the first crossing of each line, for some of the hypotheses."""
+    """(k', n, lines, 7) time and state at the first crossing of each line, for the `hypotheses` (k',) with these
+    indices."""
     every = incident_distributions(values, known.blocks[block_name], known.gravity_m_s2).states(draws)
     parts = [np.empty((0, len(draws), len(LINES), N_INSTANT))]
     for chosen in _chunks(hypotheses, len(draws)):
@@ -156,7 +157,7 @@ def _worlds(known: KnownSetup, values: Values, hypotheses: Array, change: WorldC
 
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
-    """Releases `states` (k, n, 6) of one block, n in each of k worlds."""
+    """Simulate releases `states` (k, n, 6) of one block, n in each of k worlds."""
     from rock2d.engines.batch import Ensemble, run_batch
 
     blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
@@ -175,9 +176,9 @@ def _simulate(worlds: list[World], block: str, states: Array, **options: Any) ->
 def probabilistic_outcome(
     known: KnownSetup, values: Values, block_name: str, draws: Array, slope_reduction_deg: Array | None = None
 ) -> Outcome:
-    """The same releases with the probabilistic model; `slope_reduction_deg` (k,) belongs to the hypotheses.
+    """Releases of a block with the probabilistic model, for each hypothesis, from standard normal `draws` (n, 6).
 
-    The slope and the ground behind the crest have the parameters of the ditch.
+    `slope_reduction_deg` (k,) of each hypothesis; default 0. All zones but the facing have the parameters of the ditch.
     """
     from rock2d.engines.point_mass_batch import run_point_mass_batch
     from rock2d.laws.rebound import ReboundParameters
@@ -185,7 +186,7 @@ def probabilistic_outcome(
     block, n = known.blocks[block_name], len(draws)
     begin = incident_distributions(values, block, known.gravity_m_s2)
     alpha = np.zeros(len(begin.mean)) if slope_reduction_deg is None else slope_reduction_deg
-    seeds = np.zeros(n, np.uint64)  # nothing is drawn at impacts
+    seeds = np.zeros(n, np.uint64)  # unused: impacts have no random part
     parts = []
     for i, states in enumerate(begin.states(draws)):
         ground = hypothesis_cross_section(values, i, known)
@@ -207,11 +208,11 @@ def probabilistic_outcome(
         possible = begin.possible[i : i + 1] & _past_slope(zones, n)
         before, angle = result.impacts[:, 0, :N_INSTANT], values["facing_deg"][i : i + 1]
         parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
-    return _joined(parts)
+    return _concatenated(parts)
 
 
 def probabilistic_crossed(known: KnownSetup, values: Values, block_name: str, draws: Array) -> Array:
-    """(k, n, lines) whether a release passes each line, as `probabilistic_outcome` without slope reductions."""
+    """(k, n, lines) whether a release passes each line, as in `probabilistic_outcome` without slope reductions."""
     return probabilistic_outcome(known, values, block_name, draws).crossed
 
 
@@ -221,7 +222,7 @@ def _chunks(hypotheses: Array, releases: int) -> list[Array]:
 
 
 def _past_slope(zones: Array, n: int) -> Array:
-    """(k,) whether enough of the n releases of each hypothesis first touch another zone than the slope."""
+    """(k,) whether at least SHARE_PAST_SLOPE of the n releases of each hypothesis do not touch the slope first."""
     return np.asarray((zones.reshape(-1, n) == SLOPE_ZONE).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
 
 
@@ -235,17 +236,17 @@ def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, p
     return Outcome(
         first_zone=np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
         off_normal_deg=np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), possible=possible,
-        **_passings(crossings),
+        **_line_fields(crossings),
     )  # fmt: skip
 
 
-def _passings(crossings: Array) -> dict[str, Array]:
-    """What an Outcome knows of crossings (k, n, lines, 7)."""
+def _line_fields(crossings: Array) -> dict[str, Array]:
+    """The fields of an Outcome that depend on crossings (k, n, lines, 7)."""
     return {
         "crossed": np.isfinite(crossings[..., TIME]),
         "at_line_2": crossings[:, :, LINES.index("line_2")],
     }
 
 
-def _joined(parts: list[Outcome]) -> Outcome:
+def _concatenated(parts: list[Outcome]) -> Outcome:
     return Outcome(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Outcome)))

@@ -1,4 +1,4 @@
-"""Published data: the experiment, the results of the paper's two models, and how its text on first impacts is read."""
+"""Published data: the experiment, the results of the paper's two models, and its statements on first impacts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ RELEASES = 50  # per block
 BLOCKS = ("sphere", "cube", "parallelepiped")
 LINES = ("line_1", "line_2", "line_3")
 
-# Table 1. Its masses are used; its densities contradict them
+# Table 1: the masses; the densities given there contradict them
 SETUP_BLOCKS = {
     block.name: block
     for block in (
@@ -21,14 +21,14 @@ SETUP_BLOCKS = {
 }
 HEIGHT_M, CREST_M = 0.083, 0.055  # of the embankment
 
-# Table 2: passing frequencies in %, a row a block, a column a line
+# Table 2: passing frequencies in %, a row for each block, a column for each line
 EXPERIMENT = np.array([[100, 86, 42], [86, 32, 0], [82, 6, 0]])
 PROBABILISTIC = np.array([[94, 90, 40], [100, 32, 0], [100, 10, 0]])
 DETERMINISTIC = np.array([[100, 98, 42], [100, 46, 2], [100, 18, 0]])
 
 COLUMNS = {"deterministic": DETERMINISTIC, "probabilistic": PROBABILISTIC}  # of the paper's models
 
-# Table 3, beside the blocks' slope reductions: ditch, facing
+# Table 3 without the slope reductions
 REBOUND_PARAMETERS = {
     "ditch.friction_angle_deg": 0.0, "facing.friction_angle_deg": 11.0,
     "ditch.momentum_half_kg_m_s": 0.025, "facing.momentum_half_kg_m_s": 0.04,
@@ -42,12 +42,12 @@ CONTACT_PARAMETERS = {
 
 DROP_M = 0.30
 
-# Statements of the text on first impacts, and how this project reads them (assumptions, see `MEANINGS`)
+# statements of the paper on first impacts as numbers (assumptions, see `MEANINGS`)
 SPHERE_IN_DITCH = RELEASES  # "always occurred in the ditch"
-CUBE_ON_FACING = (3, 20)  # "some direct impacts were located on the facing": from so many releases to so many
-PARALLELEPIPED_ON_FACING = 40  # "a vast majority": at least so many
-OFF_NORMAL_DEG = 20.0  # "mainly normal to the embankment facing": mean angle off its normal up to this, ...
-OFF_NORMAL_SD_DEG = 10.0  # ... beyond it less likely as a normal distribution's tail
+CUBE_ON_FACING = (3, 20)  # "some direct impacts were located on the facing": least and largest number
+PARALLELEPIPED_ON_FACING = 40  # "a vast majority": least number
+OFF_NORMAL_DEG = 20.0  # "mainly normal to the embankment facing": largest mean angle to its normal
+OFF_NORMAL_SD_DEG = 10.0  # larger angles have the likelihood of a normal distribution with this sd
 MEANINGS = (
     f"'The first impact in the ditch or on the mountain-side facing': all {RELEASES} of each block in one of the two.",
     f"The sphere's first impact 'always occurred in the ditch': {SPHERE_IN_DITCH} of {RELEASES}.",
@@ -59,13 +59,15 @@ MEANINGS = (
 
 
 def passed(percent: np.ndarray | None = None) -> np.ndarray:
-    """(blocks, lines) releases that passed, out of RELEASES, from a table of passing frequencies in %: by default the
-    experiment's."""
+    """(blocks, lines) number of RELEASES that passed, from a table of passing frequencies in %; default: the
+    experiment."""
     return np.rint((EXPERIMENT if percent is None else percent) * RELEASES / 100).astype(int)
 
 
 def counts_by_last_line(passed_lines: np.ndarray) -> np.ndarray:
-    """(..., lines + 1) releases by the last line they passed (none, 1, 2, 3), from the numbers (..., lines) that passed
-    each and their total in front: differences of (total, passed 1, 2, 3, 0)."""
+    """(..., lines + 1) number of releases by the last line they passed (none, 1, 2, 3).
+
+    `passed_lines` (..., lines + 1): the total, then the number that passed each line.
+    """
     padded = np.concatenate([passed_lines, np.zeros((*passed_lines.shape[:-1], 1), int)], axis=-1)
     return padded[..., :-1] - padded[..., 1:]

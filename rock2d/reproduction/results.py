@@ -1,4 +1,4 @@
-"""Predictions of each calibration for releases it did not see, their errors, and conclusions."""
+"""Predictions of each calibration for new releases, their errors, and conclusions."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ PREDICTION_RELEASES = 128  # per block and hypothesis
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that tables and figures show.
+    """The results that tables and figures show.
 
     Attributes
     ----------
-    samples, outcomes : model -> its posterior, and its predictions for the three blocks
+    samples, outcomes : model -> posterior, and predictions for the three blocks
     slope_reduction_deg : block -> slope reduction of each hypothesis of the probabilistic model
-    held_out : for the cube and the parallelepiped, the prediction without its cells; empty without candidates
+    held_out : for the cube and the parallelepiped, the prediction without its own cells; empty without candidates
     passing, candidates, cells : tables
-    arrivals : what follows from the arrivals of the paper's simulations
-    errors : RMSE in points, by the data that a model was fitted to
+    arrivals : results with the arrivals of the paper's simulations
+    errors : RMSE in points, by model and the data to which it was fitted
     conclusions : sentences
     """
 
@@ -111,7 +111,7 @@ def _errors(
     cells: pd.DataFrame,
     rng: np.random.Generator,
 ) -> dict[str, float]:
-    """RMSE in points over the validation cells and over all nine, by the data that a model was fitted to."""
+    """RMSE in points over the validation cells and over all nine cells, by model and the data of its fit."""
     validation = summary.VALIDATION_ROWS
     sphere_only = summary.mean_percent(outcomes["deterministic"])
     found = {

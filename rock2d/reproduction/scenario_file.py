@@ -1,4 +1,4 @@
-"""The set-up and the arrivals of a hypothesis with the laws of Tables 3 and 4, as a scenario file."""
+"""A scenario file with the set-up and the arrivals of a hypothesis and the laws of Tables 3 and 4."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LINE_CHARACTERS = 120
 
 
 def scenario_text(known: KnownSetup, values: Values, found: FoundSetup, seed: int) -> str:
-    """YAML of a found set-up, which `rock2d run` accepts; numbers are rounded."""
+    """A found set-up as a scenario file (YAML) with rounded numbers."""
     ground = hypothesis_cross_section(values, found.place, known)
     keys = {
         "name": NAME,
@@ -62,7 +62,7 @@ def scenario_text(known: KnownSetup, values: Values, found: FoundSetup, seed: in
 
 
 def _assumed(values: Values, found: FoundSetup, seed: int) -> list[str]:
-    """How set-up and arrivals were found, and what is assumed."""
+    """The entries of the key `assumed`: how set-up and arrivals were found, and the assumptions."""
     tilt = float(values["line_tilt_deg"][found.place])
     missed = "; ".join(found.missed())
     return [
@@ -108,7 +108,7 @@ def _table_3() -> dict[str, Any]:
 
 
 def _arrival(known: KnownSetup, values: Values, place: int, block: str) -> dict[str, Any]:
-    """Distributions of the incident state of a block."""
+    """The keys of the distributions of the incident state of a block."""
     begin = incident_distributions(values, known.blocks[block], known.gravity_m_s2)
     found: dict[str, Any] = {}
     for key, mean, sd in zip(STATE_NAMES, begin.mean[place], begin.sd[place], strict=True):
@@ -125,7 +125,7 @@ def _arrival(known: KnownSetup, values: Values, place: int, block: str) -> dict[
 
 
 def _lines(value: dict[str, Any] | list[Any], indent: int) -> Iterator[str]:
-    """YAML of a mapping or a list, with what fits on one line on one line."""
+    """The YAML lines of a mapping or a list; an item is on one line if it fits."""
     items = value.items() if isinstance(value, dict) else ((None, own) for own in value)
     for key, own in items:
         start = " " * indent + ("- " if key is None else f"{key}: ")
@@ -138,7 +138,7 @@ def _lines(value: dict[str, Any] | list[Any], indent: int) -> Iterator[str]:
 
 
 def _flow(value: Any) -> str:
-    """YAML of a value on one line."""
+    """A value as YAML on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(own)}" for key, own in value.items()) + "}"
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Table 2 side by side: the experiment, the paper's two models, and both laws of this project on a scenario."""
+"""Table 2 next to simulations of a scenario: the experiment, the paper's two models and both laws of this project."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ENGINE_OF_MODEL = {"deterministic": "batch", "probabilistic": "point_mass"}
-RELEASES = 2000  # simulated, of each block: an exact interval reaches at most 2.2 points to either side
+RELEASES = 2000  # of each block; the half-width of an exact interval is then at most 2.2 points
 
 
 def side_by_side(scenario: Scenario, releases: int = RELEASES) -> pd.DataFrame:
     """Passing frequencies in %, one row for each block and line of the paper.
 
-    experiment, paper_deterministic, paper_probabilistic: published, with the exact 95 % intervals (low95, high95) of
-    their 50 releases. deterministic, probabilistic: simulated, with those of `releases`. deterministic_agrees,
-    probabilistic_agrees: whether these lie in the interval of the paper's model (`summary.agrees`).
+    Columns: experiment, paper_deterministic and paper_probabilistic are published, with the exact 95 % intervals
+    (low95, high95) of 50 releases. deterministic and probabilistic are simulated, with the intervals of `releases`.
+    deterministic_agrees and probabilistic_agrees: whether they lie in the interval of the paper's model
+    (`summary.agrees`).
 
     Raises KeyError if the scenario lacks a block or a line of the paper.
     """
@@ -43,14 +44,14 @@ def side_by_side(scenario: Scenario, releases: int = RELEASES) -> pd.DataFrame:
 
 
 def simulated_passed(scenario: Scenario, model: str, releases: int) -> np.ndarray:
-    """(blocks, lines) releases that pass each line with a model, out of `releases` of each block."""
+    """(blocks, lines) number of releases that pass each line with a model, out of `releases` of each block."""
     table = model_table([Model(model, scenario, ENGINE_OF_MODEL[model])], scenario.seed, releases)
     counts = table.set_index(["block", "line"])["passed"]
     return np.array([[counts[block, line] for line in published.LINES] for block in published.BLOCKS])
 
 
 def _add(cells: dict[str, list[object]], name: str, passed: np.ndarray, releases: int) -> None:
-    """Add frequencies of these numbers (blocks, lines) of `releases`, with their intervals."""
+    """Add the frequencies of `passed` (blocks, lines) out of `releases`, and their intervals, as columns."""
     flat = passed.ravel().tolist()
     cells[name] = [100 * count / releases for count in flat]
     bounds = [summary.clopper_pearson_interval(count, releases) for count in flat]

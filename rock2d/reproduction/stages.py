@@ -1,10 +1,10 @@
-"""The calibrations. Each gives a posterior.
+"""The calibrations and their posteriors.
 
-Both models are calibrated on the sphere's cells of Table 2 and on the statements about first impacts; the slope
-reductions on the cells of their own block; the deterministic model with candidate effects on the cells of two blocks.
-The calibrations are modular as in the paper: the parameters of the sphere learn nothing from the rows of the cube and
-the parallelepiped, and the slope reductions learn from those rows alone (a cut posterior, Plummer 2015). Statements and
-cells count the same 50 releases; their likelihoods are multiplied as if the releases were different (assumed).
+Both models are calibrated on the sphere's cells of Table 2 and on the statements on first impacts; each slope reduction
+on the cells of its block; the deterministic model with candidate effects on the cells of two blocks. The calibrations
+are modular as in the paper: the rows of the cube and the parallelepiped do not influence the parameters of the sphere,
+and only these rows determine the slope reductions (a cut posterior, Plummer 2015). Statements and cells count the same
+50 releases; their likelihoods are multiplied as if they were independent (assumption).
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ Array = np.ndarray
 Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
 
-# Few releases tell well enough what to do with a low power of the likelihood: this share of them, up to this power.
+# the sampler uses this share of the releases up to this power of the likelihood, where their noise matters little
 COARSE_SHARE, COARSE_UP_TO = 0.25, 0.1
-WORK_EXPONENT = 0.4  # a calibration does about this power of the likelihood's power of its work
+WORK_EXPONENT = 0.4  # the finished part of a calibration is about (power of the likelihood) ** WORK_EXPONENT
 NO_CANDIDATE = "none"
 # effects of the catalogue that change an impact and depend neither on the camera nor on the order of the releases
 CANDIDATES = (
@@ -75,7 +75,7 @@ CANDIDATE_SPACE = Space(
         ),
     )
 )
-REDUCTIONS_DEG = np.linspace(0.0, 60.0, 11)
+SLOPE_REDUCTIONS_DEG = np.linspace(0.0, 60.0, 11)
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,10 @@ class Effort:
 
     Attributes
     ----------
-    hypotheses : number in each posterior, in multiples of twice the moves; half of them come from each of two
-        independent runs
-    releases : number of each block, simulated for each hypothesis; powers of 2 spread evenly
+    hypotheses : number in each posterior, a multiple of twice the moves; two independent runs give half of them each
+    releases : number of releases of each block for each hypothesis; powers of 2 are spread most evenly
     moves : rounds of moves at each step of the sampler
-    prior_draws : draws of the prior for each hypothesis
+    prior_draws : draws from the prior for each hypothesis
     """
 
     hypotheses: int = 384
@@ -103,8 +102,8 @@ class Model:
 
     Attributes
     ----------
-    first_impacts : first impacts of the releases of a block, for hypotheses of `space`; they do not depend on the law
-    crossed : (k, n, lines) whether these releases pass each line
+    first_impacts : simulates the first impacts of a block for hypotheses of `space`; they do not depend on the law
+    crossed : simulates (k, n, lines) whether these releases pass each line
     space : the unknowns
     """
 
@@ -120,25 +119,27 @@ def calibrate(
     space: Space, factors: Callable[[Draws], list[Factor]], effort: Effort, seed: np.random.SeedSequence,
     on_progress: OnProgress, redrawn: Array | None = None,
 ) -> Sample:  # fmt: skip
-    """Posterior over a space, given the factors of a likelihood that simulates releases from standard normal draws.
+    """The posterior over a space. `factors` gives the factors of the likelihood for standard normal draws.
 
-    Half of the hypotheses come from one run of the sampler, half from another with other releases. Each begins with a
-    share of the releases.
+    Half of the hypotheses come from one run of the sampler, half from a second run with other releases. Each run begins
+    with COARSE_SHARE of the releases.
     """
     width, half = len(space.quantities), effort.hypotheses // 2
-    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn), every_round=True)
+    moves = Moves(effort.moves, redrawn=redrawn, groups=_move_groups(space, redrawn), every_round=True)
     runs: list[Sample] = []
     for own in seed.spawn(2):
         draws = standard_normal_draws(effort.releases, own)
         few = {block: d[: max(1, round(COARSE_SHARE * effort.releases))] for block, d in draws.items()}
         rng = np.random.default_rng(own.spawn(1)[0])
 
-        def halfway(power: float) -> None:
+        def report_progress(power: float) -> None:
             on_progress((len(runs) + power**WORK_EXPONENT) / 2)
 
         prior = prior_draws(effort.prior_draws * half, width, rng)
         finer = COARSE_UP_TO, factors(draws)
-        runs.append(posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=halfway))
+        runs.append(
+            posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=report_progress)
+        )
     return Sample.joined(runs)
 
 
@@ -148,7 +149,7 @@ def setup_columns(space: Space) -> Array:
 
 
 def arrival_columns(space: Space, block: str) -> Array:
-    """Columns of the unknowns of a block's arrival; none if the space has not this block."""
+    """Columns of the unknowns of a block's arrival; none if the space does not contain the block."""
     return space.columns([q.name for q in space.quantities if q.name.startswith(f"{block}.")])
 
 
@@ -158,34 +159,36 @@ def law_columns(space: Space) -> Array:
     return np.setdiff1d(np.arange(len(space.quantities)), np.concatenate(others))
 
 
-def choice_columns(space: Space) -> Array:
-    """Columns of the choice among candidates and of their sizes."""
+def candidate_columns(space: Space) -> Array:
+    """Columns of the choice of a candidate and of its sizes."""
     return space.columns([q.name for q in space.quantities if q.name.startswith("candidate")])
 
 
-def _groups(space: Space, redrawn: Array | None) -> list[Array]:
-    """What moves together: the arrival of a block concerns few factors, the set-up all of them."""
+def _move_groups(space: Space, redrawn: Array | None) -> list[Array]:
+    """Columns that are moved together: the arrival of a block changes few factors, the set-up all."""
     arrivals = [arrival_columns(space, block) for block in published.BLOCKS]
     law = np.setdiff1d(law_columns(space), [] if redrawn is None else redrawn)
     return [group for group in (setup_columns(space), *arrivals, law) if len(group)]
 
 
 def first_impacts_factor(known: KnownSetup, model: Model, block: str, draws: Draws) -> Factor:
-    """The statements on the first impacts of a block."""
+    """The likelihood of the statements on the first impacts of a block."""
 
     def log_likelihood(u: Array) -> Array:
         outcome = model.first_impacts(known, model.space.values(u), block, draws[block])
         return first_impact_log_likelihood(outcome, block)
 
-    own = setup_columns(model.space), arrival_columns(model.space, block), choice_columns(model.space)
+    own = setup_columns(model.space), arrival_columns(model.space, block), candidate_columns(model.space)
     return Factor(log_likelihood, np.concatenate(own), highest=0.0)
 
 
 def cells_factor(
     known: KnownSetup, model: Model, block: str, draws: Draws, percent: Array | None = None
 ) -> Factor:
-    """The cells of a block in a table (blocks, lines) of Table 2, by default the experiment's, of hypotheses that its
-    first impacts do not exclude."""
+    """The likelihood of the cells of a block in a table `percent` (blocks, lines) of Table 2; default: the experiment.
+
+    For hypotheses that the first impacts do not exclude.
+    """
     counts = published_counts(published.EXPERIMENT if percent is None else percent, block)
 
     def log_likelihood(u: Array) -> Array:
@@ -200,7 +203,7 @@ def cells_factor(
 def _factors(
     known: KnownSetup, model: Model, blocks_with_cells: Sequence[str]
 ) -> Callable[[Draws], list[Factor]]:
-    """The statements on the first impacts of each block, and the cells of those that count."""
+    """The factors of the first impacts of all blocks and of the cells of `blocks_with_cells`."""
     return lambda draws: [
         *(first_impacts_factor(known, model, block, draws) for block in published.BLOCKS),
         *(cells_factor(known, model, block, draws) for block in blocks_with_cells),
@@ -210,7 +213,7 @@ def _factors(
 def calibrate_deterministic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
-    """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
+    """Calibrate the deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
     factors = _factors(known, DETERMINISTIC_MODEL, ["sphere"])
     return calibrate(DETERMINISTIC_SPACE, factors, effort, seed, on_progress)
 
@@ -218,9 +221,9 @@ def calibrate_deterministic(
 def calibrate_probabilistic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
-    """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
+    """Calibrate the probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
 
-    Its posterior has several regions, so it takes more hypotheses to find all of them; a point mass is cheap.
+    Its posterior has several modes; twice as many hypotheses find them all.
     """
     effort = replace(effort, hypotheses=2 * effort.hypotheses, prior_draws=2 * effort.prior_draws)
     model = Model(probabilistic_outcome, probabilistic_crossed, PROBABILISTIC_SPACE)
@@ -230,14 +233,15 @@ def calibrate_probabilistic(
 def calibrate_candidates(
     known: KnownSetup, held_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
-    """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
+    """Calibrate the deterministic model with at most one candidate effect on the cells of the other blocks:
+    CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
     model = Model(
-        _with_candidates(deterministic_first_impacts),
-        _with_candidates(deterministic_crossed),
+        _simulation_with_candidates(deterministic_first_impacts),
+        _simulation_with_candidates(deterministic_crossed),
         CANDIDATE_SPACE,
     )
-    choice = choice_columns(CANDIDATE_SPACE)
+    choice = candidate_columns(CANDIDATE_SPACE)
     return calibrate(
         CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
     )
@@ -248,27 +252,27 @@ def calibrate_slope_reductions(
 ) -> dict[str, Array]:
     """block -> (k,) slope reduction in degrees for each hypothesis `sample` (k, d) of PROBABILISTIC_SPACE.
 
-    It is drawn from its posterior given the cells of the block, separately for each hypothesis: set-up, incident
-    states and the parameters of the sphere learn nothing from these cells.
+    It is drawn from its posterior given the cells of the block, separately for each hypothesis: these cells do not
+    influence set-up, incident states and the parameters of the sphere.
     """
     draw_seed, run_seed = seed.spawn(2)
     draws, rng = standard_normal_draws(effort.releases, draw_seed), np.random.default_rng(run_seed)
     values = PROBABILISTIC_SPACE.values(sample)
     found = {"sphere": np.zeros(len(sample))}
     for b, block in enumerate(published.BLOCKS[1:]):
-        table = np.empty((len(sample), len(REDUCTIONS_DEG)))
-        for i, alpha in enumerate(REDUCTIONS_DEG):
+        table = np.empty((len(sample), len(SLOPE_REDUCTIONS_DEG)))
+        for i, alpha in enumerate(SLOPE_REDUCTIONS_DEG):
             outcome = probabilistic_outcome(known, values, block, draws[block], np.full(len(sample), alpha))
             table[:, i] = passing_log_likelihood(outcome, block)
-            on_progress((b + (i + 1) / len(REDUCTIONS_DEG)) / 2)
+            on_progress((b + (i + 1) / len(SLOPE_REDUCTIONS_DEG)) / 2)
         weight = np.exp(table - table.max(axis=1, keepdims=True))
         share = np.cumsum(weight, axis=1) / weight.sum(axis=1, keepdims=True)
-        found[block] = REDUCTIONS_DEG[(rng.random(len(sample))[:, None] > share).sum(axis=1)]
+        found[block] = SLOPE_REDUCTIONS_DEG[(rng.random(len(sample))[:, None] > share).sum(axis=1)]
     return found
 
 
 def candidate_indices(values: Values) -> Array:
-    """(n,) indices into CANDIDATES of hypotheses of CANDIDATE_SPACE; the prior probability of none is 1/2."""
+    """(n,) indices into CANDIDATES of hypotheses of CANDIDATE_SPACE; "none" has the prior probability 1/2."""
     drawn, others = values["candidate"], len(CANDIDATES) - 1
     return np.where(drawn < 0.5, 0, 1 + np.minimum((2.0 * drawn - 1.0) * others, others - 1).astype(int))
 
@@ -286,16 +290,21 @@ def candidate_value(candidate: str) -> float:
 
 def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
     """`deterministic_outcome` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return deterministic_outcome(known, values, block, draws, _with_candidate(values))
+    return deterministic_outcome(known, values, block, draws, _candidate_change(values))
 
 
-def _with_candidates(simulate: Callable[..., Any]) -> Callable[[KnownSetup, Values, str, Array], Any]:
+def _simulation_with_candidates(
+    simulate: Callable[..., Any],
+) -> Callable[[KnownSetup, Values, str, Array], Any]:
     """A simulation of the deterministic model with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return lambda known, values, block, draws: simulate(known, values, block, draws, _with_candidate(values))
+    return lambda known, values, block, draws: simulate(
+        known, values, block, draws, _candidate_change(values)
+    )
 
 
-def _with_candidate(values: Values) -> WorldChange:
-    """The change of the world of each hypothesis by its candidate effect; ratios are drawn on a logarithmic scale."""
+def _candidate_change(values: Values) -> WorldChange:
+    """The change of the world of each hypothesis by its candidate effect; sizes whose range is positive are distributed
+    on a logarithmic scale."""
     from rock2d.effects import catalogue
 
     effects = catalogue()
@@ -319,12 +328,11 @@ def _with_candidate(values: Values) -> WorldChange:
 
 
 def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
-    """block -> (releases, 6) standard normal draws, evenly spread (Sobol). All hypotheses share them, so that the
-    likelihood is a function."""
+    """block -> (releases, 6) standard normal draws from a Sobol sequence. All hypotheses share them, so that the
+    likelihood is a deterministic function."""
     from scipy.special import ndtri
 
     seeds = zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
     even = {name: prior_draws(releases, 6, np.random.default_rng(own)) for name, own in seeds}
-    return {
-        name: ndtri(0.5 + (1.0 - 1e-9) * (u - 0.5)) for name, u in even.items()
-    }  # 0 and 1 would be infinite
+    # without the factor, 0 and 1 would give infinite values
+    return {name: ndtri(0.5 + (1.0 - 1e-9) * (u - 0.5)) for name, u in even.items()}

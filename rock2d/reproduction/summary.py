@@ -1,5 +1,5 @@
-"""The calibrations in numbers: passing frequencies with intervals and tests, errors, the sampling floor, identified
-quantities, and the effect of each candidate on held-out cells."""
+"""Statistics of the calibrations: passing frequencies with intervals and tests, errors, the sampling floor, identified
+quantities, and predictions of held-out cells with each candidate."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-VALIDATION_ROWS = np.s_[1:]  # rows of Table 2 that the deterministic calibration does not see
+VALIDATION_ROWS = np.s_[1:]  # rows of Table 2 that are not used for the deterministic calibration
 SAMPLING_FLOOR_DRAWS = 20_000
-LARGEST_CHANCE_CORRELATION_SD = (
-    3.5  # standard deviations that the largest of some tens of chance correlations reaches
-)
+# of the largest of some tens of random correlations, in standard deviations
+LARGEST_CHANCE_CORRELATION_SD = 3.5
 
 
 def rmse(simulated: Array, cells: slice = np.s_[:]) -> float:
-    """Root mean square difference from Table 2's experiment in points of %, of (blocks, lines) frequencies in %."""
+    """Root mean square difference of frequencies (blocks, lines) in % from the experiment (Table 2), in percentage
+    points."""
     return float(np.sqrt(np.mean((simulated - published.EXPERIMENT)[cells] ** 2)))
 
 
 def block_rmse(simulated: Array, block: str) -> float:
-    """As `rmse`, of one block's (lines,) frequencies in %."""
+    """As `rmse`, for the frequencies (lines,) in % of one block."""
     return float(np.sqrt(np.mean((simulated - published.EXPERIMENT[published.BLOCKS.index(block)]) ** 2)))
 
 
 def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float]:
-    """Mean and 95 % bound of the RMSE of a perfect model against 50 filmed releases a block, in points.
+    """Mean and 95th percentile of the RMSE of a perfect model against 50 filmed releases of each block, in points.
 
-    True frequencies are drawn from what the experiment leaves possible (Jeffreys' prior), the filmed ones from them.
+    True frequencies are drawn from their posterior given the experiment (Jeffreys' prior), filmed numbers from these.
     """
     passed = published.passed()[cells]
     truth = rng.beta(passed + 0.5, published.RELEASES - passed + 0.5, (SAMPLING_FLOOR_DRAWS, *passed.shape))
@@ -50,7 +50,7 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
 
 
 def clopper_pearson_interval(passed: int, releases: int = published.RELEASES) -> tuple[float, float]:
-    """Clopper and Pearson's 95 % interval of a passing frequency, in %."""
+    """The 95 % interval of Clopper and Pearson (1934) of a passing frequency, in %."""
     from scipy.special import betaincinv  # scipy.stats takes over a second to import
 
     low = betaincinv(passed, releases - passed + 1, 0.025) if passed > 0 else 0.0
@@ -59,15 +59,16 @@ def clopper_pearson_interval(passed: int, releases: int = published.RELEASES) ->
 
 
 def agrees(simulated: Array, percent: Array) -> Array:
-    """Whether frequencies in % (..., blocks, lines) lie in the exact 95 % intervals of RELEASES about the cells of a
-    table (blocks, lines) of Table 2."""
+    """Whether `simulated` frequencies (..., blocks, lines) in % lie in the exact 95 % intervals, for RELEASES, of a
+    table `percent` (blocks, lines) of Table 2."""
     bounds = [clopper_pearson_interval(int(passed)) for passed in published.passed(percent).ravel()]
     low, high = np.array(bounds).T.reshape(2, *np.shape(percent))
     return np.asarray((low <= simulated) & (simulated <= high))
 
 
 def equal_frequency_p(passed: int, simulated_percent: float) -> float:
-    """Fisher's exact p that RELEASES filmed and as many simulated releases have one passing frequency."""
+    """p-value of Fisher's exact test that RELEASES filmed and as many simulated releases have the same passing
+    frequency."""
     from scipy.stats import fisher_exact
 
     other = round(simulated_percent * published.RELEASES / 100)
@@ -76,8 +77,8 @@ def equal_frequency_p(passed: int, simulated_percent: float) -> float:
 
 
 def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
-    """Two-sided p of `passed` of RELEASES under an outcome's hypotheses: beta-binomials of their simulated numbers
-    (Jeffreys' prior), averaged."""
+    """Two-sided p-value of `passed` of RELEASES under the hypotheses of an outcome: the mean of their beta-binomial
+    distributions (Jeffreys' prior)."""
     from scipy.stats import betabinom
 
     n = outcome.crossed.shape[1]
@@ -88,10 +89,8 @@ def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
 
 
 def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) -> pd.DataFrame:
-    """Table 2: experiment, the paper's two models and this project's models; one row for each block and line.
-
-    The models of this project are given as mean and 95 % interval over the hypotheses.
-    """
+    """Table 2: the experiment, the paper's two models and those of this project (mean and 95 % interval over the
+    hypotheses); one row for each block and line."""
     import pandas as pd
 
     rows = []
@@ -103,17 +102,17 @@ def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) ->
                 "block": block, "line": line, "experiment": float(published.EXPERIMENT[b, i]),
                 "experiment_low95": low, "experiment_high95": high,
             }  # fmt: skip
-            for name, theirs in (
+            for name, paper in (
                 ("paper_probabilistic", published.PROBABILISTIC),
                 ("paper_deterministic", published.DETERMINISTIC),
             ):
-                row[name] = float(theirs[b, i])
-                row[f"{name}_p"] = equal_frequency_p(passed, theirs[b, i])
-            for name, ours in (("probabilistic", probabilistic[b]), ("deterministic", deterministic[b])):
-                own = 100 * ours.frequencies[:, i]
+                row[name] = float(paper[b, i])
+                row[f"{name}_p"] = equal_frequency_p(passed, paper[b, i])
+            for name, outcome in (("probabilistic", probabilistic[b]), ("deterministic", deterministic[b])):
+                own = 100 * outcome.frequencies[:, i]
                 row[name] = float(own.mean())
                 row[f"{name}_low95"], row[f"{name}_high95"] = np.percentile(own, [2.5, 97.5])
-                row[f"{name}_p"] = predictive_p(passed, ours, i)
+                row[f"{name}_p"] = predictive_p(passed, outcome, i)
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -134,9 +133,9 @@ def monte_carlo_error(outcomes: list[Outcome]) -> float:
 
 
 def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
-    """RMSE over all nine cells of the best hypothesis: what the model can reach at all. NaN without hypotheses.
+    """RMSE over all nine cells of the best hypothesis, a limit of the model. NaN without hypotheses.
 
-    One half of the releases chooses the hypothesis, the other half gives its RMSE.
+    The hypothesis is chosen with one half of the releases, its RMSE is computed with the other half.
     """
     half = outcomes[0].crossed.shape[1] // 2
     first, second = (
@@ -149,9 +148,9 @@ def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
 
 
 def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -> pd.DataFrame:
-    """Prior range and posterior of each quantity, and the standard deviation of the posterior over that of the prior.
+    """Prior range and posterior of each quantity, and the ratio of the standard deviations of posterior and prior.
 
-    `correlated_with` is the quantity of the largest correlation, if that is larger than chance gives.
+    `correlated_with` is the quantity with the largest correlation, if it is larger than random correlations.
     """
     import pandas as pd
 
@@ -211,9 +210,9 @@ def candidates_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
 
     share: posterior probability of the candidate from the other blocks and the statements on first impacts.
     line_1 to line_3, rmse, log_score: predicted passing frequencies in %, their RMSE, log-probability of the filmed
-    numbers. share_all_cells, bayes_factor: posterior probability once the held-out cells are fitted too, and its odds
-    against none over those of the prior. Both held-out blocks give an estimate of the last two from the same data;
-    their difference shows the error.
+    numbers. share_all_cells: posterior probability with the held-out cells included. bayes_factor: ratio of its
+    posterior and prior odds against no candidate. Both held-out blocks estimate the last two from the same data; the
+    difference shows the error.
     """
     import pandas as pd
 
@@ -245,9 +244,9 @@ def rmse_without_candidate(run: HeldOutBlock) -> float:
 
 
 def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
-    """Every validation cell as predicted (%) by hypotheses without a candidate effect, fitted to all other cells.
+    """The prediction (%) of each validation cell by hypotheses without a candidate effect, fitted to all other cells.
 
-    The hypotheses carry importance weights; `effective` is their effective number.
+    The hypotheses have importance weights; `effective` is their effective number.
     """
     import pandas as pd
 

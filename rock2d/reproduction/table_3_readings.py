@@ -1,9 +1,9 @@
-"""Readings of Table 3: under which of them does it give the sphere's row of the paper's probabilistic column?
+"""Readings of Table 3: with which of them does it reproduce the sphere's row of the paper's probabilistic column?
 
-The paper does not publish the facing's angle or how the measure lines lean, and its threshold M½ of the momentum may be
-meant otherwise than here. Each reading bounds these; set-up and arrival are free within it and explain, with Table 3's
-parameters, the sphere's first impacts and its passing frequencies. The sphere has no slope reduction, so nothing else
-is open.
+The paper gives neither the angle of the facing nor the tilt of the measure lines, and may define its threshold M½ of
+the momentum differently. Each reading limits these three. Within the limits, set-up and arrival are free to explain
+the sphere's first impacts and passing frequencies with the parameters of Table 3. The sphere has no slope reduction, so
+all other quantities are known.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 BLOCK = "sphere"
-SHARE_OF_HYPOTHESES = 0.5  # one block has few unknowns
+SHARE_OF_HYPOTHESES = 0.5  # of those of a calibration; one block has fewer unknowns
 PREDICTION_RELEASES = 128  # per hypothesis
 SIGNIFICANT = 0.05
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Ranges of what Table 3 leaves open.
+    """Ranges of the quantities that Table 3 does not define.
 
     Attributes
     ----------
-    facing_deg : slope of the facing
-    line_tilt_deg : tilt of the measure lines from upright
-    momentum_factor : on both thresholds M½ of Table 3
+    facing_deg : angle of the facing
+    line_tilt_deg : tilt of the measure lines from the vertical
+    momentum_factor : factor on both thresholds M½ of Table 3
     """
 
     name: str
@@ -65,7 +65,7 @@ class Reading:
 
     @property
     def space(self) -> Space:
-        """Set-up and arrival within the reading."""
+        """The prior of set-up and arrival within the reading."""
         ranges = {"facing_deg": self.facing_deg, "line_tilt_deg": self.line_tilt_deg}
         setup = (
             replace(q, low=ranges[q.name][0], high=ranges[q.name][1]) if q.name in ranges else q
@@ -83,15 +83,15 @@ READINGS = (
 )
 
 
-def readings_computed(
+def compute_readings(
     known: KnownSetup,
     effort: Effort,
     seed: np.random.SeedSequence,
     on_progress: OnProgress,
     readings: Sequence[Reading] = READINGS,
 ) -> dict[str, Array]:
-    """For each reading, of the hypotheses that explain the row best: `percent` (readings, k, lines) that pass, `p`
-    (readings, lines) of the paper's numbers under them, `facing_deg` and `line_tilt_deg` (readings, k)."""
+    """The posterior of each reading: `percent` (readings, k, lines) that pass, `p` (readings, lines) of the paper's
+    numbers, `facing_deg` and `line_tilt_deg` (readings, k)."""
     effort = replace(effort, hypotheses=round(SHARE_OF_HYPOTHESES * effort.hypotheses))
     paper = published.passed(published.PROBABILISTIC)[published.BLOCKS.index(BLOCK)]
     found: dict[str, list[Array]] = {"percent": [], "p": [], "facing_deg": [], "line_tilt_deg": []}
@@ -124,8 +124,8 @@ def _factors(reading: Reading, known: KnownSetup, draws: Draws) -> list[Factor]:
 
 
 def readings_table(found: Mapping[str, Array], readings: Sequence[Reading] = READINGS) -> pd.DataFrame:
-    """One row for each reading: what it bounds, the set-up found within it, the mean percentages that pass, and the
-    lines whose number in the paper the hypotheses exclude (p < 0.05)."""
+    """One row for each reading: its ranges, the 95 % intervals of the posterior, the mean percentages that pass, and
+    the lines whose number in the paper the posterior excludes (p < 0.05)."""
     import pandas as pd
 
     rows = []

@@ -1,5 +1,5 @@
-"""The files of a reproduction that hold its numbers: the tables (the paper's Tables 2 to 4, assumptions, candidate
-effects), paper_setup.yaml and reproduction.json."""
+"""The data files of a reproduction: tables (the paper's Tables 2 to 4, assumptions, candidate effects),
+paper_setup.yaml and reproduction.json."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.reproduction.scenario_file import SCENARIO_FILE, scenario_text
-from rock2d.reproduction.stages import REDUCTIONS_DEG
+from rock2d.reproduction.stages import SLOPE_REDUCTIONS_DEG
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,7 @@ def result_tables(results: Results) -> dict[str, pd.DataFrame]:
 
 
 def probabilistic_parameters(results: Results) -> pd.DataFrame:
-    """Table 3: value of the paper and posterior of each parameter of the probabilistic model; slope reductions last."""
+    """Table 3: the paper's value and the posterior of each parameter of the probabilistic model."""
     import pandas as pd
 
     sample = results.samples["probabilistic"]
@@ -81,12 +81,12 @@ def probabilistic_parameters(results: Results) -> pd.DataFrame:
         if block == "sphere":
             continue
         low, middle, high = np.percentile(reduction, [2.5, 50.0, 97.5])
-        spread = float(np.std(REDUCTIONS_DEG))
+        spread = float(np.std(SLOPE_REDUCTIONS_DEG))
         rows.append(
             {
                 "quantity": f"{block}.slope_reduction_deg", "paper": published.SLOPE_REDUCTION_DEG[block],
-                "prior_low": REDUCTIONS_DEG[0], "prior_high": REDUCTIONS_DEG[-1], "low95": low, "median": middle,
-                "high95": high, "sd_over_prior_sd": float(reduction.std() / spread),
+                "prior_low": SLOPE_REDUCTIONS_DEG[0], "prior_high": SLOPE_REDUCTIONS_DEG[-1], "low95": low,
+                "median": middle, "high95": high, "sd_over_prior_sd": float(reduction.std() / spread),
                 "prior": "from the block's own cells alone",
             }
         )  # fmt: skip
@@ -94,9 +94,9 @@ def probabilistic_parameters(results: Results) -> pd.DataFrame:
 
 
 def deterministic_parameters(results: Results) -> pd.DataFrame:
-    """Table 4: value of the paper and posterior of each parameter of the contact law.
+    """Table 4: the paper's value and the posterior of each parameter of the contact law.
 
-    k_ul follows from k_l and the restitution.
+    k_ul is computed from k_l and the restitution.
     """
     import pandas as pd
 

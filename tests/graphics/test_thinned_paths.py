@@ -43,7 +43,7 @@ def test_paths_stay_near_their_tracks_at_every_time(run, tolerance_m):
 
 
 def test_packed_points_are_those_that_were_packed(run):
-    thinned = thinned_paths(run.tracks, 0.1).of([1, 3])
+    thinned = thinned_paths(run.tracks, 0.1).subset([1, 3])
     assert len(thinned.counts) == 2
     text, scales = thinned.packed()
     rows = np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8).reshape(7, -1).astype(np.int64)

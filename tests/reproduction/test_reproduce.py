@@ -108,7 +108,7 @@ def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
     found = stages.calibrate_slope_reductions(known, u, SMALL, np.random.SeedSequence(1), lambda share: None)
     assert found["sphere"].tolist() == [0.0] * 5
     assert all((found[block] == peak).all() for block, peak in peaks.items())
-    assert len(asked) == 2 * len(stages.REDUCTIONS_DEG)
+    assert len(asked) == 2 * len(stages.SLOPE_REDUCTIONS_DEG)
 
 
 def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import KNOWN_SETUP, table_3
 from rock2d.reproduction.stages import Effort
-from rock2d.reproduction.table_3_readings import READINGS, Reading, readings_computed, readings_table
+from rock2d.reproduction.table_3_readings import READINGS, Reading, compute_readings, readings_table
 
 
 def test_a_reading_bounds_its_own_unknowns_and_has_table_3():
@@ -28,7 +28,7 @@ def test_a_sphere_that_keeps_its_momentum_rises_and_one_that_loses_it_does_not()
     readings = [Reading(str(factor), (55.0, 75.0), (0.0, 30.0), factor) for factor in (5.0, 0.02)]
 
     def computed():
-        return readings_computed(KNOWN_SETUP, effort, np.random.SeedSequence(1), lambda share: None, readings)
+        return compute_readings(KNOWN_SETUP, effort, np.random.SeedSequence(1), lambda share: None, readings)
 
     found = computed()
     table = readings_table(found, readings)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.first_setup import ground_of
-from rock2d_tracking.gross_errors import bounces_of, reject_jumps
-from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, state_errors
+from rock2d_tracking.gross_errors import bounces_of, reject_gross_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
 from rock2d_tracking.synthetic.real_looks import REST_FRAMES, floor_px, path_of
 from rock2d_tracking.synthetic.user_films import drawn_user_film
 
@@ -32,7 +32,7 @@ def test_errors_are_the_scatter_within_flights_however_often_a_ball_bounces(nois
     errors = []
     for seed in range(8):
         release, fall_px, _ = followed(noise_px, stated_px, seed)
-        state_errors(release, fall_px)
+        set_errors(release, fall_px)
         errors.append(np.median([s.error[0] for s in release.seen]))
     assert np.mean(errors) == pytest.approx(max(noise_px, 0.3 * stated_px), rel=0.2)
 
@@ -42,7 +42,7 @@ def test_what_all_frames_share_is_no_part_of_their_errors():
     fall_px = followed(0.1, 0.1)[1]
     shared.bias_px = 5.0
     for release in (plain, shared):
-        state_errors(release, fall_px)
+        set_errors(release, fall_px)
     np.testing.assert_array_equal([s.error for s in plain.seen], [s.error for s in shared.seen])
     assert plain.bias_px < 0.2 and shared.bias_px >= 5.0
 
@@ -60,7 +60,7 @@ def test_flights_end_at_the_bounces():
 def test_a_true_bounce_is_no_jump_and_lies_on_the_floor():
     film = drawn_user_film("phone", 1, seed=1)
     release, fall_px, _ = followed(0.2, 0.2)
-    reject_jumps(release, fall_px)
+    reject_gross_errors(release, fall_px)
     assert sum(bool(s.reason) for s in release.sights) <= 2
     places = bounces_of(release.seen, fall_px)
     assert len(places) >= 2
@@ -72,7 +72,7 @@ def test_a_run_of_frames_on_something_else_is_rejected():
     release, fall_px, _ = followed(0.2, 0.2)
     for sight in release.sights[20:29]:
         sight.pose = sight.pose + np.array([60.0, -40.0, 0.0])
-    reject_jumps(release, fall_px)
+    reject_gross_errors(release, fall_px)
     assert all(s.reason == "jumps" for s in release.sights[20:29])
     assert sum(not s.reason for s in release.sights[:19] + release.sights[30:]) > 50
 
@@ -82,7 +82,7 @@ def test_an_outline_on_the_background_is_rejected():
     for sight in release.sights:
         sight.covered = 0.9
     release.sights[40].covered = 0.1
-    reject_jumps(release, fall_px)
+    reject_gross_errors(release, fall_px)
     assert release.sights[40].reason == "on the background"
     assert "on the background" not in {s.reason for s in release.sights[:40] + release.sights[41:]}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from rock2d_tracking.steadying import camera_ways, steadied
+from rock2d_tracking.steadying import camera_shifts, steadied
 
 SIZE_PX = (240, 160)
 
@@ -26,13 +26,13 @@ def test_the_way_of_the_background_is_found_whatever_moves_before_it():
     t = np.arange(50)
     ways = 2.0 * np.column_stack([np.sin(t / 3), np.cos(t / 5) - 1.0])
     film = [shown(wall(), way, (20 + 4 * k, 30 + 0.04 * k**2)) for k, way in enumerate(ways)]
-    found = camera_ways(film, len(film))
+    found = camera_shifts(film, len(film))
     assert found is not None
     assert np.abs(found - ways).max() < 0.15
     again = [steadied(frame, way) for frame, way in zip(film, found, strict=True)]
-    assert camera_ways(again, len(again)) is None
+    assert camera_shifts(again, len(again)) is None
 
 
 def test_a_camera_that_stands_still_is_left_alone():
     film = [shown(wall(), np.zeros(2), (20 + 4 * k, 60.0)) for k in range(40)]
-    assert camera_ways(film, len(film)) is None
+    assert camera_shifts(film, len(film)) is None

@@ -8,7 +8,7 @@ import av
 import numpy as np
 import pytest
 from rock2d_tracking.synthetic.optics import hand_shake
-from rock2d_tracking.synthetic.real_looks import flights_of, path_of, real_film, way_of_camera
+from rock2d_tracking.synthetic.real_looks import camera_shift, flights_of, path_of, real_film
 from rock2d_tracking.synthetic.user_films import (
     FILM_KINDS,
     GRAVITY_M_S2,
@@ -46,7 +46,7 @@ def test_the_ball_is_seen_where_lens_and_hand_put_it(lens, shake_px):
                     lens=lens, shake_px=shake_px, hand=False, shutter=0.0, noise=0.5, untidy=0.0, room=0.0)  # fmt: skip
     for number, frame in enumerate(real_film(white, film.size_px, 40)):
         v, u = np.nonzero(frame.image.min(axis=2) > 180)
-        way = way_of_camera(white, number)
+        way = camera_shift(white, number)
         np.testing.assert_allclose([u.mean(), v.mean()], frame.pose[:2] + way, atol=0.35)
 
 

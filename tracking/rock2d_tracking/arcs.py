@@ -1,4 +1,4 @@
-"""Arcs: candidates that fall together on one parabola, frame after frame."""
+"""Arcs: candidates of successive frames that lie on one parabola."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ FEWEST_ARC_FRAMES = 5
 RECENT_FRAMES = 24  # frames of an arc from which its next place is predicted
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
 GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
-# frames of a run that may be carried on, and areas of what is then added
+# least length of a run that may be extended, and largest ratio of areas of the candidates that are added
 FEWEST_TO_GROW, GROWN_AREA_RATIO = 8, 2.5
-# accelerations in px per frame squared that are tried, beside none
-FALLS_PX = tuple(0.5 * 2.0**k for k in range(8))
-SAME_BEND = 0.25  # relative difference of accelerations that may be one
+# accelerations in px per frame squared that are tried, in addition to 0
+TRIED_FALLS_PX = tuple(0.5 * 2.0**k for k in range(8))
+SAME_ACCELERATION = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
 STEP_TOLERANCE = 0.04  # ... and share of the step to it
-MOVED_RADII = 1.5  # way of an arc, at least
+MOVED_RADII = 1.5  # least length of an arc
 
 
 @dataclass
@@ -44,8 +44,8 @@ class Arc:
     falls : whether its curvature is significant and about that of gravity
     other : whether its curvature is significant and not that of gravity
     bend : its acceleration along v in px per usual time squared, with its standard error
-    gravity_ratio : its acceleration over the gravity that scale and frame rate promise
-    contrast : usual change in grey levels, of the colour that changes most
+    gravity_ratio : its acceleration over the gravity expected from scale and frame rate
+    contrast : median change in grey levels, of the colour that changes most
     shadow_share : share of its frames that look like a shadow
     """
 
@@ -83,7 +83,7 @@ class Arc:
         return float(np.sqrt(self.area_px2 / np.pi))
 
     def after(self, frame: int) -> Arc:
-        """The same arc without its frames up to one."""
+        """The arc without its frames up to and including `frame`."""
         kept = self.frames > frame
         return replace(self, frames=self.frames[kept], places=self.places[kept], areas=self.areas[kept])
 
@@ -92,7 +92,7 @@ class Arc:
         return self._at(self.clock(frame))
 
     def pace(self, frame: float) -> Array:
-        """(2,) way in px in the usual time between two frames, about a frame."""
+        """(2,) displacement in px per usual frame interval at a frame."""
         when = self.clock(frame)
         return self._at(when + 0.5) - self._at(when - 0.5)
 
@@ -102,7 +102,7 @@ class Arc:
 
 
 def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
-    """Parabolas through candidates, the longest runs of frames that keep to one; `fall_px` as in `motion_of`."""
+    """Parabolas through the longest runs of candidates; `fall_px`: acceleration of gravity in px per frame squared."""
     table = [np.array([(c.u_px, c.v_px, c.area_px2, *c.change, c.shadow) for c in own if c.whole]).reshape(-1, 7)
              for own in candidates]  # fmt: skip
     used = [np.zeros(len(own), bool) for own in table]
@@ -114,7 +114,7 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = 
             best = _best_run(table, used, frame, i, fall_px, clock)
             if best is None:
                 continue
-            run = _grown(table, best, clock) if len(best) >= FEWEST_TO_GROW else best
+            run = _with_extended_ends(table, best, clock) if len(best) >= FEWEST_TO_GROW else best
             arc = _arc(table, run, fall_px, clock)
             if arc is not None:
                 arcs.append(arc)
@@ -125,18 +125,18 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = 
 
 def common_fall(candidates: list[list[Candidate]], down: int = 1, clock: Clock = EVEN) -> Measured | None:
     """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
-    nothing is bent. `down`: its sign.
+    no arc is curved. `down`: its sign.
 
-    Arcs are looked for with one acceleration after the other, because a strong one must be known to follow them.
+    Several accelerations are tried, because strongly curved arcs are found only with about the right one.
     """
     best: list[Arc] = []
-    for fall in (0.0, *FALLS_PX):
-        bent = [a for a in find_arcs(candidates, down * fall, clock) if _bent(a, down)]
+    for fall in (0.0, *TRIED_FALLS_PX):
+        bent = [a for a in find_arcs(candidates, down * fall, clock) if _bends_downward(a, down)]
         if not bent:
             continue
         bends = np.array([a.bend.value for a in bent])
         frames = np.array([len(a.frames) for a in bent])
-        near = np.abs(bends / weighted_median(bends, frames) - 1.0) < SAME_BEND
+        near = np.abs(bends / weighted_median(bends, frames) - 1.0) < SAME_ACCELERATION
         own = [a for a, agrees in zip(bent, near, strict=True) if agrees]
         if sum(len(a.frames) for a in own) > sum(len(a.frames) for a in best):
             best = own
@@ -147,12 +147,12 @@ def common_fall(candidates: list[list[Candidate]], down: int = 1, clock: Clock =
     return mean_bend(falls or best)
 
 
-def _bent(arc: Arc, down: int) -> bool:
+def _bends_downward(arc: Arc, down: int) -> bool:
     return down * arc.bend.value > GRAVITY_SIGMAS * arc.bend.error
 
 
 def mean_bend(arcs: Sequence[Arc]) -> Measured:
-    """Weighted mean of the accelerations of some arcs; where they disagree, its error is that of their scatter."""
+    """Weighted mean of the accelerations of arcs; if they disagree, its error includes their scatter."""
     bends, weights = (
         np.array([a.bend.value for a in arcs]),
         np.array([a.bend.error for a in arcs]) ** -2.0,
@@ -165,7 +165,7 @@ def mean_bend(arcs: Sequence[Arc]) -> Measured:
 def arcs_of_other_gravity(
     candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN
 ) -> list[Arc]:
-    """The arcs that scale, frame rate or the direction `up` would have to be wrong for."""
+    """The arcs whose acceleration is that of gravity only if scale, frame rate or the direction `up` is wrong."""
     down = 1 if fall_px > 0 else -1
     fall = common_fall(candidates, down, clock) or common_fall(candidates, -down, clock)
     if fall is None:
@@ -187,18 +187,18 @@ def _best_run(
         nxt = table[frame + ahead]
         if not len(nxt):
             continue
-        fits = np.flatnonzero(_alike(nxt, start) & ~used[frame + ahead])
+        fits = np.flatnonzero(_similar(nxt, start) & ~used[frame + ahead])
         for k in fits.tolist():
-            run = _extended(table, used, [(frame, i), (frame + ahead, k)], fall_px, clock)
+            run = _followed_parabola(table, used, [(frame, i), (frame + ahead, k)], fall_px, clock)
             if len(run) >= FEWEST_ARC_FRAMES and (best is None or len(run) > len(best)):
                 best = run
     return best
 
 
-def _extended(
+def _followed_parabola(
     table: list[Array], used: list[Array], run: list[tuple[int, int]], fall_px: float, clock: Clock
 ) -> list[tuple[int, int]]:
-    """A run of two candidates, frame by frame as far as its parabola carries."""
+    """A run of two candidates, extended frame by frame as long as candidates lie on its parabola."""
     frame = run[-1][0] + 1
     usual = table[run[0][0]][run[0][1]].copy()
     radius = np.sqrt(usual[2] / np.pi)
@@ -209,7 +209,7 @@ def _extended(
         pick = -1
         if len(own):
             away = np.hypot(own[:, 0] - at[0], own[:, 1] - at[1])
-            away[~_alike(own, usual) | used[frame]] = np.inf
+            away[~_similar(own, usual) | used[frame]] = np.inf
             k = int(np.argmin(away))
             last = table[run[-1][0]][run[-1][1]]
             slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
@@ -234,9 +234,11 @@ def _extended(
     return run
 
 
-def _grown(table: list[Array], run: list[tuple[int, int]], clock: Clock) -> list[tuple[int, int]]:
-    """A run carried on at both ends to candidates that lie on its parabola, whatever their colour: what is behind a
-    block changes how it stands out."""
+def _with_extended_ends(
+    table: list[Array], run: list[tuple[int, int]], clock: Clock
+) -> list[tuple[int, int]]:
+    """A run extended at both ends by candidates that lie on its parabola, whatever their colour: the contrast of a
+    block depends on the background."""
     area = float(np.median([table[f][k, 2] for f, k in run]))
     slack = max(1.5, ARC_TOLERANCE_RADII * np.sqrt(area / np.pi))
     for step in (-1, 1):
@@ -257,8 +259,8 @@ def _grown(table: list[Array], run: list[tuple[int, int]], clock: Clock) -> list
     return run
 
 
-def _alike(rows: Array, one: Array) -> Array:
-    """Which candidates have about the area and the colours of one."""
+def _similar(rows: Array, one: Array) -> Array:
+    """Which candidates have about the same area and colours as one of them."""
     ratio = rows[:, 2] / one[2]
     apart = np.abs(rows[:, 3:6] - one[3:6]).max(axis=1)
     most = np.maximum(np.abs(rows[:, 3:6]).max(axis=1), np.abs(one[3:6]).max())

@@ -1,4 +1,4 @@
-"""The background: the image without a block, learned from the first frames and updated where no block is."""
+"""The background: the picture without a block, from the first frames and updated outside the block."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from rock2d_tracking.candidates import shrunk
 
 Array = np.ndarray
 
-LEARNING_RATE = 0.02  # share of a frame that the background takes over
-LEARNING_INTERVAL = 4  # frames, of which one is used, with a larger share
-CHANGED_SIGMAS, CHANGED_GREY = 5.0, 6.0  # in noise and in grey levels; a pixel that differs more has changed
+LEARNING_RATE = 0.02  # weight of a frame in the background
+LEARNING_INTERVAL = 4  # one frame of this many is used, with a larger weight
+CHANGED_SIGMAS, CHANGED_GREY = (
+    5.0,
+    6.0,
+)  # in noise and in grey levels; a pixel with a larger difference has changed
 CHANGED_LEARNING_SHARE = 0.05  # share of the learning rate for changed pixels
 BACKGROUND_SAMPLES = 25  # frames whose median it starts from
 
@@ -41,8 +44,8 @@ class Background:
         self._coarse: dict[int, Array] = {}
 
     def differs(self, frame: Array, threshold: float, coarse: int) -> Array:
-        """Mask of what stands out of the background by more than `threshold` grey levels, in pixels `coarse` times as
-        wide as the frame's."""
+        """Mask of the pixels that differ from the background by more than `threshold` grey levels; its pixels are
+        `coarse` times as wide as those of the frame."""
         import cv2
 
         if coarse not in self._coarse:
@@ -51,8 +54,8 @@ class Background:
         return cv2.threshold(apart, threshold, 255, cv2.THRESH_BINARY)[1]
 
     def learn(self, frame: Array, block: tuple[int, int, int, int] | None) -> None:
-        """Take over a share of every fourth frame, but not within `block` (first and last u, first and last v), and
-        much less where it differs: that may be a block that has not been recognised yet."""
+        """Update the background with every LEARNING_INTERVAL-th frame, but not within `block` (first and last u, first
+        and last v). Pixels that differ have a small weight: they may show a block that is not recognised yet."""
         import cv2
 
         self._count += 1

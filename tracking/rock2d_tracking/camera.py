@@ -17,15 +17,15 @@ UNDISTORTION_ROUNDS = 20  # rounds of the fixed-point iteration that removes dis
 
 @dataclass(frozen=True)
 class PixelMap:
-    """A camera that looks squarely at the plane of motion.
+    """A camera perpendicular to the plane of motion.
 
     Attributes
     ----------
     metres_per_pixel : scale at the optical centre
-    origin_px, origin_m : a point of the image, and where it is in the world
-    up : -1 if the world's y grows toward the top of the image, +1 if toward its bottom (a film upside down)
-    tilt_rad : angle by which the image is turned against the world: a level line rises by it in the image
-    k : radial distortion, seen = true (1 + k ρ²), ρ the true distance from `centre_px` over `half_px`
+    origin_px, origin_m : a point of the image, and the same point in the world
+    up : -1 if the world's y axis points to the top of the image, +1 if to its bottom (a film upside down)
+    tilt_rad : rotation of the image relative to the world: a horizontal line rises by this angle in the image
+    k : radial distortion, seen = true (1 + k ρ²), where ρ is the true distance from `centre_px` over `half_px`
     """
 
     metres_per_pixel: float

@@ -1,4 +1,4 @@
-"""Candidates: what differs from the background in a frame, block or not."""
+"""Candidates: regions of a frame that differ from the background, blocks or other things."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 Array = np.ndarray
 
-CHUNK_SAMPLES = 41  # pictures whose median the background is
+CHUNK_SAMPLES = 41  # the background is the median of this many pictures
 CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
 LEAST_AREA_PX = 6  # area of a candidate in the coarse picture
 LARGEST_AREA_SHARE = 0.2  # area of a candidate, as a share of the picture
@@ -22,14 +22,14 @@ SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from
 
 
 class Candidate(NamedTuple):
-    """Something that differs from the background in one frame.
+    """A region of one frame that differs from the background.
 
     Attributes
     ----------
     u_px, v_px : its centroid in the film's pixels
     area_px2 : its area in the film's pixels
-    whole : whether it is clear of the edges of the picture
-    change : (3,) mean change of its colours, in grey levels; all alike in a grey film
+    whole : whether it does not touch the edges of the picture
+    change : (3,) mean change of its colours, in grey levels; all equal in a grey film
     shadow : whether it only darkens the background
     """
 
@@ -43,7 +43,7 @@ class Candidate(NamedTuple):
 
 
 def shrunk(picture: Array, coarse: int) -> Array:
-    """A picture with pixels `coarse` times as wide; what is left over at the right and lower edge is cut off."""
+    """A picture with pixels `coarse` times as wide; incomplete pixels at the right and lower edge are cut off."""
     import cv2
 
     if coarse == 1:
@@ -77,7 +77,7 @@ def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[list[C
 
 
 def _limit(stack: Array, still: Array) -> Array:
-    """Change of each pixel beyond which it moves: its own noise, so that what flickers or waves does not count."""
+    """The least change of each pixel that counts as motion, from its own noise, so that flicker does not count."""
     steps = np.abs(np.diff(stack.astype(np.int16), axis=0)) if len(stack) > 1 else np.zeros_like(stack[:1])
     own = np.median(steps, axis=0) / (0.6745 * np.sqrt(2.0))
     level = np.mean(own)
@@ -85,7 +85,7 @@ def _limit(stack: Array, still: Array) -> Array:
 
 
 def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
-    """The cores of what changed: a block and its shadow, or a hand, touch only by their rims."""
+    """The cores of changed regions. A block and its shadow, or a hand, may touch, but their cores do not."""
     import cv2
 
     count, labels = cv2.connectedComponents(mask)
@@ -106,7 +106,7 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
             same = (o for o in found if max(abs(o.u_px - c.u_px), abs(o.v_px - c.v_px)) < SAME_PX * coarse)
             if not any(1 / SAME_AREA < o.area_px2 / c.area_px2 < SAME_AREA for o in same):
                 found.append(c)
-    # what stands out most, in area and colour; the rest is flicker
+    # those with the largest area and change; the others are flicker
     found.sort(key=lambda c: -c.area_px2 * max(map(abs, c.change)))
     return found[:MOST_CANDIDATES]
 
@@ -136,7 +136,8 @@ def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -
 
 
 def _is_shadow(now: Array, before: Array) -> bool:
-    """Whether pixels (n, colours) are the background's, all darker by about the same factor in every colour."""
+    """Whether pixels `now` (n, colours) are those of the background `before`, darker by about the same factor in every
+    colour."""
     ratio = (now + 2.0) / (before + 2.0)
     middle = np.median(ratio, axis=0)
     return bool(

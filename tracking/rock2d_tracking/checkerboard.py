@@ -10,13 +10,13 @@ from rock2d.errors import InputError
 from rock2d.files.folders import path_inside
 from rock2d.files.text_files import require_regular
 
-LARGEST_SCALE_SPREAD = 0.02  # over the board; with a larger one the camera looked at a slant
+LARGEST_SCALE_SPREAD = 0.02  # over the board; a larger one shows that the camera was oblique
 
 
 def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:
-    """Metres per pixel; `corners`: inner corners in a row, and rows of them.
+    """Metres per pixel; `corners`: number of inner corners in a row, and number of rows.
 
-    Raises `InputError` if the picture cannot be read, the board is not found, or it was seen at a slant.
+    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""When the frames of a film were taken, in units of the usual time between two frames."""
+"""The instants of the frames of a film, in units of the usual frame interval."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ Array = np.ndarray
 
 
 class Clock:
-    """Instants of frames; without `instants` (n,) one frame follows the other at one rate."""
+    """Instants of frames; without `instants` the frame rate is constant."""
 
     def __init__(self, instants: Array | None = None) -> None:
-        """`instants`: of each frame, increasing."""
+        """`instants` (n,): of each frame, increasing."""
         self._instants = instants
 
     def __call__(self, frame: float | Array) -> Array:
-        """Instants of frames, or between two of them; before and after the film at the usual rate."""
+        """Instants of frame numbers, interpolated between frames and extrapolated at the usual rate."""
         at = np.asarray(frame, float)
         if self._instants is None:
             return at
@@ -24,4 +24,4 @@ class Clock:
         return np.asarray(np.interp(at, np.arange(last + 1), self._instants) + beyond)
 
 
-EVEN = Clock()  # of a film of one rate
+EVEN = Clock()  # constant frame rate

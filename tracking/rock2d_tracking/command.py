@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Report = Callable[[str], None]
 
-VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
+VIEW_MARGIN = 0.08  # empty share of the picture on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
 
@@ -42,9 +42,9 @@ class TrackSettings:
     Attributes
     ----------
     last : number of frames after which to stop, None for all
-    explain : whether to write what was seen of the film also where it can be tracked
+    explain : whether to write the explanation of the tracking also if it succeeds
     progress : whether to show a progress bar
-    report : what is called with every line for the user
+    report : called with every line for the user
     """
 
     last: int | None = None
@@ -54,11 +54,11 @@ class TrackSettings:
 
 
 def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSettings) -> None:
-    """Track a film into the experiment folder `out`; whole or not at all.
+    """Track a film and write the experiment folder `out`, completely or not at all.
 
-    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Of the two, gravity gives
-    the one that is not known. Where nothing can be tracked, what was seen of the film goes to `OUT_explained`. Raises
-    `InputError` for input that cannot be used.
+    `config`: the set-up file; or scale and frame rate, from which a set-up file is written into `out`. If one of the
+    two is unknown, it is computed from gravity. If nothing can be tracked, an explanation is written to
+    `OUT_explained`. Raises InputError for invalid input.
     """
     from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.film_track import SETUP, NotTrackedError, track_film
@@ -133,7 +133,7 @@ def film(
 
 
 def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
-    """A camera that sees the whole motion."""
+    """A camera whose picture contains the whole motion."""
     table = experiment.trajectories
     assert table is not None
     reach = max(b.radius_m for b in experiment.blocks.values())
@@ -154,9 +154,9 @@ def import_files(
     block: str | None = None,
     report: Report,
 ) -> None:
-    """Turn what another program tracked into the experiment folder `out`; scale and frame rate are those of the set-up.
+    """Convert the tracks of another program to the experiment folder `out`; the set-up gives scale and frame rate.
 
-    `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
+    `block`: name of the block; default: that of the first release. Raises InputError for invalid input.
     """
     from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import CameraScale, import_tracks

@@ -1,4 +1,4 @@
-"""Text in columns: cells, separators and numbers as programs of many countries write them."""
+"""Text in columns: cells, separators and numbers, with a decimal point or a decimal comma."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rock2d.files.experiment import LARGEST
 
 
 def cells(line: str, separator: str) -> list[str]:
-    """The cells of a line, without quotes and spaces around them; a separator in quotes is none."""
+    """The cells of a line, without quotes and spaces around them; separators in quotes do not separate."""
     parts = line.split('"')
     parts[::2] = [part.replace(separator, "\n") for part in parts[::2]]
     return [cell.strip() for cell in "".join(parts).split("\n")]
 
 
 def separator_of(header: str) -> str:
-    """The first tab, semicolon or comma outside quotes; a space if there is none."""
+    """The separator of a header: the first tab, semicolon or comma outside quotes, or else a space."""
     return next((c for c in "".join(header.split('"')[::2]) if c in "\t;,"), " ")
 
 

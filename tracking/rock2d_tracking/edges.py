@@ -1,9 +1,9 @@
-"""The outline of a block fitted to the edge it makes in the picture, whatever the block itself looks like.
+"""Fit of the outline of a block to its edge in the picture, independent of the appearance of the block.
 
-Along the normal of each point of the outline the picture goes from what the block shows there to the known background.
-How far the block reaches on this line is the integral of its share: of (I - B)·(F - B) / |F - B|², with the picture I,
-the background B and the block's own colour F just inside the edge. So shading, texture, highlights and colours of the
-block do not matter; only where it has the colour of what lies behind it is its edge unknown.
+Along the normal of each point of the outline, the picture changes from the block to the known background. The position
+of the edge on this line is the integral of the block's share (I - B)·(F - B) / |F - B|², with the picture I, the
+background B and the block's colour F just inside the edge. Shading, texture, highlights and colours of the block
+therefore do not matter. The edge is unknown only where the block has the colour of the background.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ POINT_SPACING_PX = 1.5  # spacing of the points on the outline
 FEWEST_POINTS, MOST_POINTS = 24, 120
 CORNER_SHARE = 0.12  # share of a side next to a corner that has no points: there is no single normal
 SAMPLES_PER_PX = 2.0  # along a normal
-# half the width in which the edge is looked for, as a share of the inner radius, at first and at last
+# half the width of the search for the edge, over the inner radius, in the first and in the last rounds
 WIDE_SHARE, NARROW_SHARE = 0.75, 0.45
 NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
 INNER_SHARE = 0.45  # share of the inner half of a normal from which the block's colour is taken
@@ -33,7 +33,7 @@ FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it 
 STRONG, ENOUGH_STRONG = (
     0.25,
     0.6,
-)  # strength of an edge point that counts, and share of such points that is enough
+)  # least strength of an edge point that counts, and least share of such points
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
 TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
@@ -54,15 +54,15 @@ class EdgePoints(NamedTuple):
 
 
 class EdgeFit(NamedTuple):
-    """What `fit_edges` found.
+    """The result of `fit_edges`.
 
     Attributes
     ----------
     pose : (3,) u, v in px and angle in rad
     error : (3,) standard errors
     size, size_error : factor on the outline, and its standard error (infinite if it was not fitted)
-    seen : share of the outline, where it has contrast, whose edge was found where the outline is
-    contrast : usual contrast of its edge, in grey levels
+    seen : share of the outline with contrast whose edge was found on the outline
+    contrast : median contrast of the edge, in grey levels
     """
 
     pose: Array
@@ -74,7 +74,7 @@ class EdgeFit(NamedTuple):
 
 
 def edge_points(outline: Outline) -> EdgePoints:
-    """Points spread over an outline, none near a corner."""
+    """Evenly spaced points on an outline, none near a corner."""
     if len(outline.edges) == 0:
         a, b = outline.semi_axes_px
         perimeter = np.pi * (3 * (a + b) - np.sqrt((3 * a + b) * (a + 3 * b)))
@@ -122,7 +122,7 @@ def fit_edges(
     noise : 1 sigma of a pixel in grey levels
     start : (3,) u, v in px and angle in rad in the patch
     symmetric : whether the outline is a circle, which has no angle
-    smear_px : (2,) way of the block while the shutter is open
+    smear_px : (2,) displacement of the block while the shutter is open
     """
     p = np.array([start[0], start[1], start[2], 1.0])
     free = np.array([True, True, not symmetric, free_size])
@@ -161,7 +161,7 @@ def fit_edges(
             return None
         near = np.abs(left) < max(FOUND_PX, FOUND_RADII * reach) + SMEAR_SHARE * wide_px
         strong = strength > STRONG
-        # where the block has the colour of what is behind it, its edge says nothing for or against
+        # where the block has the colour of the background, its edge is unknown
         seen = float((strong & near).sum() / max(strong.sum(), ENOUGH_STRONG * len(strong)))
         contrast = float(np.median(strength))
         if not wide and length < 0.01 and abs(full[3]) * reach < 0.01 and round_ > WIDE_ROUNDS:
@@ -176,12 +176,12 @@ def fit_edges(
 
 
 def _errors(columns: Array, weight: Array, left: Array) -> Array:
-    """(k,) standard errors of a fit; infinite if a part of the outline decides alone.
+    """(k,) standard errors of a fit; infinite if one part of the outline determines a parameter alone.
 
-    Highlights, shadows and compression shift the edge alike along a part of the outline and in every frame. Neither the
-    scatter of the edge points nor that of the frames shows them, but the fit changes without this part (delete-a-group
-    jackknife; Shao and Tu 1995, The Jackknife and Bootstrap, section 2.3). Blur before a gamma shifts the whole edge
-    in or out, which moves a block of which only one side is seen.
+    Highlights, shadows and compression shift the edge equally along a part of the outline and in every frame. The
+    scatter of edge points or frames does not show this, but the fit without this part does (delete-a-group jackknife;
+    Shao and Tu 1995, The Jackknife and Bootstrap, section 2.3). Blur before the gamma correction shifts the whole edge
+    in or out; this moves a block of which only one side is seen.
     """
     parts = np.arange(len(left)) * JACKKNIFE_PARTS // len(left) == np.arange(JACKKNIFE_PARTS)[:, None]
     targets = np.column_stack([left, np.ones_like(left)])
@@ -197,7 +197,7 @@ def _errors(columns: Array, weight: Array, left: Array) -> Array:
 
 
 def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:
-    """Points relative to the centre and normals, turned and sized."""
+    """Points relative to the centre, and normals, rotated and scaled."""
     c, s = np.cos(p[2]), np.sin(p[2])
     turn = np.array([[c, s], [-s, c]])
     return p[3] * edge.points @ turn, edge.normals @ turn
@@ -213,11 +213,11 @@ def _offsets(
     half: float,
     smear_px: Array,
 ) -> tuple[Array, Array, Array]:
-    """(n,) distance in px by which the block reaches beyond each edge point, (n,) how well that is seen, 0 to 1, and
-    (n,) width over which motion smears the edge there.
+    """(n,) distance in px from each edge point outward to the edge, (n,) its strength, 0 to 1, and (n,) width over
+    which motion smears the edge there.
 
-    An even smear makes the edge wider, but leaves the integral of its share as it is: only the normals must be longer,
-    and the block's own colour be taken from farther inside.
+    A uniform smear makes the edge wider, but does not change the integral of the block's share. The normals must only
+    be longer, and the block's colour be taken from farther inside.
     """
     import cv2
 
@@ -238,7 +238,7 @@ def _offsets(
         n, count, -1
     )
     shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    # where the block's own colour is taken from: inside, and clear of the smear
+    # the part from which the block's colour is taken: inside, and outside the smear
     inner = (t < -np.maximum((1 - INNER_SHARE) * half, 0.5 * wide_px[:, None])) | (along <= along[2])
     own = np.nanmedian(np.where(inner[..., None], seen, np.nan), axis=1)[:, None]
     if LEAST_SHADING_PX <= half <= WIDEST_PX:

@@ -1,4 +1,4 @@
-"""Why a film was tracked as it was: candidates drawn into every frame, counts of reasons, keys to try next."""
+"""Explanation of a tracking result: a film with the candidates, counts of reasons, and keys to try next."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = np.ndarray
 
 WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
-SIZE_AGREES = 0.15  # largest share by which the size that is seen may differ from the one stated
+SIZE_AGREES = 0.15  # largest relative difference between the visible and the stated size
 GRAVITY_AGREES = 0.1
 PARTLY_HIDDEN = (
     "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right"
@@ -47,11 +47,11 @@ USUAL_KEYS = (
     "camera.origin_px: with cross_section it says where the ground is; a block below the ground is not seen",
     "camera.fps: frames per second of the recording, not of the playback",
 )
-FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
+FEWEST_CURVED = 8  # least frames of an arc whose curvature is reported
 
 
 class TrackingAttempt(NamedTuple):
-    """What was seen of a film: its frames, what moves in it, and what was followed with which set-up file, if any."""
+    """A film, the motion in it, and the followed releases and the set-up, if there are any."""
 
     frames: Iterable[Array]
     motion: Motion
@@ -60,7 +60,7 @@ class TrackingAttempt(NamedTuple):
 
 
 def write_explanation(folder: Path, seen: TrackingAttempt, said: str) -> None:
-    """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: how tracking ended."""
+    """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: the result of tracking."""
     _draw(folder, seen.frames, seen.motion)
     lines = [said, "", *_counts(seen), "", "Keys to try next:"]
     lines += [f"{k}. {text}" for k, text in enumerate(keys_to_try(seen), 1)]
@@ -97,7 +97,7 @@ def _counts(seen: TrackingAttempt) -> list[str]:
 
 
 def keys_to_try(seen: TrackingAttempt) -> list[str]:
-    """Three keys of the set-up file, the likeliest to help first, each with what the film says of it."""
+    """Three keys of the set-up file, the most helpful first, each with the evidence from the film."""
     _, motion, _, setup = seen
     found: list[str] = []
     curved = [a for a in motion.arcs if (a.other or a.falls) and len(a.frames) >= FEWEST_CURVED]
@@ -137,7 +137,7 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
 
 
 def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
-    """Frame rate and scale with which some arcs fall as fast as gravity; both are known."""
+    """Frame rate and scale with which some arcs have the acceleration of gravity; both must be stated."""
     fall = mean_bend(arcs)
     return proposal(
         motion.scale, Measured(abs(fall.value) / motion.scale.fall_px, fall.error / motion.scale.fall_px)
@@ -145,14 +145,14 @@ def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
 
 
 def lost_frames(followed: Followed) -> Counter[str]:
-    """How many frames were lost, by reason."""
+    """Number of lost frames by reason."""
     reasons = Counter(s.reason for r in followed.releases for s in r.sights if s.reason)
     reasons.update(followed.rejected)
     return reasons
 
 
 def why_not_tracked(followed: Followed) -> str:
-    """What happened where no release can be trusted, with its numbers."""
+    """A message for a film in which no release can be trusted."""
     reasons = ", ".join(f"{reason!r} {count}" for reason, count in lost_frames(followed).most_common(3))
     sights = max((r.sights for r in followed.releases), key=len, default=[])
     if sights:
@@ -219,7 +219,7 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
 
 
 def _draw_arcs(picture: Array, motion: Motion, scale: float) -> None:
-    """Every arc: those of blocks green, other falls yellow, the rest white."""
+    """Draw every arc: those of blocks green, other falls yellow, the rest white."""
     import cv2
 
     own = {id(a) for c in motion.chains for a in c.arcs}

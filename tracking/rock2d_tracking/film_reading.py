@@ -1,7 +1,7 @@
-"""A video file, read from its first frame to its last, never by seeking, in bounded memory; and its time stamps.
+"""Reading a video file from its first to its last frame in bounded memory, and its time stamps.
 
-A film is read several times, and decoded once: frames beyond `KEPT_BYTES` wait in a temporary file, if the disk has
-room for them. FFmpeg decodes ahead in threads of its own. Of a film without colour only the brightness is read.
+A film is read several times, but decoded once: frames beyond `KEPT_BYTES` are stored in a temporary file, if there is
+room on the disk. FFmpeg decodes in its own threads. Only the brightness of a film without colour is read.
 """
 
 from __future__ import annotations
@@ -26,15 +26,14 @@ Array = np.ndarray
 
 KEPT_BYTES = 2_000_000_000  # of decoded frames in memory
 MOST_OF_DISK = (
-    0.5  # share of the free disk that a temporary file may take; else the film is decoded for each reading
+    0.5  # largest share of the free disk for the temporary file; otherwise each reading decodes the film
 )
-FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 235
+FULL_RANGE = 2  # FFmpeg's value for brightness from 0 to 255; otherwise it is 16 to 235
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
-# by which a time between frames may be off: share of the usual one, and ticks of the clock
+# tolerance of the time between frames: share of the usual one, and ticks of the clock
 STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
-# of a frame rate that varies: shortest time between frames over the usual one (a shorter one is another pace of
-# playing), and stated frame rate over that of playing at its slowest and at its fastest (quantiles of the steps) for
-# which the film is played as it was filmed
+# for a varying frame rate: shortest time between frames over the usual one (a shorter one means that the playback speed
+# changes); and range of the stated over the played frame rate, at these quantiles of the steps, that means real time
 SHORTEST_STEP, AS_FILMED, USUAL_STEPS = 0.4, (0.8, 1.25), (0.1, 0.9)
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
 BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
@@ -54,13 +53,13 @@ class FilmFile:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Look at it; raises `InputError` if it does not exist, is no video, or needs a codec that is missing."""
+        """Open it once. Raises InputError if it does not exist, is not a video, or needs a missing codec."""
         self.path = Path(path)
         if not self.path.is_file():
             raise InputError("no such video file", self.path)
         if self.path.stat().st_size == 0:
             raise InputError("this video file is empty", self.path)
-        with self._opened() as container:
+        with self._open() as container:
             stream = container.streams.video[0]
             first = next(_decoded(container), None)
             rate = float(stream.average_rate or 0.0)
@@ -81,7 +80,7 @@ class FilmFile:
         self.size_px = size[::-1] if first.rotation % 180 else size
         self.colourless = _colourless(first)
 
-    def _opened(self) -> av.container.InputContainer:
+    def _open(self) -> av.container.InputContainer:
         import av
 
         said = "cannot be read: it is no video, is damaged, or needs a codec that FFmpeg lacks"
@@ -96,18 +95,18 @@ class FilmFile:
         return container
 
     def frames(self, last: int | None = None) -> Frames:
-        """Frames in turn as (height, width) or (height, width, 3) uint8, up to and without `last`."""
+        """The frames in order as (height, width) or (height, width, 3) uint8, before frame `last`."""
         return Frames(self, last)
 
 
 class Stamps(NamedTuple):
-    """What the time stamps of a film say.
+    """Frame numbers and instants from the time stamps of a film.
 
     Attributes
     ----------
-    numbers : (n,) number of each frame as filmed; frames that are missing keep theirs to themselves
-    clock : when each frame was taken
-    remark : for the user, "" if the frames follow one another at one rate
+    numbers : (n,) number of each frame as filmed; the numbers of missing frames are left out
+    clock : the instant of each frame
+    remark : for the user, "" if the frame rate is constant
     """
 
     numbers: Array
@@ -116,37 +115,37 @@ class Stamps(NamedTuple):
 
 
 class Frames:
-    """The frames of a film, which can be read again and again; they must not be changed.
+    """The frames of a film, which can be read several times; they must not be changed.
 
     Attributes
     ----------
     times_s : time stamp of each frame that was read, NaN where the file has none
-    ways_px : (n, 2) way of the picture in each frame, which is taken back; None to leave frames as they are
+    shifts_px : (n, 2) displacement of each picture, which is removed; None to leave frames as they are
     """
 
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
         self._film, self._last = film, last
-        self._kept: _Kept | None = None
-        self.ways_px: Array | None = None
+        self._kept: _FrameStore | None = None
+        self.shifts_px: Array | None = None
         self.times_s: list[float] = []
 
     def __iter__(self) -> Iterator[Array]:
-        """Read from the first frame on, steadied if `ways_px` says how.
+        """Read from the first frame, shifted back by `shifts_px` if given.
 
-        Raises `InputError` if there is none, or if the file ends before it should and `last` does not say so.
+        Raises InputError if there is no frame, or if the file ends early and `last` is not given.
         """
-        if self.ways_px is None:
+        if self.shifts_px is None:
             yield from self._as_filmed()
         else:
-            for frame, way_px in zip(self._as_filmed(), self.ways_px, strict=False):
+            for frame, way_px in zip(self._as_filmed(), self.shifts_px, strict=False):
                 yield steadied(frame, way_px)
 
     def _as_filmed(self) -> Iterator[Array]:
         if self._kept is not None:
             yield from self._kept
             return
-        kept = _Kept(self._film.expected_frames if self._last is None else self._last)
+        kept = _FrameStore(self._film.expected_frames if self._last is None else self._last)
         for frame in self._decoded():
             yield frame
             kept.add(frame)
@@ -155,7 +154,7 @@ class Frames:
 
     def _decoded(self) -> Iterator[Array]:
         count, self.times_s, cut = 0, [], Counter[str]()
-        with self._film._opened() as container:
+        with self._film._open() as container:
             for frame in _decoded(container, cut):
                 if self._last is not None and count >= self._last:
                     break
@@ -173,15 +172,14 @@ class Frames:
             )
 
     def stamps(self, fps: float | None) -> Stamps:
-        """What the time stamps of the frames that were read say; `fps`: frame rate of the recording, None
-        if it is not known.
+        """Evaluate the time stamps of the frames that were read; `fps`: frame rate of the recording, None if unknown.
 
-        Between two frames lie one or more times the usual interval; more, where frames are missing. Where it is
-        otherwise, the frame rate varies: the stamps are the instants of the frames, drawn out if the film was filmed at
-        another rate than it is played. Stamps that no camera makes are left aside.
+        At a constant rate, two frames are one or more usual intervals apart, more than one if frames are missing.
+        Otherwise the frame rate varies: the stamps are the instants of the frames, scaled if the film was recorded at
+        another rate than it is played. Implausible stamps are ignored.
         """
         counted_on = np.arange(len(self.times_s))
-        # frames come as they are shown; a container without instants of its own keeps those at which they are decoded
+        # frames come in the order of display; some containers give only the times of decoding
         when_s = np.sort(self.times_s)
         steps = np.diff(when_s)
         if len(steps) < 2 or not np.isfinite(steps).all() or np.median(steps) <= 0.0:
@@ -190,14 +188,14 @@ class Frames:
         times = np.rint(steps / usual_s)
         off = np.abs(steps - times * usual_s)
         if times.min() < 1 or off.max() > max(STAMP_SHARE * usual_s, STAMP_TICKS * self._film.tick_s):
-            return self._uneven(when_s, usual_s, fps)
+            return self._varying_rate(when_s, usual_s, fps)
         missing = int(times.sum()) - len(steps)
         said = f"{counted(missing, 'frame')} missing in the film by its time stamps" if missing else ""
         numbers = np.concatenate([[0], np.cumsum(times)]).astype(int)
         return Stamps(numbers, Clock(numbers.astype(float)) if missing else EVEN, said)
 
-    def _uneven(self, when_s: Array, usual_s: float, fps: float | None) -> Stamps:
-        """The same of a frame rate that varies."""
+    def _varying_rate(self, when_s: Array, usual_s: float, fps: float | None) -> Stamps:
+        """As `stamps`, for a varying frame rate."""
         steps, numbers = np.diff(when_s), np.arange(len(when_s))
         said = (
             f"the frame rate of this film varies: its time stamps are {1e3 * steps.min():.3g} to "
@@ -216,8 +214,8 @@ class Frames:
         return Stamps(numbers, clock, f"{said}. These are the times of the frames{drawn_out}")
 
 
-class _Kept:
-    """Frames that were decoded: the first in memory, those beyond KEPT_BYTES in a temporary file without a name."""
+class _FrameStore:
+    """Decoded frames: the first ones in memory, those beyond KEPT_BYTES in an unnamed temporary file."""
 
     def __init__(self, expected: int) -> None:
         """`expected`: number of frames."""
@@ -225,10 +223,10 @@ class _Kept:
         self._first: list[Array] = []
         self._file: IO[bytes] | None = None
         self._filed = 0
-        self.whole = True  # whether nothing is missing
+        self.whole = True  # whether all frames are kept
 
     def add(self, frame: Array) -> None:
-        """Keep a frame, if there is room for all."""
+        """Keep a frame, if there is room for all of them."""
         if not self.whole:
             return
         if self._file is None and frame.nbytes * (len(self._first) + 1) <= KEPT_BYTES:
@@ -236,12 +234,12 @@ class _Kept:
             return
         if self._file is None and self._has_room(frame.nbytes):
             self._file = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as this object
-        self.whole = self._filed_away(frame)
+        self.whole = self._write_to_file(frame)
         if not self.whole:
             self._first, self._file = [], None
 
-    def _filed_away(self, frame: Array) -> bool:
-        """Whether the frame is in the file: not without room, nor if it has another size than the others."""
+    def _write_to_file(self, frame: Array) -> bool:
+        """Write the frame to the file; False if there is no room or the size differs from that of the others."""
         if self._file is None or frame.shape != self._first[0].shape:
             return False
         try:
@@ -266,8 +264,7 @@ class _Kept:
 def _decoded(
     container: av.container.InputContainer, cut: Counter[str] | None = None
 ) -> Iterator[av.VideoFrame]:
-    """Frames in the order in which they are shown; packets that are damaged are left out. `cut` counts those that an
-    edit list hides."""
+    """Frames in the order of display, without damaged packets. `cut` counts the frames that an edit list hides."""
     import av
 
     try:
@@ -291,7 +288,7 @@ def _brightness_first(frame: av.VideoFrame) -> bool:
 
 
 def _plane(frame: av.VideoFrame, k: int) -> Array:
-    """(height, line) uint8, the lines as long as they are in memory."""
+    """(height, line) uint8, with the line length in memory."""
     plane = frame.planes[k]
     return np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
 
@@ -304,7 +301,7 @@ def _colourless(frame: av.VideoFrame) -> bool:
 
 
 def _picture(frame: av.VideoFrame, colourless: bool) -> Array:
-    """(height, width) or (height, width, 3) uint8, turned as it is to be shown."""
+    """(height, width) or (height, width, 3) uint8, rotated for display."""
     import cv2
 
     if colourless and _brightness_first(frame):

@@ -1,6 +1,6 @@
-"""Scale and frame rate of a film. Gravity ties them: of the two, the fall of a block gives the one that is not known.
+"""Scale and frame rate of a film. If one is unknown, it is computed from the acceleration of a falling block.
 
-A block that falls by a px per frame squared shows g = a × (metres per pixel) × (frames per second)².
+An acceleration a in px per frame squared means g = a × (metres per pixel) × (frames per second)².
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from rock2d.kinematics.flight_gravity import Measured
 from rock2d_tracking import FROM_GRAVITY
 
 GRAVITY_M_S2 = 9.81
-USUAL_RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240, 480, 960, 1000)  # of cameras, in frames per second
-NEAR_ERRORS = 2.0  # standard errors within which a frame rate may be a usual one
+USUAL_RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240, 480, 960, 1000)  # of cameras, frames per second
+NEAR_ERRORS = 2.0  # largest distance from a usual frame rate in standard errors
 
 
 class FilmScale(NamedTuple):
@@ -21,7 +21,7 @@ class FilmScale(NamedTuple):
 
     Attributes
     ----------
-    metres_per_pixel, fps : None for the one that gravity is to give
+    metres_per_pixel, fps : None for the one that is computed from gravity
     gravity_m_s2 : at the place of the film
     """
 
@@ -36,8 +36,8 @@ class FilmScale(NamedTuple):
             return 0.0
         return self.gravity_m_s2 / self.metres_per_pixel / self.fps**2
 
-    def given(self, fall_px: float) -> FilmScale:
-        """The same with what was not known, from the acceleration of a block in px per frame squared."""
+    def completed(self, fall_px: float) -> FilmScale:
+        """The same with the unknown one computed from the acceleration of a block in px per frame squared."""
         if self.metres_per_pixel is not None and self.fps is None:
             return self._replace(fps=(self.gravity_m_s2 / self.metres_per_pixel / fall_px) ** 0.5)
         if self.metres_per_pixel is None and self.fps is not None:
@@ -49,14 +49,14 @@ UNKNOWN = FilmScale(None, None)
 
 
 class Proposal(NamedTuple):
-    """The frame rate that is right if the scale is, and the scale that is right if the frame rate is."""
+    """The frame rate that gravity gives with the stated scale, and the scale with the stated frame rate."""
 
     fps: Measured
     metres_per_pixel: Measured
 
     @property
     def usual_fps(self) -> int | None:
-        """The frame rate of cameras that it may be, if there is just one."""
+        """The usual frame rate of cameras that agrees with `fps`, if there is exactly one."""
         near = [rate for rate in USUAL_RATES if abs(rate - self.fps.value) <= NEAR_ERRORS * self.fps.error]
         return near[0] if len(near) == 1 else None
 
@@ -82,7 +82,7 @@ class Proposal(NamedTuple):
 
 
 def proposal(scale: FilmScale, ratio: Measured) -> Proposal:
-    """What would be right in a film of a known `scale`; `ratio`: acceleration of blocks over gravity."""
+    """The proposal for a film with a stated `scale`; `ratio`: acceleration of blocks over gravity."""
     assert scale.fps is not None and scale.metres_per_pixel is not None
     share = ratio.error / ratio.value
     fps, metres = scale.fps / ratio.value**0.5, scale.metres_per_pixel / ratio.value

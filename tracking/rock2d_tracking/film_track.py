@@ -1,4 +1,4 @@
-"""A film, tracked from its first frame to its last: for the command `rock2d track` and for `rock2d.track`."""
+"""Tracking a whole film, for the command `rock2d track` and the function `rock2d.track`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_checks import check_sanity
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
-from rock2d_tracking.steadying import camera_ways
+from rock2d_tracking.steadying import camera_shifts
 from rock2d_tracking.tracked_film import (
     TrackedFilm,
     film_of,
@@ -57,9 +57,9 @@ Array = np.ndarray
 
 PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()
-GRAVITY_ROUNDS = 2  # in which the scale that gravity gives changes what counts as a flight
-SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
-# why a film is read, with the time that this takes, relative to each other
+GRAVITY_ROUNDS = 2  # the scale from gravity changes which frames are flights, and these the scale
+SIZE_WORTH_A_REMARK = 0.01  # relative difference between visible and stated size
+# purpose of each reading of a film -> relative duration, for the progress bars
 PASSES = {
     "looking at the background": 0.5,
     "finding what moves": 1.0,
@@ -71,19 +71,19 @@ PASSES = {
 
 @dataclass(frozen=True)
 class FilmTrack:
-    """All that was found in a film.
+    """The result of tracking a film.
 
     Attributes
     ----------
     film : experiment, frames and remarks
     flights, impacts : tables, see `velocities.flights_and_impacts`
     data : the frames divided into flights
-    said : what the film says of itself
-    looks : how each block was found
-    setup : that was used or guessed
+    said : findings on the film, such as its accuracy
+    looks : how each block was recognised
+    setup : the set-up that was used or guessed
     overlay : WebM of the film with the tracked outlines
     still : (height, width) uint8, the first frame
-    seen : the frames as the page shows them
+    seen : the frames for the page
     """
 
     film: TrackedFilm
@@ -107,8 +107,8 @@ class FilmTrack:
         )
 
     def write(self, folder: Path, also: Callable[[Path], None] = lambda folder: None) -> None:
-        """Write the experiment folder with tables, page and overlay, whole or not at all; `also` writes further files
-        into the folder that it is given."""
+        """Write the experiment folder with tables, page and overlay, completely or not at all; `also` writes further
+        files into the folder that is passed to it."""
         from rock2d.kinematics.film_findings import write_film_findings
 
         with atomic_folder(folder) as partial:
@@ -123,7 +123,7 @@ class FilmTrack:
             also(partial)
 
     def write_page(self, folder: Path) -> None:
-        """Write the page of diagnostics, and the overlay that it shows."""
+        """Write the page of diagnostics and its overlay."""
         from rock2d_tracking.page import write_page
 
         (folder / OVERLAY).write_bytes(self.overlay)
@@ -131,7 +131,7 @@ class FilmTrack:
         write_page(folder / PAGE, self.film, self.flights, self.impacts, self.data, self.still, live)
 
     def _write_metadata(self, path: Path) -> None:
-        """Write how each block was found, and by how much all its positions may be off alike."""
+        """Write how each block was recognised, and the possible common offset of its positions."""
         blocks = {}
         for name, offset_px in self.film.offset_px.items():
             looks = self.looks[name]
@@ -145,7 +145,7 @@ class FilmTrack:
 
 
 class NotTrackedError(InputError):
-    """A film in which nothing can be tracked; `write` says what was seen of it."""
+    """A film in which nothing can be tracked; `write` writes an explanation."""
 
     def __init__(
         self, error: InputError, seen: TrackingAttempt, setup_text: str, overlay: bytes | None = None
@@ -155,7 +155,7 @@ class NotTrackedError(InputError):
         super().__init__(f"{error.message}; keys to try next: {keys}", error.file)
 
     def write(self, folder: Path) -> None:
-        """Write what was seen of the film into a folder, whole or not at all."""
+        """Write the explanation into a folder, completely or not at all."""
         with atomic_folder(folder) as inside:
             write_explanation(inside, self._seen, self._said)
             (inside / SETUP).write_text(self._setup_text, encoding="utf-8")
@@ -164,7 +164,7 @@ class NotTrackedError(InputError):
 
 
 class ShownFrames(Frames):
-    """Frames with a bar for each time that they are read; `passes`: what for."""
+    """Frames with a progress bar for each reading; `passes`: the titles of the readings."""
 
     def __init__(self, film: FilmFile, last: int | None, bars: Bars, passes: Sequence[str]) -> None:
         super().__init__(film, last)
@@ -177,13 +177,13 @@ class ShownFrames(Frames):
 
 
 class TrackedSetup(NamedTuple):
-    """What is known of a film before its blocks are followed, and the set-up after that.
+    """The set-up before the blocks of a film are followed, and the function that completes it afterwards.
 
     Attributes
     ----------
-    setup : set-up with which they are followed
-    setup_of : the set-up of what was followed, with scale and frame rate
-    guessed : whether it is guessed from the film
+    setup : the set-up with which blocks are followed
+    setup_of : gives the set-up from the followed releases, scale and frame rate
+    guessed : whether the set-up is guessed from the film
     """
 
     setup: Setup
@@ -193,7 +193,7 @@ class TrackedSetup(NamedTuple):
 
     @property
     def asked(self) -> FilmScale:
-        """Scale and frame rate without what gravity gives."""
+        """Scale and frame rate as stated: None for the one computed from gravity."""
         given = self.setup.from_gravity.which if self.setup.from_gravity is not None else ""
         scale, fps, gravity = self.setup.scale
         return FilmScale(None if given == "scale" else scale, None if given == "fps" else fps, gravity)
@@ -202,40 +202,42 @@ class TrackedSetup(NamedTuple):
 def track_film(
     video: Path, known: Setup | FilmScale, last: int | None = None, *, progress: bool = False
 ) -> tuple[FilmTrack, TrackingAttempt]:
-    """Track a film; also gives what was seen of it, with which `explanation.write_explanation` explains the track.
+    """Track a film; also returns the attempt that `explanation.write_explanation` explains.
 
-    known : the set-up, or scale and frame rate, from which one is written; of the two, gravity gives the one that is
-        not known
+    known : the set-up; or scale and frame rate, from which a set-up is guessed. If one of these is None, it is computed
+        from gravity
     last : number of frames after which to stop, None for all
 
-    Raises `NotTrackedError` where nothing can be tracked, `InputError` for a file that is no film.
+    Raises NotTrackedError if nothing can be tracked, InputError if the file is not a film.
     """
     film = FilmFile(video)
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
-    frames.ways_px = camera_ways(frames, film.expected_frames)
+    frames.shifts_px = camera_shifts(frames, film.expected_frames)
     if isinstance(known, Setup):
-        return _tracked(film, frames, _known_setup(film, frames, known))
-    return _tracked(film, frames, _first_setup(film, frames, known))
+        return _track(film, frames, _known_setup(film, frames, known))
+    return _track(film, frames, _first_setup(film, frames, known))
 
 
 def _known_setup(film: FilmFile, frames: Frames, setup: Setup) -> TrackedSetup:
     motion = motion_in(frames, setup, film.expected_frames, frames.stamps(setup.scale.fps).clock)
     if not motion.scale.fall_px:
-        raise NotTrackedError(_no_fall(film, motion), TrackingAttempt(frames, motion, None, None), setup.text)
+        raise NotTrackedError(
+            _nothing_falls(film, motion), TrackingAttempt(frames, motion, None, None), setup.text
+        )
     whole = setup.with_scale(motion.scale)
     ready = prepared(frames, whole, film.size_px, motion)
     return TrackedSetup(whole, ready, lambda releases, scale: whole.with_scale(scale))
 
 
 def _first_setup(film: FilmFile, frames: Frames, asked: FilmScale) -> TrackedSetup:
-    """The same of a film without a set-up file."""
+    """The set-up of a film without a set-up file."""
     motion = first_motion(film, frames, asked)
     if not motion.scale.fall_px:
-        raise _no_fall(film, motion)
+        raise _nothing_falls(film, motion)
     first = FirstSetup(film, motion, asked, motion.scale)
     if not motion.chains:
         seen = TrackingAttempt(frames, motion, None, None)
-        raise NotTrackedError(_no_fall(film, motion), seen, first.setup().text)
+        raise NotTrackedError(_nothing_falls(film, motion), seen, first.setup().text)
     ready = prepared(frames, first.setup(), film.size_px, motion)
     sized = replace(first, size=ready.looks["ball"].size)
 
@@ -245,8 +247,8 @@ def _first_setup(film: FilmFile, frames: Frames, asked: FilmScale) -> TrackedSet
     return TrackedSetup(sized.setup(), ready, with_ground, guessed=True)
 
 
-def _no_fall(film: FilmFile, motion: Motion) -> InputError:
-    """That nothing falls, and what would let it fall."""
+def _nothing_falls(film: FilmFile, motion: Motion) -> InputError:
+    """The error that nothing falls, with a proposal for the scale or frame rate."""
     if not motion.scale.fall_px:
         return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
     scale, fps, _ = motion.scale
@@ -257,9 +259,9 @@ def _no_fall(film: FilmFile, motion: Motion) -> InputError:
     return InputError(said, film.path)
 
 
-def _tracked(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTrack, TrackingAttempt]:
+def _track(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTrack, TrackingAttempt]:
     setup = known.setup
-    found_in_film, still, overlay = _followed(film, frames, known)
+    found_in_film, still, overlay = _follow_releases(film, frames, known)
     seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
     stamps = frames.stamps(known.asked.fps)
     for sight in (s for release in found_in_film.releases for s in release.sights):
@@ -271,9 +273,9 @@ def _tracked(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmT
             raise InputError(why_not_tracked(found_in_film), film.path)
         found, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
         found.remarks.extend([stamps.remark] if stamps.remark else [])
-        if frames.ways_px is not None:
+        if frames.shifts_px is not None:
             found.remarks.append(
-                f"the camera moved by {np.sqrt(frames.ways_px.var(axis=0).sum()):.2g} px (root mean square): its "
+                f"the camera moved by {np.sqrt(frames.shifts_px.var(axis=0).sum()):.2g} px (root mean square): its "
                 "motion, read from the background, was taken out; places are those in the first frame"
             )
         found.remarks.extend(_remarks_on_looks(found_in_film, sized=not known.guessed))
@@ -292,10 +294,10 @@ def _tracked(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmT
 def _experiment_of(
     film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
 ) -> tuple[TrackedFilm, FilmFindings, Setup]:
-    """The experiment that a film shows, what it says of itself, and the set-up. Scale or frame rate are those with
-    which flights show gravity, if they are not stated.
+    """The experiment of a film, the findings on the film, and the set-up. A scale or frame rate that is not stated is
+    computed from the acceleration of the flights.
 
-    Raises `InputError` if flights are to give them and none shows gravity clearly.
+    Raises InputError if it is not stated and no flight shows gravity clearly.
     """
     setup = known.setup_of(kept, known.prepared.motion.scale)
     found = tracked_film(kept, followed, setup, film.size_px)
@@ -305,7 +307,7 @@ def _experiment_of(
     for _ in range(GRAVITY_ROUNDS):
         if said.ratio is None:
             raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
-        scale, before = known.asked.given(setup.scale.fall_px * said.ratio.value), setup
+        scale, before = known.asked.completed(setup.scale.fall_px * said.ratio.value), setup
         error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
         setup = known.setup_of(kept, scale).with_scale(scale, error)
         found = rescaled(found, before, setup, film.size_px)
@@ -313,8 +315,8 @@ def _experiment_of(
     return found, said, setup
 
 
-def _followed(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:
-    """What was followed, the first frame in grey, and the overlay."""
+def _follow_releases(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:
+    """The followed releases, the first frame in grey, and the overlay."""
     still: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / OVERLAY
@@ -330,7 +332,7 @@ def _followed(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Foll
 
 
 def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> list[str]:
-    """Which frame rate and which scale would be right, where one is wrong; the scale that gravity gave."""
+    """Remarks on a wrong scale or frame rate with the right values, and on a scale computed from gravity."""
     if said.off and said.ratio is not None:
         ratio = Measured(said.ratio.value, said.unexplained_error)
         return [proposal(setup.scale, ratio).sentence(options=options)]
@@ -341,7 +343,7 @@ def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> lis
 
 
 def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int]) -> list[str]:
-    """That flights are bent as by a lens, if none is stated."""
+    """A remark if a lens seems to distort the flights and no distortion is stated."""
     if setup.keys.camera.distortion is not None:
         return []
     bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
@@ -355,7 +357,7 @@ def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int])
 
 
 def _remarks_on_looks(followed: Followed, *, sized: bool) -> list[str]:
-    """What a user should know of how blocks look; `sized`: whether their sizes were stated."""
+    """Remarks on the size and recognition of blocks; `sized`: whether their sizes were stated."""
     remarks = []
     for name, looks in followed.looks.items():
         if sized and abs(looks.size - 1.0) > max(SIZE_WORTH_A_REMARK, 3 * looks.size_error):

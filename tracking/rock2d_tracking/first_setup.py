@@ -1,4 +1,4 @@
-"""A first set-up file, from a film of which only the scale and the frame rate are known."""
+"""The first set-up file of a film of which only scale and frame rate are known."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
-SETUP = "setup.yaml"  # its file
+SETUP = "setup.yaml"
 GUESSED_DENSITY_KG_M3 = 1000.0
 BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
-UNSEEN_RADIUS_SHARE = 0.02  # of the width of the picture: radius of a ball of which nothing is known
-RESTS_RADII = 2.0  # below the picture, where the ground is if it was not seen
+UNSEEN_RADIUS_SHARE = 0.02  # radius of a ball that was not seen, over the width of the picture
+RESTS_RADII = 2.0  # distance below the picture of a ground that was not seen
 
 TEXT = """\
 # Written by `rock2d track` from the film alone. Lines with "guess" are to be replaced by what you know.
@@ -45,12 +45,12 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 
 @dataclass(frozen=True)
 class FirstSetup:
-    """What the first set-up file of a film says.
+    """The contents of the first set-up file of a film.
 
     Attributes
     ----------
-    asked : scale and frame rate as stated; one may be left to gravity
-    scale : the same, complete
+    asked : scale and frame rate as stated; one may be unknown
+    scale : both, one of them possibly computed from gravity
     size : factor on the size of the candidates
     ground_px : height of the ground in the picture; None if no bounce was seen
     """
@@ -68,7 +68,7 @@ class FirstSetup:
 
 
 def first_motion(film: FilmFile, frames: Frames, first: FilmScale) -> Motion:
-    """What moves in the frames of a film whose blocks are not known."""
+    """The motion in a film whose blocks are unknown."""
     return motion_of(frames, film.expected_frames, [], first, frames.stamps(first.fps).clock)
 
 
@@ -96,8 +96,8 @@ def _text(first: FirstSetup) -> str:
 
 
 def ground_of(releases: Sequence[FollowedRelease], fall_px: float) -> float | None:
-    """Height in the picture of the ground under the lowest bounce of some releases; None if none bounced, or if the
-    block was seen below. `fall_px`: acceleration of gravity along v in px per frame squared."""
+    """Height of the ground in the picture, from the lowest bounce of some releases; None if none bounced or a block was
+    seen below. `fall_px`: acceleration of gravity along v in px per frame squared."""
     feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, fall_px)]
     if not feet:
         return None

@@ -1,4 +1,4 @@
-"""Fits of a block of known looks to a frame: where it is, how it is turned, and whether that can be trusted."""
+"""Fit of a block to a frame: its position and angle, and whether the fit can be trusted."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ FIT_ROUNDS = 25
 START_ANGLE_STEP_RAD = np.deg2rad(22.5)
 LARGEST_MISFIT = 0.2  # misfit of the edge in units of the contrast; a larger misfit is not this block
 FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in grey levels
-FAINTEST_CONTRAST_SHARE = 0.3  # share of the usual contrast; what is fainter is dust or an afterimage
+FAINTEST_CONTRAST_SHARE = 0.3  # share of the usual contrast; fainter objects are dust or afterimages
 # standard error, in px or in radii if that is more; a frame with a larger one is lost
 LARGEST_ERROR_PX, LARGEST_ERROR_RADII = 0.5, 0.1
-LEAST_SMEAR_PX = 2.0  # while the shutter is open; a shorter one is as any blur
+LEAST_SMEAR_PX = 2.0  # displacement while the shutter is open; a shorter one is treated as blur
 COVERED_RADII = 0.7  # radius of the disc within an outline that is compared with the background
 WINDOW_MARGIN_PX = 6.0
-# confidence of an outline that is trusted, over the share with which a block is followed
+# least confidence of a trusted frame, over the share of the outline with which a block is followed
 TRUSTED_OVER_SEEN = 1.25
-SURE_FIT = 0.9  # confidence of a fit that no other start angle betters
+SURE_FIT = 0.9  # confidence above which no other start angles are tried
 
 
 class Fitter:
-    """Fits blocks to frames, and keeps what one fit learns for the next.
+    """Fits blocks to frames; keeps grey value and contrast of the last fit for the next.
 
     Attributes
     ----------
     background : the picture without a block
     visible : (height, width) uint8, 0 where soil may hide a block
     least_seen : share of the outline that must be seen
-    pace_px : (2,) way of the block to the next frame, about
+    pace_px : (2,) approximate displacement of the block per frame
     grey, contrast : those of the block that was fitted last
     """
 
@@ -59,7 +59,7 @@ class Fitter:
         self._usual_contrast = 0.0  # contrast of the blocks so far
 
     def forget_contrast(self) -> None:
-        """The next block may stand out otherwise than those so far."""
+        """Forget the usual contrast; the next block may have another one."""
         self._usual_contrast = 0.0
 
     def window(self, pose: Array, reaches: float, outline: Outline) -> tuple[int, int, int, int]:
@@ -72,7 +72,7 @@ class Fitter:
             int(np.clip(v - half, 0, height)), int(np.clip(v + half + 1, 0, height)),
         )  # fmt: skip
 
-    def fit_anywhere_turned(
+    def fit_any_angle(
         self,
         number: int,
         frame: Array,
@@ -81,7 +81,7 @@ class Fitter:
         least: float | None = None,
         turns: Array | None = None,
     ) -> Sight:
-        """The best fit at a place from any of some angles (all if None); the first that is sure."""
+        """The best fit at a place from several start angles (all if None); ends at the first SURE_FIT."""
         best: Sight | None = None
         for turn in start_angles(looks.outline) if turns is None else turns:
             sight = self.fit(number, frame, looks, np.array([*place, turn]), None, least)
@@ -110,7 +110,7 @@ class Fitter:
         return None if found is None else found._replace(pose=found.pose + np.array([u0, v0, 0.0]))
 
     def covered(self, frame: Array, looks: Looks, pose: Array) -> float:
-        """Share of the inside of an outline at a pose that differs from the background; NaN beside the picture."""
+        """Share of the inside of an outline at a pose that differs from the background; NaN outside the picture."""
         u0, u1, v0, v1 = self.window(pose, 1.0, looks.outline)
         v, u = np.mgrid[v0:v1, u0:u1]
         inside = np.hypot(u - pose[0], v - pose[1]) <= COVERED_RADII * looks.edge.inner_px
@@ -130,7 +130,7 @@ class Fitter:
         grey: float | None,
         least: float | None = None,
     ) -> Sight:
-        """The block at a start (3,), or why it is not there.
+        """The fit of the block from a start (3,), or the reason why it failed.
 
         grey : grey of the block, None if it is not known
         least : share of the outline that must be seen, if not the usual one
@@ -217,14 +217,14 @@ class Fitter:
 
 
 def start_angles(outline: Outline) -> Array:
-    """Start angles; from one of them a fit finds the orientation."""
+    """Start angles, close enough together that a fit from one of them finds the orientation."""
     if outline.symmetry_rad == 0.0:
         return np.zeros(1)
     return np.arange(0.0, outline.symmetry_rad, START_ANGLE_STEP_RAD)
 
 
 def above_ground(cross_section: CrossSection, camera: PixelMap, size_px: tuple[int, int]) -> Array:
-    """(height, width) uint8, 1 where the picture shows what lies above the surveyed ground."""
+    """(height, width) uint8, 1 above the surveyed ground."""
     v, u = np.mgrid[0 : size_px[1], 0 : size_px[0]]
     world = camera.to_world(np.stack([u, v], axis=-1))
     ground = cross_section.height_m(world[..., 0].ravel()).reshape(u.shape)

@@ -1,4 +1,4 @@
-"""Blocks followed through a film, frame by frame: where each is, how it is turned, and how far that can be trusted."""
+"""Following blocks through a film, frame by frame: position, angle and confidence of each."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in n
 FOREGROUND_GREY = 8.0  # and in grey levels
 SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
 SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
-LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
+LONGEST_LOSS_S = 0.25  # longest time without the block within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
-FAR_FROM_ARC_REACHES = 1.0  # distance from its arc at which something else was fitted
+FAR_FROM_ARC_REACHES = 1.0  # largest distance of a fit from its arc; farther away it is another object
 FAST_FALL_PX = 0.5  # per frame squared, from which a block falls visibly within a few frames
-USUAL_SIZE_ERROR = 0.05  # relative; a block whose size is stated is seldom farther from it
+USUAL_SIZE_ERROR = 0.05  # relative error of a stated size
 STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
 
 OnProgress = Callable[[int, Array, FollowedRelease | None], None]
 
 
 class Prepared(NamedTuple):
-    """What is known of a film before its blocks are followed: what moves in it, how its frames become one value a
-    pixel, and a follower that knows background and looks."""
+    """The state before the blocks of a film are followed: the motion, the mix of colours, and a follower with
+    background and looks."""
 
     motion: Motion
     mix: ChannelMix
@@ -68,11 +68,11 @@ def follow(
     expected_frames: int = 0,
     clock: Clock = EVEN,
 ) -> Followed:
-    """Every release of a film, in the order filmed.
+    """All releases of a film, in the order filmed.
 
     film : (height, width) or (height, width, 3) uint8; it is read two or three times, from the start
-    expected_frames : about how many there are, 0 if nobody knows
-    on_progress : called for every frame with its number, its picture and the release that is being followed, if any
+    expected_frames : approximate number of frames, 0 if unknown
+    on_progress : called for every frame with its number, its picture and the release being followed, if any
     clock : the instants of frames
     """
     motion = motion_in(film, setup, expected_frames, clock)
@@ -82,7 +82,7 @@ def follow(
 
 
 def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) -> Followed:
-    """The same, of a film that was `prepared`."""
+    """As `follow`, for a film that was `prepared`."""
     follower = known.follower
     for number, frame in enumerate(film):
         follower.read_frame(number, known.mix(frame))
@@ -92,7 +92,7 @@ def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) ->
 
 
 def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
-    """What moves in a film of which a set-up file is known."""
+    """The motion in a film with a set-up."""
     metres = setup.scale.metres_per_pixel
     outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
@@ -100,7 +100,7 @@ def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: 
 
 
 def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
-    """Learn background and looks where the arcs of the blocks say that they are."""
+    """Learn the background, and the looks of the blocks at the places given by their arcs."""
     named = setup.keys.detection.background_frames
     samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
     samples = samples or motion.samples
@@ -115,8 +115,8 @@ def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], moti
 
 @dataclass
 class Followed:
-    """What was followed: the releases, what moves in the film, how each block looks, and how many frames of things
-    that were not followed were lost, by reason."""
+    """The followed releases, the motion in the film, the looks of each block, and the number of lost frames of rejected
+    objects by reason."""
 
     releases: list[FollowedRelease]
     motion: Motion
@@ -156,7 +156,7 @@ class _Follower:
     # --- what the blocks look like ---
 
     def learn_looks(self, block_frames: BlockFrames) -> None:
-        """Size and kind of fit of each block, from frames in which its arc says where it is."""
+        """Set size and kind of fit of each block, from frames in which its arc gives its place."""
         for name in self.looks:
             own = [s for s in block_frames if self._block_of_chain(s[0]) == name]
             if len(own) >= FEWEST_BLOCK_FRAMES:
@@ -168,8 +168,8 @@ class _Follower:
         return self._chain_blocks[order] if self._chain_blocks else self.setup.block_of(order)
 
     def _blocks_of_chains(self) -> list[str]:
-        """Block of each chain where the set-up file states more releases than there are chains; else empty, and they
-        are counted."""
+        """The block of each chain, if the set-up states more releases than there are chains; otherwise empty: the
+        releases are then taken in order."""
         stated, areas = self.setup.keys.releases, [chain.area_px2 for chain in self.motion.chains]
         if len(areas) >= len(stated):
             return []
@@ -179,10 +179,10 @@ class _Follower:
     # --- frame by frame ---
 
     def read_frame(self, number: int, frame: Array) -> None:
-        """One more frame."""
-        self._take_chain(number)
+        """Process the next frame."""
+        self._begin_release_of_chain(number)
         if self.release is not None:
-            sight = self._follow_on(number, frame)
+            sight = self._fit_followed(number, frame)
             self.release.sights.append(sight)
             self._lost = 0 if not sight.reason else self._lost + 1
             on_arc = self.chain is not None and number <= self.chain.last
@@ -194,8 +194,8 @@ class _Follower:
             self._search(number, frame)
         self._learn(frame)
 
-    def _take_chain(self, number: int) -> None:
-        """Where arcs begin, a release begins, unless it is the one that is being followed."""
+    def _begin_release_of_chain(self, number: int) -> None:
+        """Begin a release where a chain begins, unless it belongs to the release being followed."""
         chain = self.motion.chain_at(number)
         if chain is None or chain is self.chain:
             return
@@ -213,13 +213,13 @@ class _Follower:
     def _new_release(self, name: str) -> FollowedRelease:
         looks = self.looks[name]
         radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
-        # where only the lit part of a block is seen, it looks smaller and lies beside the middle
+        # a block of which only the lit part is seen looks smaller and off centre
         beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
         bias_px = float(np.hypot(looks.bias_px, beside))
         return FollowedRelease(name, [], SLOW_ERROR_FACTOR, bias_px, radius, looks.shutter)
 
     def end_release(self) -> None:
-        """The release that is being followed is over."""
+        """End the release that is being followed."""
         if self.release is not None:
             self._distrust_hidden(self.release)
             self._distrust_shadow(self.release)
@@ -232,7 +232,7 @@ class _Follower:
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
 
     def _distrust_hidden(self, release: FollowedRelease) -> None:
-        """Frames in which too little of an outline was seen helped to follow the block, but are not trusted: soil that
+        """Reject frames in which too little of the outline was seen; they served only to follow the block. Soil that
         hides one side looks like an edge of the block."""
         if self.looks[release.block].kind == "outline":
             for sight in release.seen:
@@ -240,7 +240,7 @@ class _Follower:
                     sight.reason, sight.confidence = "half hidden", 0.0
 
     def _distrust_shadow(self, release: FollowedRelease) -> None:
-        """What darkens its background as a shadow does is a block only if its outline is sharp."""
+        """Reject a release that darkens the background like a shadow, unless its outline is sharp."""
         if not release.seen or self._shadow_share(release) < SHADOW_SHARE:
             return
         if np.median([s.confidence for s in release.seen]) < SURE_FIT:
@@ -248,8 +248,8 @@ class _Follower:
                 sight.reason, sight.confidence = "like a shadow", 0.0
 
     def _shadow_share(self, release: FollowedRelease) -> float:
-        """Share of the candidates of a release that look like a shadow. Without arcs they are those at its places: the
-        shadow of a block that a hand holds may be found as an outline, while the block itself is hidden in the hand."""
+        """Share of the candidates of a release that look like a shadow. Without arcs, the candidates at its places
+        count: the shadow of a block in a hand may be found as an outline, while the hand hides the block."""
         if self.chain is not None:
             return self.chain.shadow_share
         reach_px = 0.5 * self.looks[release.block].outline.reach_px
@@ -273,7 +273,7 @@ class _Follower:
 
     # --- a block that is known ---
 
-    def _follow_on(self, number: int, frame: Array) -> Sight:
+    def _fit_followed(self, number: int, frame: Array) -> Sight:
         assert self.release is not None
         looks = self.looks[self.release.block]
         outline = looks.outline
@@ -284,14 +284,14 @@ class _Follower:
             if on_arc is None:
                 return lost_sight(number, "no fit")
             expected = np.array([*on_arc, 0.0])
-            best = self.fitter.fit_anywhere_turned(number, frame, looks, on_arc)
-            best = self._if_expected(best, on_arc, expected, frame)
+            best = self.fitter.fit_any_angle(number, frame, looks, on_arc)
+            best = self._reject_unexpected(best, on_arc, expected, frame)
         else:
             expected = self._expected(number)
             best = lost_sight(number, "no fit")
             for start in self._starts(number, frame, expected, on_arc):
                 found = self.fitter.fit(number, frame, looks, start, self.fitter.grey)
-                found = self._if_expected(found, on_arc, expected, frame)
+                found = self._reject_unexpected(found, on_arc, expected, frame)
                 best = found if not found.reason or best.reason == "no fit" else best
                 if not best.reason:
                     break
@@ -308,15 +308,15 @@ class _Follower:
         if on_arc is not None:
             yield np.array([*on_arc, expected[2]])
         last = self.release.last_seen(1)[0].pose
-        # an impact turns it round
+        # an impact can reverse the motion
         around = 2.0 * outline.reach_px + (1 + self._lost) * self._fastest(outline)
         for near, reach_px in ((expected, 2.0 * outline.reach_px), (last, around)):
             blob = self._blob(number, frame, near, reach_px, outline)
             if blob is not None:
                 yield np.array([*blob, expected[2]])
 
-    def _if_expected(self, sight: Sight, on_arc: Array | None, expected: Array, frame: Array) -> Sight:
-        """The sight, lost if it is too far from where the block can be."""
+    def _reject_unexpected(self, sight: Sight, on_arc: Array | None, expected: Array, frame: Array) -> Sight:
+        """The sight; lost if it is too far from the possible places of the block."""
         assert self.release is not None
         if sight.reason:
             return sight
@@ -332,7 +332,7 @@ class _Follower:
         return sight
 
     def _pace(self, number: int, seen: list[Sight]) -> Array:
-        """(2,) way of the block in the usual time between two frames, about."""
+        """(2,) approximate displacement of the block per usual frame interval."""
         if self.chain is not None and self.chain.first <= number <= self.chain.last:
             return self.chain.pace(number)
         if len(seen) < 2:
@@ -345,7 +345,7 @@ class _Follower:
         return float(clock(last) - clock(first))
 
     def _place_on_arc(self, number: int, outline: Outline) -> Array | None:
-        """Where the block's arc, or what moves there, says that it is."""
+        """The place of the block on its arc, or of the candidate there."""
         place = self.chain.at(number) if self.chain is not None else None
         if place is None:
             return None
@@ -364,14 +364,14 @@ class _Follower:
         expected = last.pose + pace * ahead
         g = self.fall_px
         if abs(g) > FAST_FALL_PX:
-            # the pace is that of the middle of the frames it was read from
+            # the pace belongs to the middle of its frames
             expected[1] += 0.5 * g * ahead * (ahead + since)
         elif number > last.frame + 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
             expected[1] += 0.5 * g * ahead**2
         return np.asarray(expected)
 
     def _fastest(self, outline: Outline) -> float:
-        """Largest way in px per frame of the last frames: at an impact a step is shorter than those before."""
+        """Largest displacement in px per frame of the last frames; an impact does not make it larger."""
         seen = self.release.last_seen(4) if self.release is not None else []
         steps = [np.hypot(*(b.pose - a.pose)[:2]) / self._time(a.frame, b.frame) for a, b in pairwise(seen)]
         return float(max(steps, default=outline.reach_px))
@@ -411,10 +411,10 @@ class _Follower:
         looks = self.looks[name]
         outline = looks.outline
         if looks.kind != "outline":
-            return False  # only arcs tell such a block from other things
+            return False  # only arcs distinguish such a block from other things
         best: Sight | None = None
         for centre in self._candidates(frame, outline):
-            sight = self.fitter.fit_anywhere_turned(number, frame, looks, np.array(centre), SEEN_TO_START)
+            sight = self.fitter.fit_any_angle(number, frame, looks, np.array(centre), SEEN_TO_START)
             if not sight.reason and (best is None or sight.confidence > best.confidence):
                 best = sight
             if best is not None and self.release is None:
@@ -440,7 +440,7 @@ class _Follower:
         return True
 
     def _far_away(self, sight: Sight, outline: Outline) -> bool:
-        """Whether a sight is not of the block that is followed; one that was never seen can be anywhere."""
+        """Whether a sight is too far from the block being followed; False if the block was never seen."""
         assert self.release is not None
         if not self.release.last_seen(1):
             return True
@@ -448,10 +448,10 @@ class _Follower:
         return float(np.hypot(*(sight.pose - expected)[:2])) > 4.0 * outline.reach_px
 
     def _candidates(self, frame: Array, outline: Outline) -> list[tuple[float, float]]:
-        """Centres (u, v) of what differs from the background and has about the area of the block, the best first."""
+        """Centres (u, v) of regions that differ from the background and have its approximate area, best first."""
         import cv2
 
-        # pixels of a sixth of the block, but no finer than the film's
+        # pixels of a sixth of the block, but not finer than those of the film
         coarse = max(1, int(outline.reach_px / SEARCH_RADIUS_PX))
         threshold = max(FOREGROUND_SIGMAS * self.background.noise / coarse, FOREGROUND_GREY)
         mask = self.background.differs(frame, threshold, coarse)
@@ -466,7 +466,7 @@ class _Follower:
     def _blob(
         self, number: int, frame: Array, near: Array, reach_px: float, outline: Outline
     ) -> tuple[float, float] | None:
-        """Centre of what differs from the background near a place, at most `reach_px` away."""
+        """Centre of the region that differs from the background near a place, at most `reach_px` away."""
         moving = self.motion.near(number, near[:2], reach_px, outline.area_px2)
         if moving is not None:
             return moving.u_px, moving.v_px

@@ -1,4 +1,4 @@
-"""Small pictures of the frames of a film, cut out about the block, for a page."""
+"""Small pictures of the frames of a film, cropped around the block, for a page."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 Array = np.ndarray
 
-HALF_RADII, LEAST_HALF_PX = 3.0, 20  # half side of what is cut out: in radii of the block, and at least
-LARGEST_SIDE_PX = 160  # what is larger is reduced
+HALF_RADII, LEAST_HALF_PX = 3.0, 20  # half the side of a picture, in radii of the block, and its minimum
+LARGEST_SIDE_PX = 160  # larger pictures are reduced
 QUALITY = 75  # of WebP, 0 to 100
-MOST_TRIED = 2500  # pictures that are made before it is known how many fit
-IMPORTANT_RATIO = 8  # of important frames so many more are shown than of the others
+MOST_TRIED = 2500  # most pictures that are made to find how many fit
+IMPORTANT_RATIO = 8  # important frames are shown this many times as often as others
 STILL_WIDTH_PX = 720
 
 
@@ -22,7 +22,7 @@ class FramePictures(NamedTuple):
 
     Attributes
     ----------
-    stride : of frames that are not important every so many are shown
+    stride : every `stride`-th frame is shown, of those that are not important
     rows : (n,) of the table of frames
     boxes_px : (n, 4) left, top, width and height of each in the film
     images : WebP
@@ -45,9 +45,9 @@ def frame_pictures(
     """Pictures of as many frames as fit into `most_bytes`.
 
     numbers : (n,) of each row in the film
-    places_px : (n, 2) about which the pictures are cut out
+    places_px : (n, 2) centres of the pictures
     radii_px : (n,) of the blocks
-    important : (n,) which rows are to be shown rather than others
+    important : (n,) which rows are preferred
     """
     stride = 1
     while shown_rows(important, stride).sum() > MOST_TRIED:

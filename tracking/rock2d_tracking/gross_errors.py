@@ -1,4 +1,4 @@
-"""Frames in which something else than the block was fitted: what no motion explains, or what lies on the background."""
+"""Rejection of frames in which something other than the block was fitted: jumps, and fits to the background."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from rock2d_tracking.sights import FollowedRelease, Sight, flights_of
 
 Array = np.ndarray
 
-COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
+COMPARED_FRAMES = 4  # frames on each side with which a frame is compared
 JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
 SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
 LEAST_COVERED = 0.5  # share of a frame's outline that differs from the background, over the usual share
-FLIGHT_ENDS = 5  # frames of a flight from which it is carried on
+FLIGHT_ENDS = 5  # frames at the end of a flight from which it is extrapolated
 FEWEST_BOUNCE_FRAMES = 4  # of a flight before or after a bounce
-LONGEST_CARRY = 6  # frames over which a flight is carried on to the next one
-# distance of two flights that still meet: px, radii, steps
+LONGEST_EXTRAPOLATION = 6  # frames over which a flight is extrapolated to the next one
+# largest distance of two flights that meet: px, radii, steps
 APART_PX, APART_RADII, APART_STEPS = 3.0, 0.5, 0.3
 
 
-def reject_jumps(release: FollowedRelease, fall_px: float) -> None:
+def reject_gross_errors(release: FollowedRelease, fall_px: float) -> None:
     """Reject frames of a release that lie on the background or jump out of its motion.
 
     `fall_px`: acceleration of gravity along v in px per frame squared.
@@ -29,7 +29,7 @@ def reject_jumps(release: FollowedRelease, fall_px: float) -> None:
     _reject_background(release.seen)
     _reject_frames(release.seen, fall_px)
     _reject_flights(release, fall_px)
-    _reject_frames(release.seen, fall_px)  # ends of what was rejected
+    _reject_frames(release.seen, fall_px)  # the neighbours of rejected flights
 
 
 def _reject(sight: Sight, reason: str) -> None:
@@ -37,7 +37,7 @@ def _reject(sight: Sight, reason: str) -> None:
 
 
 def _reject_background(seen: list[Sight]) -> None:
-    """Frames whose outline holds much more of the background than usual."""
+    """Reject frames whose outline contains much more background than usual."""
     covered = np.array([s.covered for s in seen])
     if not np.isfinite(covered).any():
         return
@@ -48,7 +48,7 @@ def _reject_background(seen: list[Sight]) -> None:
 
 
 def _reject_frames(seen: list[Sight], fall_px: float) -> None:
-    """Frames that jump out of the parabola through their neighbours."""
+    """Reject frames far from the parabola through their neighbours."""
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
     t = np.array([s.when for s in seen])
@@ -70,7 +70,7 @@ def _reject_frames(seen: list[Sight], fall_px: float) -> None:
 
 
 def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
-    """Distance of a frame from the curve through some of its neighbours, over the largest distance that is allowed."""
+    """Distance of a frame from the curve through some of its neighbours, over the largest allowed distance."""
     degree = 2 if len(side) > 4 else 1
     basis = np.vander(t[side] - t[i], degree + 1)
     fitted, *_ = np.linalg.lstsq(basis, pose[side], rcond=None)
@@ -83,8 +83,8 @@ def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
 
 
 def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
-    """Flights that begin elsewhere than where the flight before them ends: an impact turns a block, but it does not
-    carry it. The longest flight is right."""
+    """Reject flights that do not begin where the previous flight ends, because an impact does not displace a block. The
+    longest flight is taken as right."""
     seen = release.seen
     flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
     if len(flights) < 2:
@@ -102,7 +102,7 @@ def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
 
 
 def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: float) -> None:
-    """Frames at the ends of flights, nearer to one that was rejected than to one that was not."""
+    """Reject frames between flights that are nearer to a rejected flight than to an accepted one."""
     inside = {s.when for own in flights for s in own}
     ends = np.array([[own[0].when, own[-1].when] for own in flights])
     for sight in seen:
@@ -112,16 +112,16 @@ def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: floa
         away = []
         for k in beside:
             own = flights[k][-FLIGHT_ENDS:] if ends[k, 1] < sight.when else flights[k][:FLIGHT_ENDS]
-            place = _carried(own, np.array([sight.when]), fall_px)[0]
+            place = _extrapolated(own, np.array([sight.when]), fall_px)[0]
             away.append(float(np.hypot(*(sight.pose[:2] - place))))
         if flights[beside[int(np.argmin(away))]][0].reason:
             _reject(sight, "jumps")
 
 
 def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float) -> bool:
-    """Whether two flights, each carried on toward the other, come to the same place; true if nobody can know."""
+    """Whether two flights, extrapolated toward each other, meet; True if this is unknown."""
     before, after = (one, other) if one[0].when < other[0].when else (other, one)
-    if after[0].when - before[-1].when > LONGEST_CARRY or min(len(before), len(after)) < 2:
+    if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION or min(len(before), len(after)) < 2:
         return True
     _, paths = _between(before, after, fall_px)
     step = max(float(np.hypot(*np.diff(path[:5:4], axis=0).T).max()) for path in paths)
@@ -130,11 +130,11 @@ def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float
 
 
 def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
-    """Places (2,) at which a block that comes down turns round, from the flights before and after."""
+    """Places (2,) at which a block bounces, from the flights before and after."""
     flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
     found = []
     for before, after in pairwise(own for own in flights if len(own) >= FEWEST_BOUNCE_FRAMES):
-        if after[0].when - before[-1].when > LONGEST_CARRY:
+        if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION:
             continue
         _, (coming, going) = _between(before, after, fall_px)
         if coming[-1, 1] > coming[-2, 1] and going[1, 1] < going[0, 1]:
@@ -144,14 +144,14 @@ def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
 
 
 def _between(before: list[Sight], after: list[Sight], fall_px: float) -> tuple[Array, tuple[Array, Array]]:
-    """Four instants a frame between two flights, (n,), and the places (n, 2) to which each is carried on then."""
+    """Instants (n,) between two flights, four per frame, and the places (n, 2) of both flights, extrapolated."""
     gap = after[0].when - before[-1].when
     when = np.linspace(before[-1].when, after[0].when, 4 * int(np.ceil(gap)) + 1)
-    one, other = (_carried(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS]))
+    one, other = (_extrapolated(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS]))
     return when, (one, other)
 
 
-def _carried(sights: list[Sight], when: Array, fall_px: float) -> Array:
+def _extrapolated(sights: list[Sight], when: Array, fall_px: float) -> Array:
     """(n, 2) places at the instants `when` (n,), on the parabola with gravity through some sights."""
     t = np.array([s.when for s in sights])
     bend = np.array([0.0, 0.5 * fall_px])

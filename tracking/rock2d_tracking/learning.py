@@ -1,4 +1,4 @@
-"""What the blocks of a film look like, learned from frames in which their arcs say where they are."""
+"""Learning the looks of the blocks of a film, from frames in which arcs give their places."""
 
 from __future__ import annotations
 
@@ -21,16 +21,14 @@ FEWEST_BLOCK_FRAMES, MOST_BLOCK_FRAMES = 4, 24  # frames from which the looks of
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
 LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
 FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # pairs on an arc; ratio of scatter by edge to that by outline
-SEEN_TO_START = 0.75  # share of the outline that must be seen where nothing else says that it is a block
+SEEN_TO_START = 0.75  # least visible share of the outline without other evidence of a block
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
 LEAST_SIZE_CHANGE = 0.012  # relative change of the outline's size below which the stated size is better
 LARGEST_SIZE_CHANGE = 0.25
-LARGEST_SIZE_SPREAD = 0.08  # from frame to frame; a larger one is no outline
-FAST_RADII = 0.4  # way from frame to frame from which on a block may smear, in radii
-SHUTTERS, SAME_SHARE = (
-    (0.0, 0.25, 0.5, 0.75, 1.0),
-    0.02,
-)  # that are tried; seen shares of the outline that are the same
+LARGEST_SIZE_SPREAD = 0.08  # from frame to frame; with a larger one the fit is not the outline
+FAST_RADII = 0.4  # displacement per frame above which a block may smear, in radii
+SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # open shares of the frame interval that are tried
+SAME_SHARE = 0.02  # visible shares of the outline that differ less are equal
 SIZE_ROUNDS, SIZE_CONVERGED = 5, 0.002
 WIDE_PICTURE = 1.5  # width of a learned picture that shows the block's edge, in units of the usual width
 UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over the reach of the block
@@ -57,10 +55,10 @@ def frames_with_blocks(film: Iterable[Array], motion: Motion) -> BlockFrames:
 
 
 def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motion: Motion) -> Looks:
-    """The looks of a block in its frames: size, and the kind of fit that works; `looks`: those that are stated."""
+    """The looks of a block with the size and the kind of fit from its frames; `looks`: those of the set-up."""
     paces = [_pace(motion, number) for number, _, _ in block_frames]
     looks = replace(looks, shutter=_shutter(fitter, looks, block_frames, paces))
-    sized, turns = _sized(fitter, looks, block_frames, paces)
+    sized, turns = _fit_size(fitter, looks, block_frames, paces)
 
     def sights(own: Looks) -> list[Sight]:
         return _sights(fitter, own, block_frames, turns, paces)
@@ -74,7 +72,7 @@ def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motio
     by_edge = sights(replace(looks, kind="edge"))
     smeared = looks.shutter > 0.0 and _share_seen(by_edge) > _share_seen(by_outline, trusted)
     if _share_seen(by_outline, trusted) >= LEAST_OUTLINES and not smeared:
-        better, apart = _better(by_edge, by_outline, motion)
+        better, apart = _edge_is_better(by_edge, by_outline, motion)
         return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
         return replace(looks, kind="edge")
@@ -90,11 +88,11 @@ def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motio
 def _centre_of_picture(
     fitter: Fitter, looks: Looks, pairs: list[tuple[Array, Array]]
 ) -> tuple[tuple[float, float], float]:
-    """From the middle of a learned picture to the centroid in px, and the error of a coordinate of it.
+    """Vector from the middle of a learned picture to the centroid in px, and the standard error of a coordinate.
 
-    Arcs lead through what moves, with highlights and shadows, not through centroids. The centroid is where the picture
-    changes most across the outline, whatever the block shows within it; an edge that is too faint in one frame is seen
-    in the median of many. The error is the delete-a-group jackknife over parts of the outline.
+    Arcs pass through the centres of changed regions, which highlights and shadows shift. The centroid is where
+    the picture changes most across the outline; an edge that is too faint in one frame is visible in the median of
+    many. The error is that of a delete-a-group jackknife over parts of the outline.
     """
     import cv2
 
@@ -134,19 +132,19 @@ def _sights(
     found = []
     for (number, image, place), own, pace in zip(block_frames, turns, paces, strict=True):
         fitter.pace_px = pace
-        found.append(fitter.fit_anywhere_turned(number, image, looks, place, turns=own))
+        found.append(fitter.fit_any_angle(number, image, looks, place, turns=own))
     return found
 
 
 def _pace(motion: Motion, number: int) -> Array:
-    """(2,) way of the block from one frame to the next, about a frame in which a chain shows it."""
+    """(2,) displacement of the block per frame, from its chain at a frame."""
     chain = motion.chain_at(number)
     assert chain is not None
     return chain.pace(number)
 
 
 def _shutter(fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]) -> float:
-    """The least share of the time between frames with which smeared edges are seen as well as with any other."""
+    """The shortest open share of the frame interval with which smeared edges are seen as well as with any other."""
     fast = [
         (image, place, pace) for (_, image, place), pace in zip(block_frames, paces, strict=True)
         if np.hypot(*pace) > FAST_RADII * looks.edge.inner_px
@@ -169,12 +167,14 @@ def _share_seen(sights: list[Sight], least: float = 0.0) -> float:
     return float(np.mean([not s.reason and s.confidence >= least for s in sights]))
 
 
-def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tuple[bool, float | None]:
-    """Whether the edge finds a block better than its outline with one grey; usual distance of both in px, None if
-    the edge is hardly seen.
+def _edge_is_better(
+    by_edge: list[Sight], by_outline: list[Sight], motion: Motion
+) -> tuple[bool, float | None]:
+    """Whether the edge fit is better than the outline fit with one grey value; median distance of both in px, None if
+    the edge is hardly visible.
 
-    If the block is of one grey, both agree; if not, the edge is right, because it assumes less. Where they agree,
-    the one whose places scatter less about the arcs is better."""
+    For a uniform block both agree; otherwise the edge is right, because it assumes less. If they agree, the one with
+    less scatter about the arcs is better."""
     pairs = [
         (a.frame, *a.pose[:2], *b.pose[:2])
         for a, b in zip(by_outline, by_edge, strict=True)
@@ -200,11 +200,11 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _sized(
+def _fit_size(
     fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]
 ) -> tuple[Looks, list[Array]]:
-    """The looks in the size that the edge shows, as they are if the edge is not seen well enough; and the angles from
-    which to fit each shot, one where its edge was found."""
+    """The looks with the size fitted to the edge (unchanged if the edge is not visible enough), and the start angles of
+    each frame, one if its edge was found."""
     size, outline = 1.0, looks.outline
     turns = [start_angles(outline) for _ in block_frames]
     for _ in range(SIZE_ROUNDS):

@@ -1,9 +1,9 @@
-"""The bend that a lens gives to flights: what parabolas leave, compared with a radial distortion.
+"""Distortion of flights by a lens: residuals of the parabolas, compared with a radial distortion.
 
-A picture with distortion k shows true (1 + k ρ²), ρ over half the diagonal of the picture. Of this bend a parabola
-takes up the most; only what it leaves tells a lens from another scale. So k is known well only from long flights across
-the picture. From flights of 10 frames at 30 frames per second its standard error is about 0.04, as much as the lens of
-a phone has.
+A picture with distortion k shows true (1 + k ρ²), with ρ over half the diagonal of the picture. A parabola absorbs most
+of this; only its residuals distinguish a lens from another scale. Only long flights across the picture therefore give
+an accurate k. Flights of 10 frames at 30 frames per second give a standard error of about 0.04, as large as the
+distortion of a phone.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Array = np.ndarray
 
 PARABOLA = 3  # coefficients
 ROUNDS = 4  # in which places without the lens are found
-CLEAR_ERRORS = 5.0  # standard errors from which on a bend counts
-LEAST_EXPLAINED = 0.3  # share of the squares which parabolas leave that a lens must explain
+CLEAR_ERRORS = 5.0  # least k in standard errors
+LEAST_EXPLAINED = 0.3  # least share of the squared residuals that the lens must explain
 
 
 def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int, int]) -> Measured | None:
-    """Distortion k that explains what the parabolas of flights leave; None if none clearly does.
+    """Distortion k that explains the residuals of the parabolas of flights; None if it is not significant.
 
     camera : map of the places in the film, without distortion
     size_px : (width, height) of the picture
@@ -49,7 +49,7 @@ def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int
 
 
 def _without_parabolas(film: Film, parts: list[tuple[int, int]], places: Array) -> Array:
-    """What the parabola of each flight leaves of places (frames, 2), one after the other in a row."""
+    """Residuals of the parabola of each flight, of places (frames, 2), flattened."""
     found = []
     for first, last in parts:
         t_s = film.t_s[first:last]

@@ -1,6 +1,6 @@
 """The live view of a tracked film: its frames, one by one, as data for live_frames.js.
 
-The script shows what is computed here, and computes nothing but where things lie on the screen.
+The script only computes positions on the screen; all other values are computed here.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from rock2d_tracking.velocities import MID_AIR
 
 Array = np.ndarray
 
-MOST_BYTES = 1_900_000  # that the data add to a page
-MOST_FRAMES = 10_000  # that the view can show, each FRAME_BYTES beside its picture
+MOST_BYTES = 1_900_000  # of data in a page
+MOST_FRAMES = 10_000  # in the view; each takes FRAME_BYTES in addition to its picture
 FRAME_BYTES, TEXT_OF_BYTES = 120, 4 / 3  # of a frame without its picture; of base64 over what it holds
 ELLIPSE_POINTS = 48
-SHOWN_PER_S = 15.0  # about the number of frames that are shown in a second when the film is played
+SHOWN_PER_S = 15.0  # approximate number of frames per second during playback
 SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.025, 0.01, 0.005, 0.0025, 0.001)
 
 
 @dataclass(frozen=True)
 class LiveFrames:
-    """What the template live_frames.html.j2 shows.
+    """The values for the template live_frames.html.j2.
 
     Attributes
     ----------
     data : JSON that holds no "<"
-    releases : words for each release that can be chosen
-    speeds : over that of the recording; `speed` is chosen at first
-    notes : what was thinned and left out
+    releases : the text of each release in the selection
+    speeds : playback speeds over real time; `speed` is the initial one
+    notes : remarks on frames and pictures that are left out
     """
 
     data: str
@@ -53,7 +53,7 @@ class LiveFrames:
 
 @dataclass(frozen=True)
 class SeenFrames:
-    """The frames of a film as its page shows them.
+    """The frames of a film for its page.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ def seen_frames(
 
 
 def belonging(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
-    """(n,) row of the flight of each frame, and of the impact between whose two flights it lies; -1 for none."""
+    """(n,) row of the flight of each frame, and of the impact between whose flights the frame is; -1 for none."""
     release, t = frames["release"].to_numpy(), frames["t_s"].to_numpy(float)
     flight, impact = np.full(len(frames), -1), np.full(len(frames), -1)
     for k, own in enumerate(_records(flights)):
@@ -119,7 +119,7 @@ def _records(table: pd.DataFrame) -> list[Any]:
 
 
 def _places(frames: pd.DataFrame) -> Array:
-    """(n, 2) where the block is in the picture, where it is lost between the frames beside."""
+    """(n, 2) place of the block in the picture, interpolated where it is lost."""
     places = frames[["u_px", "v_px"]].to_numpy(float, copy=True)
     for _, rows in frames.groupby("release").indices.items():
         known = rows[np.isfinite(places[rows, 0])]
@@ -235,7 +235,7 @@ def _impact_texts(impacts: pd.DataFrame) -> list[str]:
 
 
 def _notes(seen: SeenFrames, frames: int) -> list[str]:
-    """What is not on the page."""
+    """Remarks on frames and pictures that are not on the page."""
     shown, pictures = len(seen.table), len(seen.pictures.rows)
     notes = [f"This view shows the first {shown} of {frames} frames."] if shown < frames else []
     if pictures == shown:

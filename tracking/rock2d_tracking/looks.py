@@ -1,5 +1,5 @@
-"""What the blocks of a film look like, learned where their arcs say that they are: the colour in which they stand out,
-how large they are, and which fit their picture allows."""
+"""The looks of the blocks of a film, learned at the places given by their arcs: the colour with the best contrast, the
+size, and the suitable kind of fit."""
 
 from __future__ import annotations
 
@@ -16,21 +16,24 @@ Array = np.ndarray
 GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
 COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used
 COLOUR_PAIRS = np.array([[1.0, -1.0, 0.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
-RIM_RADII, RIM_SECTORS = (0.5, 0.85), 8  # the rim of a block around its place on an arc, and its parts
-WEAK_QUANTILE = 0.15  # of the parts of the rim, in the order in which they stand out
+RIM_RADII, RIM_SECTORS = (
+    (0.5, 0.85),
+    8,
+)  # the rim of a block around its place on an arc, and its number of sectors
+WEAK_QUANTILE = 0.15  # of the contrast of the sectors
 TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
 PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, before frames are compared
 SEARCH_RADII = 0.8  # around the expected place in which the learned picture is looked for
 
-SLOW_ERROR_FACTOR = 1.75  # errors over those that a fit shows, measured on films with a truth
+SLOW_ERROR_FACTOR = 1.75  # true errors over those of a fit, measured on synthetic films
 
 Kind = Literal["outline", "edge", "picture"]
 
 
 @dataclass(frozen=True)
 class ChannelMix:
-    """How a frame becomes one value a pixel: as it is, in grey, or along the colour that tells the block best.
+    """Converts a frame to one value per pixel: unchanged, grey, or the mix of colours with the best contrast.
 
     Attributes
     ----------
@@ -54,18 +57,18 @@ class ChannelMix:
 
 @dataclass(frozen=True)
 class Looks:
-    """How one block is found in a picture.
+    """How one block is recognised in a picture.
 
     Attributes
     ----------
-    kind : fitted by its whole outline with one grey, by its edge alone, or by correlation with a learned picture
-    outline : its outline in the size in which it is seen
-    size, size_error : size that was seen over the size stated, and its standard error
-    picture : difference from the background that was learned, float32; only of kind "picture"
+    kind : fit of the whole outline with one grey value, of the edge, or by correlation with a learned picture
+    outline : its outline in the visible size
+    size, size_error : visible over stated size, and its standard error
+    picture : learned difference from the background, float32; only of kind "picture"
     centre_px : (2,) from the middle of this picture to the centroid
-    bias_px : 1 sigma of a coordinate that all frames share: for an outline, its distance from the one found by the
-        edge; for a picture, the error of its centre
-    shutter : share of the time between frames in which the block smears
+    bias_px : standard error of a coordinate that all frames share: for an outline, its distance from the edge fit; for
+        a picture, the error of its centre
+    shutter : share of the frame interval in which the shutter is open
     """
 
     kind: Kind
@@ -80,14 +83,14 @@ class Looks:
 
 
 def plain_looks(outline: Outline) -> Looks:
-    """A block of one grey, of the size stated."""
+    """The looks of a uniform block of the stated size."""
     return Looks("outline", outline, edge_points(outline))
 
 
 def best_channel_mix(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> ChannelMix:
-    """The mix of channels in which the rim of blocks stands out best where it stands out least.
+    """The mix of channels in which the weakest parts of the rim of blocks have the best contrast.
 
-    block_frames : pictures and where a block is in each; `still`: without it
+    block_frames : pictures and the place of the block in each; `still`: the picture without a block
     """
     if still.ndim == 2 or not block_frames:
         return ChannelMix()
@@ -131,7 +134,7 @@ def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float
 
 
 def learned_picture(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
-    """Usual difference from the background around a block (2 h + 1 pixels wide); None without a shot inside it."""
+    """Median difference from the background around a block (2 h + 1 pixels wide); None if no frame contains it."""
     import cv2
 
     half = int(np.ceil(TEMPLATE_RADII * radius_px)) + 1
@@ -166,12 +169,12 @@ def matched(
     if not (0 < row < match.shape[0] - 1 and 0 < column < match.shape[1] - 1):
         return None
     best = float(match[row, column])
-    du = _top(match[row, column - 1], best, match[row, column + 1])
-    dv = _top(match[row - 1, column], best, match[row + 1, column])
+    du = _parabola_vertex(match[row, column - 1], best, match[row, column + 1])
+    dv = _parabola_vertex(match[row - 1, column], best, match[row + 1, column])
     return np.array([left + column + du, top + row + dv], float), best
 
 
-def _top(left: float, middle: float, right: float) -> float:
+def _parabola_vertex(left: float, middle: float, right: float) -> float:
     """Place of the top of the parabola through three values."""
     bend = left - 2 * middle + right
     return float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5)) if bend < 0 else 0.0

@@ -1,4 +1,4 @@
-"""Orientation of a round block from the marks on it: rings of its picture, turned until they match the first one's."""
+"""Orientation of a round block from its marks: rings of its picture are rotated to match those of the first one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ Array = np.ndarray
 
 RING_SAMPLES = 256  # samples on a ring
 RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, over that of the block
-REFERENCE_UPDATE = 0.05  # share of each frame that the reference takes over
-SMALLEST_CORRELATION = 0.5  # with the reference; below it the marks are not recognised
+REFERENCE_UPDATE = 0.05  # weight of each frame in the reference
+SMALLEST_CORRELATION = 0.5  # least correlation with the reference at which marks are recognised
 HIGHEST_HARMONIC = 40  # highest harmonic of the angle that is compared; finer ones are noise
 SMALLEST_MARK_CONTRAST = 0.05  # standard deviation of the grey values over the contrast; below it no marks
 

@@ -1,8 +1,8 @@
-"""What moves in a film, found before anything is known of how it looks: candidates of each frame, and the arcs on which
-candidates fall.
+"""Motion in a film, found without knowledge of its appearance: the candidates of each frame, and the arcs on which they
+fall.
 
-A block in flight moves on a parabola whose curvature is gravity. Hands, sticks, people and flickering light do not; a
-shadow does, but it darkens what lies below it and keeps to the ground.
+A block in flight moves on a parabola whose curvature is that of gravity. Hands, sticks, people and flickering light do
+not; a shadow does, but it darkens the background and stays on the ground.
 """
 
 from __future__ import annotations
@@ -31,18 +31,14 @@ COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at 
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least
 CHUNK_BYTES = 400_000_000  # coarse pictures that share a background
 FULL_SAMPLES = 25  # pictures of full size that are kept for the background of the fits
-SHADOW_SHARE = (
-    0.5  # of the frames of an arc or a chain that look like a shadow, from which on it is taken for one
-)
+SHADOW_SHARE = 0.5  # least share of shadow-like frames for which an arc or a chain is taken as a shadow
 SHADOW_WEIGHT = 0.2  # weight of frames in which a chain looks like a shadow
-SHADOW_CHANGE_PX, SHADOW_CHANGE_SHARE = (
-    3.0,
-    0.08,
-)  # change of the distance from a block to its shadow, and share of its way
+# largest change of the distance from a block to its shadow, px and over the length of the path
+SHADOW_CHANGE_PX, SHADOW_CHANGE_SHARE = 3.0, 0.08
 LONGEST_OVERLAP = 4  # frames that two arcs of one release may share next to an impact
 LONGEST_LINK_S, LONGEST_LINK_FRAMES = 0.25, 4  # between two arcs of one release
 FEWEST_CHAIN_FRAMES = 6
-UNLIKE_SHARE = 0.5  # of the reach, by which a candidate of the least likely area counts as farther away
+UNLIKE_SHARE = 0.5  # of the reach; added to the distance of a candidate with the least likely area
 CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest of a candidate that may be a block, over its area
 # contrast and area of a chain over those of the one that stands out most, where the size of the block is not known
 LEAST_CONTRAST_SHARE, ONE_BLOCK_AREAS = 0.25, 3.0
@@ -87,7 +83,7 @@ class Chain:
         return arc.pace(frame)
 
     def at(self, frame: int) -> Array | None:
-        """(2,) place in px, bridged between two arcs by whichever is nearer in time; None before and after them."""
+        """(2,) place in px; between two arcs, on the extrapolation of the nearer one; None before and after them."""
         if not self.first <= frame <= self.last:
             return None
         for before, after in zip(self.arcs, [*self.arcs[1:], None], strict=True):
@@ -101,16 +97,16 @@ class Chain:
 
 @dataclass
 class Motion:
-    """What moves in a film.
+    """The motion in a film.
 
     Attributes
     ----------
     candidates : candidates of each frame
-    chains : releases as their arcs show them, in the order filmed
-    samples : pictures of full size, evenly over the film
-    arcs : all arcs, of the blocks and of other things
+    chains : the arcs of each release, in the order filmed
+    samples : pictures of full size, evenly distributed over the film
+    arcs : all arcs, of blocks and of other things
     clock : the instants of frames
-    scale : scale and frame rate; where one was not known, as the arcs give it
+    scale : scale and frame rate; one of them possibly computed from the arcs
     """
 
     candidates: list[list[Candidate]] = field(default_factory=list)
@@ -127,8 +123,8 @@ class Motion:
     def near(
         self, frame: int, place: Array, reach_px: float, area_px2: float | None = None
     ) -> Candidate | None:
-        """The whole candidate of a frame nearest to a place, if one is within reach; the nearest in size, too, if its
-        area is known."""
+        """The whole candidate of a frame nearest to a place, if one is within reach; if the area is known, similar
+        areas are preferred."""
 
         def away(c: Candidate) -> float:
             return float(np.hypot(c.u_px - place[0], c.v_px - place[1]))
@@ -154,12 +150,12 @@ def motion_of(
     clock: Clock = EVEN,
     down: int = 1,
 ) -> Motion:
-    """Read a film once and find what moves in it.
+    """Read a film once and find the motion in it.
 
     frames : (height, width) or (height, width, 3) uint8
-    expected_frames : about how many there are, 0 if nobody knows
-    radii_px : radii of the blocks, [] if they are not known
-    scale : scale and frame rate; what is not known is found from what falls
+    expected_frames : approximate number of frames, 0 if unknown
+    radii_px : radii of the blocks, [] if unknown
+    scale : scale and frame rate; one that is None is computed from falling objects
     clock : the instants of frames
     down : the sign of gravity along v
     """
@@ -180,7 +176,7 @@ def motion_of(
     if chunk:
         found.candidates += candidates_of(chunk, len(found.candidates), coarse)
     if not scale.fall_px and (fall := common_fall(found.candidates, down, clock)) is not None:
-        scale = scale.given(abs(fall.value))
+        scale = scale.completed(abs(fall.value))
     found.scale, fall_px = scale, down * scale.fall_px
     if not fall_px:  # nothing falls
         return found
@@ -199,8 +195,8 @@ def _coarseness(width: int, radii_px: list[float]) -> int:
 
 
 def meeting(before: Arc, after: Arc) -> float:
-    """The instant between two arcs, or one frame beside, at which they are nearest to each other: a shadow on the
-    continuation of an arc can be taken for the block in a frame of the other one."""
+    """The instant between two arcs (or up to one frame outside) at which they are nearest to each other. One frame
+    outside, because a shadow on the continuation of an arc can be taken for the block."""
     first, last = sorted((before.last, after.first))
     when = np.linspace(first - 1, last + 1, 4 * (last - first) + 9)
     apart = before.at(when) - after.at(when)
@@ -208,7 +204,7 @@ def meeting(before: Arc, after: Arc) -> float:
 
 
 def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chain]:
-    """Releases: arcs that follow one another where the one before ends, and of which at least one falls."""
+    """Releases: successive arcs that begin where the previous one ends; at least one of them falls."""
     longest = max(LONGEST_LINK_FRAMES, round(LONGEST_LINK_S * fps))
     chains: list[Chain] = []
     for arc in sorted((a for a in arcs if not a.other), key=lambda a: (a.first, a.last)):
@@ -231,7 +227,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
         kept = [c for c in kept if low < c.area_px2 < high]
     kept = [_shadow_caster(c, arcs) or c for c in kept]
     if kept and not radii_px:
-        kept = _alike(kept)
+        kept = _like_the_strongest(kept)
     # where two chains overlap in time, the block is the one that falls longer, stands out more, and has a block's size
     kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
@@ -241,8 +237,8 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     return sorted(chosen, key=lambda c: c.first)
 
 
-def _alike(chains: list[Chain]) -> list[Chain]:
-    """Chains that may be of the same block as the one that stands out most: others are flicker and compression."""
+def _like_the_strongest(chains: list[Chain]) -> list[Chain]:
+    """The chains with a contrast and area similar to the strongest one; the others are flicker and compression."""
     first = max(chains, key=lambda c: _weight(c, []))
     contrast, area = max(a.contrast for a in first.arcs), first.area_px2
     return [
@@ -253,7 +249,7 @@ def _alike(chains: list[Chain]) -> list[Chain]:
 
 
 def _shadow_caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
-    """What casts a chain that looks like a shadow: arcs that keep their distance from it and are no shadow."""
+    """The object that casts a shadow-like chain: arcs at a constant distance from it that are not a shadow."""
     if chain.shadow_share < SHADOW_SHARE:
         return None
     found: list[Arc] = []

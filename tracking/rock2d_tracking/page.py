@@ -1,4 +1,4 @@
-"""The page of diagnostics of a tracked film: how far it can be trusted, and where not."""
+"""The page of diagnostics of a tracked film: its accuracy and its problems."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-LISTED_IMPACTS = 8  # whose restitution is told one by one
+LISTED_IMPACTS = 8  # up to this many, the restitution of each impact is listed
 SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel
 
 
@@ -37,7 +37,7 @@ def write_page(
     background: Array,
     live: LiveFrames,
 ) -> None:
-    """Write the page; `overlay.webm` lies beside it."""
+    """Write the page; `overlay.webm` must be in the same folder."""
     frames, name = film.frames, film.experiment.name
     figures = [
         ("Tracks", "Trusted frames on the still picture of the film.", _tracks(frames, background)),
@@ -88,7 +88,7 @@ def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) ->
 
 
 def _restitution(impacts: pd.DataFrame) -> str:
-    """Of each impact with its standard error; of many, the middle half."""
+    """The restitution of each impact with its standard error; of many impacts, the range of the middle half."""
     seen = impacts.dropna(subset=["restitution", "restitution_se"])
     if not len(seen):
         return "no impact shows it"

@@ -1,4 +1,4 @@
-"""Which of the stated releases arcs show, where not every release shows one."""
+"""Assignment of visible objects to the stated releases, if not all releases are visible."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 
 def releases_shown(areas_px2: Sequence[float], stated_px2: Sequence[float]) -> list[int]:
-    """Index of the stated release of each thing that was seen, in the order filmed: those with the best areas.
+    """Index of the stated release of each visible object, in the order filmed.
 
-    areas_px2 : (n,) of what was seen, fewer than are stated
+    areas_px2 : (n,) of the visible objects, fewer than stated releases
     stated_px2 : (m,) of the blocks of the stated releases
 
-    The sum of |log(area / stated area)| is least; of equal choices the earliest releases are taken.
+    Minimises the sum of |log(area / stated area)|; among equal assignments, it takes the earliest releases.
     """
     miss = np.abs(np.log(np.asarray(areas_px2)[:, None] / np.asarray(stated_px2)))
     seen, stated = miss.shape

@@ -1,4 +1,4 @@
-"""What an experiment says of the set-up file that it was made with."""
+"""Check of a set-up file against the experiment that was tracked with it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from rock2d_tracking.tracked_film import film_of
 
 
 def check_sanity(experiment: Experiment, setup: Setup, *, guessed: bool = False) -> list[str]:
-    """Remarks on an experiment; raises `InputError` where frame rate, scale or axes must be wrong. `guessed`: whether
-    the ground is a guess, against which nothing can be held."""
+    """Remarks on an experiment. Raises InputError if frame rate, scale or axes must be wrong. `guessed`: whether the
+    ground is a guess; it is then not checked."""
     from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 
     sanity = check_film(experiment, film_of(experiment, setup))

@@ -142,7 +142,7 @@ class Setup:
     ----------
     path, text : those of its file
     scale : scale and frame rate; one may be unknown
-    from_gravity : which of them gravity gives, with its error as soon as it is known; None if both are stated
+    from_gravity : which of them is computed from gravity, and its error when known; None if both are stated
     """
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
@@ -184,7 +184,7 @@ class Setup:
         return self.scale.fps
 
     def with_scale(self, scale: FilmScale, relative_error: float = 0.0) -> Setup:
-        """The same with scale and frame rate as gravity gives them; `relative_error`: standard error of that."""
+        """The same set-up with scale and frame rate computed from gravity, and their relative standard error."""
         own = copy.copy(self)
         own.scale = scale
         if own.from_gravity is not None:

@@ -1,4 +1,4 @@
-"""Where a block was seen in each frame of a release."""
+"""Sights: position, angle and confidence of a block in each frame of a release."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Sight:
     ----------
     pose : (3,) u, v in px and angle in rad, from u toward v; NaN where the frame is lost
     error : (3,) standard errors
-    confidence : share of the outline that was seen as fitted, less for a poor fit; 0 if lost
+    confidence : share of the outline that agrees with the fit, less for a poor fit; 0 if lost
     reason : why the frame is lost, "" if it is not
-    covered : share of the outline's inside that differs from the background; NaN if nobody looked
-    read : its number in the file, if `frame` is its number as filmed
-    when : its instant, in units of the usual time between two frames: the number of the frame, until it is set
+    covered : share of the outline's inside that differs from the background; NaN if not measured
+    read : its number in the file, while `frame` is its number as filmed
+    when : its instant in units of the usual frame interval; the frame number until it is set
     """
 
     frame: int
@@ -50,16 +50,16 @@ class Sight:
 
 @dataclass
 class FollowedRelease:
-    """One release as it was followed.
+    """One followed release.
 
     Attributes
     ----------
     block : its name
     sights : its frames in order
-    error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
-    bias_px : 1 sigma by which a coordinate of all frames may be off alike; it is no part of the errors of frames
+    error_factor : errors over their scatter from frame to frame; they are larger because they change slowly
+    bias_px : standard error of a coordinate that all frames share; not part of the errors of frames
     radius_px : half the size of the block in the picture
-    shutter : share of the time between frames in which the block smears
+    shutter : share of the frame interval in which the shutter is open
     """
 
     block: str
@@ -76,7 +76,7 @@ class FollowedRelease:
 
     def last_seen(self, count: int) -> list[Sight]:
         """The last `count` frames that were not lost, in order."""
-        # called in every frame, so it does not read the whole release
+        # called in every frame, so it must not read the whole release
         return list(islice((s for s in reversed(self.sights) if not s.reason), count))[::-1]
 
 
@@ -86,7 +86,7 @@ def lost_sight(frame: int, reason: str) -> Sight:
 
 
 def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
-    """The frames between impacts: (n,) indices into `sights`, in which velocity nowhere changes at once.
+    """The flights: (n,) indices into `sights` of frames without a sudden change of velocity.
 
     `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out.
     """
@@ -110,12 +110,12 @@ def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
     return [part for part in parts if len(part)]
 
 
-def state_errors(release: FollowedRelease, fall_px: float) -> None:
+def set_errors(release: FollowedRelease, fall_px: float) -> None:
     """Set the standard errors of a release to the scatter of its frames about the parabolas through their neighbours
     in the same flight.
 
-    A fit knows the noise of pixels, not compression, blur and light; and it fears what shifts all frames alike, which
-    is kept apart in `bias_px`.
+    The error of a fit includes pixel noise, but not compression, blur and light. It also includes a shift that all
+    frames share; this belongs to `bias_px`.
     """
     seen = release.seen
     if len(seen) < FEWEST_ERROR_FRAMES:
@@ -139,7 +139,7 @@ def state_errors(release: FollowedRelease, fall_px: float) -> None:
 def _scatter_ratios(seen: list[Sight], error: Array, flights: list[Array]) -> Array:
     """(n, 3) distances of frames from the parabolas through their neighbours, over the errors stated."""
     t, pose = np.array([s.when for s in seen]), np.array([s.pose for s in seen])
-    # a fit errs alike in two frames that show the block at nearly the same place within its pixels
+    # errors are correlated in frames that show the block at nearly the same place within its pixels
     pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
     stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))
     ratios = []

@@ -1,4 +1,4 @@
-"""The motion of a hand-held camera, read from the background, so that it can be taken out of a film."""
+"""The motion of a hand-held camera, measured on the background and removed from a film."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ import numpy as np
 Array = np.ndarray
 
 WIDTH_PX = 640  # of the picture in which the background is compared, at most
-TRIED_FRAMES = 40  # frames, evenly over the film, that tell whether the camera moves
-MEDIAN_FRAMES = 21  # whose median is the still picture
-# root mean square; a smaller motion, or what a person before the wall looks like, is left alone
+TRIED_FRAMES = 40  # frames, evenly distributed over the film, that show whether the camera moves
+MEDIAN_FRAMES = 21  # the still picture is the median of this many frames
+# root mean square; a smaller motion is not removed (a person in front of the wall can cause it)
 LEAST_SHAKE_PX = 1.3
-# how many times smaller the compared pictures are, one after the other, and steps at each
+# factors by which the compared pictures are reduced, in this order, and steps at each
 LEVELS, ROUNDS = (4, 1), 8
 CONVERGED_PX = 0.005
 BLUR_PX = 1.5  # of the compared pictures, so that slopes hold over a step
-# difference in grey, over the usual one, at which a pixel counts half: something moves there
+# difference in grey, over the usual one, at which a pixel has half its weight
 ROBUST_SIGMAS = 2.0
 
 
-def camera_ways(film: Iterable[Array], expected_frames: int) -> Array | None:
-    """(n, 2) way of the picture in px in each frame against the first one; None if the camera stands still.
+def camera_shifts(film: Iterable[Array], expected_frames: int) -> Array | None:
+    """(n, 2) displacement of each picture from the first one in px; None if the camera does not move.
 
     film : (height, width) or (height, width, 3) uint8, read once or twice
-    expected_frames : about how many there are
+    expected_frames : approximate number of frames
     """
-    tried = _ways(islice(film, 0, None, max(1, expected_frames // TRIED_FRAMES)))
+    tried = _shifts(islice(film, 0, None, max(1, expected_frames // TRIED_FRAMES)))
     if not len(tried) or np.sqrt(tried.var(axis=0).sum()) < LEAST_SHAKE_PX:
         return None
-    ways = _ways(film)
-    # what moves before the background in the first frame is not in the median
+    ways = _shifts(film)
+    # moving objects in the first frame are not in the median
     still = _median(film, ways, max(1, len(ways) // MEDIAN_FRAMES))
-    better = _ways(film, still)
+    better = _shifts(film, still)
     return better - better[:1]
 
 
@@ -48,7 +48,7 @@ def _median(film: Iterable[Array], ways: Array, stride: int) -> Array:
 
 
 def steadied(frame: Array, way_px: Array) -> Array:
-    """A frame moved back by a way (2,) in px; its borders are continued."""
+    """A frame shifted back by a displacement (2,) in px; its border pixels are repeated."""
     import cv2
 
     back = np.array([[1.0, 0.0, -way_px[0]], [0.0, 1.0, -way_px[1]]])
@@ -57,11 +57,10 @@ def steadied(frame: Array, way_px: Array) -> Array:
     return np.asarray(moved)
 
 
-def _ways(film: Iterable[Array], still: Array | None = None) -> Array:
-    """(n, 2) way of the picture in px in each of some frames against a still picture, or the first of them.
+def _shifts(film: Iterable[Array], still: Array | None = None) -> Array:
+    """(n, 2) displacement in px of each frame from a still picture, or from the first frame.
 
-    At each level the way is the least-squares translation (Lucas and Kanade 1981), with weights that leave out what
-    moves before the background.
+    At each level it is the least-squares translation (Lucas and Kanade 1981); moving objects have little weight.
     """
     ways: list[Array] = []
     first: list[Array] = []
@@ -78,7 +77,7 @@ def _ways(film: Iterable[Array], still: Array | None = None) -> Array:
 
 
 def _translation(one: Array, other: Array, way: Array) -> Array:
-    """(2,) way of a picture against another one, from a first guess."""
+    """(2,) displacement between two pictures, from a first guess."""
     du, dv = np.gradient(one, axis=1), np.gradient(one, axis=0)
     margin = np.s_[2:-2, 2:-2]
     slopes = np.stack([du[margin].ravel(), dv[margin].ravel()])
@@ -95,7 +94,7 @@ def _translation(one: Array, other: Array, way: Array) -> Array:
 
 
 def _small(frame: Array, scale: float) -> Array:
-    """A grey, smooth picture with pixels `scale` times as wide, float32."""
+    """A grey, smoothed picture, reduced, float32."""
     import cv2
 
     grey = frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)

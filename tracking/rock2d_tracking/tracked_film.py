@@ -1,4 +1,4 @@
-"""The experiment that a film shows: metres, seconds, and only frames that can be trusted."""
+"""The experiment of a tracked film: metres, seconds, and only trusted frames."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.gross_errors import reject_jumps
+from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, state_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
 
 Array = np.ndarray
 
-# standard error of a coordinate with which a frame is still trusted: in px, or in radii of the block if that is more
+# largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
 LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII = 1.0, 0.05
-COMPARED_STEPS = 3  # steps on each side that a step is compared with
+COMPARED_STEPS = 3  # steps on each side with which a step is compared
 SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
 SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
-LONG_STEP_SIGMAS = 7.0  # by which a step over a dropped frame is longer than the others
-# offset of a block that smears while the shutter is open, over the length of the smear, 1 sigma: root mean square in
-# films with a truth; shiny balls have 0.09, even ones 0.015
+LONG_STEP_SIGMAS = 7.0  # a step over a dropped frame is longer than the others by at least this much
+# standard error of the position of a smeared block, over the length of the smear: root mean square in synthetic films
+# (shiny balls 0.09, uniform ones 0.015)
 SMEAR_OFFSET = 0.045
-SHORTEST_MOTION_PX = 3.0  # what moves less is no release, but a stone in the soil, a person or a shadow
+SHORTEST_MOTION_PX = 3.0  # objects that move less are stones in the soil, persons or shadows, not releases
 
 
 @dataclass
@@ -40,10 +40,10 @@ class TrackedFilm:
     Attributes
     ----------
     experiment : with the noise found in its flights
-    frames : a row a frame of a release: release, block, frame, t_s, u_px, v_px, angle_px_rad, their standard errors,
-        confidence, reason ("" or why the frame is lost)
+    frames : a row for each frame of a release: release, block, frame, t_s, u_px, v_px, angle_px_rad, their standard
+        errors, confidence, reason ("" or why the frame is lost)
     remarks : for the user
-    offset_px : block -> 1 sigma by which a coordinate of all its frames may be off alike
+    offset_px : block -> standard error of a coordinate that all its frames share
     """
 
     experiment: Experiment
@@ -64,10 +64,10 @@ class TrackedFilm:
 def tracked_film(
     kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]
 ) -> TrackedFilm:
-    """The experiment that a film shows.
+    """The experiment of a film.
 
     kept : its `moving_releases`, at least one
-    followed : how many objects were followed
+    followed : number of objects that were followed
     """
     camera = setup.pixel_map(size_px)
     remarks: list[str] = []
@@ -106,7 +106,7 @@ def tracked_film(
 
 
 def rescaled(film: TrackedFilm, before: Setup, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
-    """The same film with the scale and the frame rate of another set-up than the one `before`."""
+    """The film with scale and frame rate of `setup` instead of those of `before`."""
     slower = before.fps / setup.fps
     frames = film.frames.assign(t_s=(film.frames["t_s"] * slower).round(9))
     own = film.experiment
@@ -116,8 +116,9 @@ def rescaled(film: TrackedFilm, before: Setup, setup: Setup, size_px: tuple[int,
     return replace(film, experiment=experiment, frames=frames)
 
 
-def _moved(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether enough was seen, and the block moved within a flight: from one thing to another, nothing moves."""
+def _moves(release: FollowedRelease, fall_px: float) -> bool:
+    """Whether enough frames were seen, and the block moves within a flight; a change between flights does not count,
+    because it may be a change to another object."""
     seen = release.seen
     if len(seen) < FEWEST_FLIGHT_FRAMES:
         return False
@@ -131,22 +132,22 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
 
     `fall_px`: acceleration of gravity along v in px per frame squared.
     """
-    kept = [release for release in releases if _moved(release, fall_px)]
+    kept = [release for release in releases if _moves(release, fall_px)]
     for release in kept:
-        reject_jumps(release, fall_px)
-        state_errors(release, fall_px)
+        reject_gross_errors(release, fall_px)
+        set_errors(release, fall_px)
         limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * release.radius_px)
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
                 sight.reason, sight.confidence = "unsure", 0.0
-    return [release for release in kept if _moved(release, fall_px)]
+    return [release for release in kept if _moves(release, fall_px)]
 
 
 def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
-    """Number the frames anew where the camera or the file dropped some; returns how many.
+    """Renumber the frames if the camera or the file dropped some; returns the number of dropped frames.
 
-    There the steps, turn included, are two or three times as long as those before and after. Where a block hardly
-    moves, dropped frames cannot be seen, and do not matter."""
+    Steps over dropped frames, rotation included, are two or three times as long as the steps before and after. If a
+    block hardly moves, dropped frames cannot be seen and do not matter."""
     seen = [s for s in sights if not s.reason]
     at = np.array([s.when for s in seen])
     step = np.diff([s.pose * [1.0, 1.0, reach_px] for s in seen], axis=0)
@@ -210,9 +211,9 @@ def _experiment(
 
 
 def film_of(experiment: Experiment, setup: Setup) -> Film:
-    """The frames of an experiment, with the noise that it states: a short film bounces so often that windows of frames
-    without an impact, which show the noise, are few. It is at least `SMALLEST_NOISE_PX`: even in a film without noise
-    the error depends on the place of the block within its pixels."""
+    """The frames of an experiment with its stated noise, because a short film has few impact-free windows that show the
+    noise. The noise is at least `SMALLEST_NOISE_PX`: even without noise the error depends on the place of the block
+    within its pixels."""
     film = load_film(experiment)
     reach = min(b.radius_m for b in experiment.blocks.values())
     least = SMALLEST_NOISE_PX * setup.metres_per_pixel * np.array([1.0, 1.0, 1.0 / reach])
@@ -221,14 +222,14 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
 
 
 def findings_of(experiment: Experiment, setup: Setup) -> FilmFindings:
-    """What the film of an experiment says of itself."""
+    """The findings on the film of an experiment."""
     world = setup_world(experiment)
     data = FilmSegments.of(film_of(experiment, setup), world)
     return film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
-    """The experiment with the noise that its own flights show, if it has any; else as it is."""
+    """The experiment with the noise measured in its flights; unchanged without flights."""
     cut = segment_film(setup_world(experiment), film)
     if not len(cut.flights):
         return experiment

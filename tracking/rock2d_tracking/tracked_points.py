@@ -11,7 +11,7 @@ from rock2d.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-FRAME_TIME_TOLERANCE = 0.35  # frames between a time and its frame: programs print times rounded
+FRAME_TIME_TOLERANCE = 0.35  # largest distance of a time from its frame, in frames; programs round times
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class Points:
     Attributes
     ----------
     path, line : the file, and the line of its header
-    table : one row a point that was seen: `track` (its name), `line` (in the file), `frame` or `time` or both (a whole
-        number; in the file's unit, mostly s), `u` and `v` (in the file's unit of length) and, where the file has them,
+    table : one row for each visible point: `track` (its name), `line` (in the file), `frame` (whole number) or `time`
+        (in the file's unit, mostly s) or both, `u` and `v` (in the file's unit of length) and, if the file has them,
         `confidence` (0 to 1) and `theta_rad` (from u toward v)
-    y : where v grows, "up" or "down", if the format fixes it; else ""
-    said : what the file states of its own scale and time, for the user; "" if nothing
+    y : direction of the v axis, "up" or "down", if the format defines it; otherwise ""
+    said : scale and time as stated in the file, for the user; "" if nothing
     """
 
     path: Path

@@ -23,7 +23,7 @@ from rock2d.files.checked_yaml import shown
 from rock2d_tracking.delimited_text import number
 from rock2d_tracking.tracked_points import Points
 
-LINE = "line"  # attribute of an element: where it stands in the file
+LINE = "line"  # attribute of an element: its line in the file
 LARGEST_FRAME_DIGITS = 9
 PIXEL_CENTRE_PX = 0.5  # centre of the first pixel, as Tracker counts; 0 as rock2d does
 
@@ -56,8 +56,8 @@ def read_project(path: Path, text: str) -> Points:
 
 
 def _tree(path: Path, text: str) -> Element:
-    """The elements of an XML text, each with its line. A document type, and with it every entity, is refused: it could
-    grow without limit or name other files."""
+    """The elements of an XML text, each with its line. A document type, and so every entity, is refused: entities could
+    expand without limit or refer to other files."""
     parser, builder = expat.ParserCreate(), TreeBuilder()
 
     def refuse(*_: object) -> None:
@@ -103,7 +103,7 @@ def _marked(path: Path, entry: Element, point: Element) -> dict[str, Any]:
 
 
 def _calibration(root: Element) -> str:
-    """What the project states of scale, origin and time, for the set-up file."""
+    """Scale, origin and time as stated in the project, for the set-up file."""
     parts = []
     coords = _property(root, "coords")
     own = None if coords is None else coords.find("object/property[@name='framedata']/property/object")
@@ -122,7 +122,7 @@ def _calibration(root: Element) -> str:
 
 
 def _float(element: Element, name: str) -> float:
-    """A number that a property states, NaN if it states none."""
+    """The number in a property; NaN if it is not a number."""
     try:
         return float(_text(element, name))
     except ValueError:

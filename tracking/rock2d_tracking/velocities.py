@@ -1,7 +1,7 @@
-"""Velocities between impacts, from the equations of free flight fitted to the frames between them.
+"""Velocities before and after impacts, from the equations of free flight fitted to the frames between impacts.
 
-After Lambert et al.: impacts are the breaks between ballistic flights; translational and rotational velocity at any
-point of a flight follow from its equations. What the paper warns of is flagged: deep penetration and low rebounds.
+As in Lambert et al., impacts are the breaks between ballistic flights; the equations of a flight give its translational
+and rotational velocity at any time. Deep penetration and low rebounds, which reduce the accuracy, are flagged.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration from which on the ground hides part of the block
+DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration above which the ground hides part of the block
 # in block sizes: rebound below which a flight is too short for precise velocities
 LOW_REBOUND_SIZES = 0.25
-# time between two flights over that of the shorter one, from which on velocities are carried far
+# largest time between two flights, over the duration of the shorter one, without the flag "wide gap"
 WIDEST_GAP = 0.6
 MID_AIR = "mid-air"
 
@@ -36,18 +36,18 @@ def flights_and_impacts(
     """Tables of flights and impacts of a `film` (see `tracked_film.film_of`).
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
-    (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise), `gravity_m_s2` (size of the
-    acceleration of a flight that clearly falls, else NaN, also where it gave scale or frame rate) and its standard
-    error. Impacts: release, block, t_s and zone of the contact, velocities just before and after it with standard
-    errors, `restitution` (speed across the ground after over before), `penetration_m`, `rebound_m`, `flag` (any of
-    "deep", "low", "wide gap"; "mid-air" where
-    neither the ground is near nor the block turns round, which is no impact).
+    (`*_se`), `misfit` (root mean square of the residuals of the parabola, over the noise), `gravity_m_s2` (acceleration
+    of a flight that clearly falls, otherwise NaN; also NaN if scale or frame rate was computed from it) and its
+    standard error. Impacts: release, block, t_s and zone of the contact, velocities just before and after it with
+    standard errors, `restitution` (speed across the ground after over before), `penetration_m`, `rebound_m`, `flag`
+    (any of "deep", "low", "wide gap"; "mid-air" if the ground is not near and the block does not bounce: this is not an
+    impact).
     """
     setup = setup_world(experiment)
     data = FilmSegments.of(film, setup)
     states = data.states(setup)
     known = np.minimum(states.residuals.shape[2], data.basis.degrees)
-    # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise
+    # (flights, 3) root mean square residuals of x, y and theta, over the noise
     misfit = np.sqrt((states.residuals**2).sum(axis=2) / known[:, None])
     flights = _flights(experiment, data, states.middle, misfit)
     return flights, _impacts(experiment, data, setup, misfit), data
@@ -73,14 +73,14 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
 
 
 def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array:
-    """(n, 6) standard errors of the states of flights `which`, dt after their middle: from the noise, or from what
-    the parabola leaves where that is more."""
+    """(n, 6) standard errors of the states of flights `which`, dt after their middle: from the noise, or from the
+    residuals if these are larger."""
     error = np.sqrt(np.diagonal(data.state_covariance(which, dt), axis1=1, axis2=2))
     return error * np.tile(np.maximum(misfit[which], 1.0), 2)
 
 
 def _impacts(experiment: Experiment, data: FilmSegments, world: World, misfit: Array) -> pd.DataFrame:
-    """Table of the impacts, and of the changes of motion in mid-air, in the order of time."""
+    """Table of the impacts and of the changes of motion in mid-air, ordered by time."""
     tables = [_contacts(experiment, data, pairs, world, misfit) for pairs in (data.impacts, data.mid_air)]
     tables[1]["flag"] = MID_AIR
     tables[1][["restitution", "restitution_se"]] = np.nan
@@ -149,7 +149,7 @@ def _flags(data: FilmSegments, impacts: Impacts, deep: Array, low: Array) -> lis
 
 
 def _depths(experiment: Experiment, data: FilmSegments, impacts: Impacts) -> tuple[Array, Array]:
-    """(n,) deepest seen penetration between the two flights of an impact, and height that the flight after reaches."""
+    """(n,) deepest visible penetration between the two flights of an impact, and height of the flight after it."""
     film, flights = data.film, data.segmentation.flights
     blocks = list(experiment.blocks.values())
     ground = ground_arrays(experiment.cross_section)

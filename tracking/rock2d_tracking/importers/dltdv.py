@@ -1,7 +1,7 @@
 """DLTdv (Hedrick lab): the digitized image points, `*_xypts.csv`, of one or more cameras.
 
 DLTdv5 to 7 write a line of names, `pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,...` (for one camera sometimes `pt1_X,pt1_Y`),
-then a line a frame with six decimals, NaN where a point was not digitized. There is no column for the frame: the
+then a line for each frame with six decimals, NaN where a point was not digitized. There is no column for the frame: the
 first line is frame 0 here, DLTdv's frame 1. DLTdv8 writes the same or, as `*_xypts.tsv`, its sparse form: the names,
 the size of the table, then lines `row column value` from 1 on. Coordinates are pixels. Up to version 7 (and in Argus)
 they are measured from the bottom of the image, y up; in version 8 from its top, y down. A file does not say which.

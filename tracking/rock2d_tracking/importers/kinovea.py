@@ -1,6 +1,6 @@
 """Kinovea: trajectories exported as CSV or as text for gnuplot.
 
-CSV (from 0.9.6): a line `"Time","Ball/0/X","Ball/0/Y",...`, then a line a time, empty where a track has no point.
+CSV (from 0.9.6): a line `"Time","Ball/0/X","Ball/0/Y",...`, then one line per time, empty where a track has no point.
 Text (`.txt`, all versions): `#Kinovea Trajectory data export`, `#T X Y`, then for each track `# name` (none in old
 versions) and lines `time x y`; a blank line ends a track. Cells may be quoted. The decimal separator is a point or a
 comma, by locale or preference; with a comma the cells of a CSV are separated by semicolons. Coordinates are in the

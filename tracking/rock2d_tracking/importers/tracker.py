@@ -2,14 +2,14 @@
 
 File > Export > Data File writes the cells of a data table: a line with the name of the track (`mass_A` alone up to
 version 5; later at the track's first column, as in `,mass A,,`), the names of the columns (`t`, `frame`, `x`, `y`,
-`pixelx`, `pixely`, more), then a line a frame. Several tracks share a table: `#multi:`, a line with each name at its
+`pixelx`, `pixely`, more), then a line per frame. Several tracks share a table: `#multi:`, a line with each name at its
 first column, and repeated columns. Tabs, commas, semicolons or spaces separate, perhaps also at the end of a line;
 numbers are `1.500000E-2`, by locale with a decimal comma; a frame that was not marked has empty cells; x and y are in
 the calibrated unit. Only `t` is always exported, so frame numbers may be missing.
 
 Documented in Tracker's help, "Tracker Files" (Saving data in a text file), "Datatable View" and "Data Track", and in
 its source: `ExportDataDialog`, `TrackerIO.getData`, `ParticleDataTrack`. `DataTool.parseData` of the OSP library reads
-text: a line with one entry names the track, the next the columns; a data track takes x, y and t, and a row a frame.
+text: a line with one entry names the track, the next the columns; a data track takes x, y and t, and a row per frame.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
 
     A data track has one start, so each release is a file: `path` itself for a single one, else `path` with `_` and the
     release number at its stem. Every frame from the first to the last has a line, lost ones with empty cells, since
-    Tracker steps a line a frame. Lengths are in m, y up, theta in rad, numbers with all their digits. Returns the files
-    written; raises `InputError` if a time is not that of a frame at `fps` (in 1/s).
+    Tracker reads one line per frame. Lengths are in m, y up, theta in rad, numbers with all their digits. Returns the
+    files written; raises `InputError` if a time is not that of a frame at `fps` (in 1/s).
     """
     path = Path(path)
     several = trajectories["release"].nunique() > 1

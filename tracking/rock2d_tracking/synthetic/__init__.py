@@ -1,3 +1,3 @@
-"""Synthetic films: experiments with known motion as a high-speed camera records them."""
+"""Synthetic films: experiments with known motion, as recorded by a high-speed camera."""
 
 FAULT_LEVEL_NAMES = ("clean", "moderate", "severe")

@@ -1,4 +1,4 @@
-"""Pictures as H.264 leaves them: phones and most cameras store films so."""
+"""Pictures after H.264 compression, which phones and most cameras use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = np.ndarray
 def compressed(pictures: Sequence[Array], quality_crf: float) -> Iterator[Array]:
     """BGR pictures (height, width, 3), even in size, encoded as one film and decoded again.
 
-    quality_crf : constant rate factor of x264; 18 looks like the original, 28 is that of small files
+    quality_crf : constant rate factor of x264; 18 looks like the original, 28 gives small files
     """
     import av
 

@@ -1,4 +1,4 @@
-"""Faults of a film: sensor, lens, shutter, dust, shadow, soil, light, codec. Each has a size; 0 is none."""
+"""Faults of a film: sensor, lens, shutter, dust, shadow, soil, light, codec. Each has a size; 0 is off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FOOT_HEIGHT_RADII = 0.4  # above the lowest point of the block; a contact higher
 NOISE_SHIFT_PX = 128  # largest random shift of the noise pattern
 DUST_GREY = 185.0
 PUFF_GRAINS = 90
-JUMP_INTERVAL_S = 0.006  # before and after which the vertical velocity is compared
+JUMP_INTERVAL_S = 0.006  # interval over which the change of the vertical velocity is measured
 SMALLEST_JUMP_SHARE = 0.15  # share of a release's largest jump of the velocity; smaller ones raise no dust
 EXPOSURE_STEP_PX = 0.5  # largest distance between two poses while the shutter is open
 EXPOSURE_POSES = 32  # largest number of poses while the shutter is open
@@ -37,16 +37,16 @@ class Faults:
     Attributes
     ----------
     noise_grey : 1 sigma of the sensor in the dark, in grey levels
-    shot_noise : what each grey level of light adds to the variance, in grey levels
-    defocus_px : radius of the disc that a point out of focus becomes
-    shutter : share of the frame interval for which it is open, in the middle of which the frame's time lies
+    shot_noise : variance per grey level of light, in grey levels
+    defocus_px : radius of the disc of a point out of focus
+    shutter : open share of the frame interval; the time of the frame is its middle
     dust : opacity of the puff of the hardest impact
-    shadow : share of light that the block takes from the soil right below it
-    low_contrast : share by which the block's contrast with the background is less
-    burial_radii : height of the soil heaped in front of a block that touches it, in radii of the block
-    dropped : share of frames that are missing
-    flicker : share by which the light swings at `LAMP_HZ`
-    compression : share of the codec's quality that is given up
+    shadow : share of light that the block takes from the soil directly below it
+    low_contrast : relative reduction of the block's contrast with the background
+    burial_radii : height of the soil heap in front of a block that touches the ground, in radii of the block
+    dropped : share of missing frames
+    flicker : relative amplitude of the light at `LAMP_HZ`
+    compression : relative reduction of the codec's quality
     """
 
     noise_grey: float = 0.0
@@ -70,7 +70,7 @@ class Faults:
 
     @property
     def quality(self) -> int | None:
-        """Quality for `write_film`: 1 to 100, or None, lossless, where there is no compression."""
+        """Quality for `write_film`: 1 to 100, or None (lossless) without compression."""
         return max(1, round(100 * (1.0 - self.compression))) if self.compression else None
 
 
@@ -94,12 +94,12 @@ class Sensor:
         self._phase_rad = rng.uniform(0.0, 2 * np.pi)
         self._noisy = faults.noise_grey > 0 or faults.shot_noise > 0
         width, height = size_px
-        # one pattern, laid elsewhere in each frame: fresh normal numbers would take longer than all the rest
+        # one pattern, shifted in each frame: new normal numbers would take longer than all other steps
         shape = (height + NOISE_SHIFT_PX, width + NOISE_SHIFT_PX) if self._noisy else (0, 0)
         self._pattern = rng.standard_normal(shape, np.float32)
 
     def expose(self, light: Array, t_s: float) -> Array:
-        """(height, width) uint8 from `light`, float32 in grey levels, which is used up; `t_s` sets the lamp."""
+        """(height, width) uint8 from `light`, float32 in grey levels, which is overwritten; `t_s`: its time."""
         import cv2
 
         if self.faults.flicker:
@@ -116,7 +116,7 @@ class Sensor:
 
 
 def extended(rows: Array) -> Array:
-    """Rows with one linear extrapolation at each end, for the exposure of the first and the last frame."""
+    """Rows with a linearly extrapolated one at each end, for the exposure of the first and the last frame."""
     if len(rows) < 2:
         return rows
     return np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
@@ -127,7 +127,7 @@ class BlockMotion(NamedTuple):
 
     Attributes
     ----------
-    t_s, poses_m : (n,) times and (n, 3) poses x, y in m and theta in rad; between them it moves on straight lines
+    t_s, poses_m : (n,) times and (n, 3) poses x, y in m and theta in rad, interpolated linearly
     noise_m : 1 sigma of the positions
     """
 
@@ -137,8 +137,8 @@ class BlockMotion(NamedTuple):
     noise_m: float
 
 
-def while_open(motion: BlockMotion, at_s: float, open_s: float, pixel_map: PixelMap) -> Array:
-    """(n, 3) poses between samples, evenly over `open_s` about `at_s`, so close that they make one smear."""
+def exposure_poses(motion: BlockMotion, at_s: float, open_s: float, pixel_map: PixelMap) -> Array:
+    """(n, 3) poses, evenly distributed over `open_s` about `at_s`, close enough together for a continuous smear."""
 
     def poses(at: Array) -> Array:
         return np.stack([np.interp(at, motion.t_s, column) for column in motion.poses_m.T], axis=1)
@@ -158,7 +158,7 @@ def surface_m(cross_section: CrossSection, x_m: Array) -> Array:
 def heap_m(cross_section: CrossSection, block: Block, pose_m: Array, height_radii: float) -> Array | None:
     """(`HEAP_CORNERS`, 2) outline of the soil heaped in front of a block at `pose_m` (x, y, theta), in m.
 
-    Full height where the block touches the ground; None `HEAP_GAP_RADII` radii or more above it, or without a heap.
+    Full height if the block touches the ground; None if it is `HEAP_GAP_RADII` radii or more above it.
     """
     x, y, theta = pose_m
     radius = 0.5 * block.size_m
@@ -173,16 +173,14 @@ def heap_m(cross_section: CrossSection, block: Block, pose_m: Array, height_radi
     along = np.linspace(-2.0, 2.0, HEAP_CORNERS - 2)  # in radii
     fall = 0.5 + 0.5 * np.cos(np.pi * np.clip(np.abs(along) - 1.0, 0.0, 1.0))
     ground = surface_m(cross_section, x + radius * along)
-    fall *= np.clip(
-        1.5 - (y + rim[:, 1].min() - ground) / radius, 0.0, 1.0
-    )  # down a steep face there is none
+    fall *= np.clip(1.5 - (y + rim[:, 1].min() - ground) / radius, 0.0, 1.0)  # none on a steep face
     top = np.column_stack([x + radius * along, ground + near * height_radii * radius * fall])
     return np.vstack([top, [[top[-1, 0], ground.min() - radius], [top[0, 0], ground.min() - radius]]])
 
 
 @dataclass(frozen=True)
 class Shadow:
-    """A soft dark patch on the soil: its middle, its half widths (1 sigma), the share of light it takes."""
+    """A soft dark patch on the soil: its centre, its half widths (1 sigma) and the share of light that it takes."""
 
     middle_px: Array
     half_px: Array
@@ -194,7 +192,7 @@ class Shadow:
         return self.middle_px + np.outer([-3.0, 3.0], self.half_px)
 
     def taken(self, window: tuple[slice, slice]) -> Array:
-        """Share of light that is taken away from a window (rows, columns) of the image."""
+        """Share of light that it takes from a window (rows, columns) of the image."""
         v_px, u_px = np.ogrid[window]
         u, v = (u_px - self.middle_px[0]) / self.half_px[0], (v_px - self.middle_px[1]) / self.half_px[1]
         return np.asarray(self.darkness * np.exp(-0.5 * (u * u + v * v)))
@@ -231,7 +229,7 @@ def vertical_jumps(t_s: Array, y_m: Array, noise_m: float) -> Iterator[tuple[int
 
 @dataclass(frozen=True)
 class Puff:
-    """Grains of dust thrown up at one impact, which drag stops: where from, how fast, how thick."""
+    """Dust from one impact, slowed down by drag: its origin, velocities, size and opacity."""
 
     t_s: float
     from_px: Array
@@ -240,7 +238,7 @@ class Puff:
     opacity: float
 
     def draw(self, light: Array, t_s: float) -> None:
-        """Lay the puff as it is at `t_s` over `light`, (height, width) float32."""
+        """Draw the puff at `t_s` over `light`, (height, width) float32."""
         import cv2
 
         age = t_s - self.t_s

@@ -1,6 +1,6 @@
-"""Synthetic films with known truth: the trajectories of an experiment as a high-speed camera records them.
+"""Synthetic films with known truth: the trajectories of an experiment, as recorded by a high-speed camera.
 
-The scene is drawn anti-aliased: the share of the block in a pixel is the share of its area that the silhouette covers.
+The scene is drawn anti-aliased: the share of the block in a pixel is the covered share of its area.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from rock2d_tracking.synthetic.faults import (
     Faults,
     Puff,
     Sensor,
+    exposure_poses,
     extended,
     puffs,
-    while_open,
 )
 from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
@@ -43,12 +43,12 @@ TRUTH_COLUMNS = (
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame of a film and what it shows.
+    """One frame of a film and its truth.
 
     Attributes
     ----------
     image : (height, width) uint8
-    frame : its number, counted from 0 as filmed: a frame that is missing keeps its number to itself
+    frame : its number, counted from 0 as filmed; the numbers of missing frames are left out
     release, block, t_s : as in the experiment; before the block is released, t_s is less than its first
     pose_px : u, v in px and angle in rad, in the image; None where no block is in the picture
     pose_m : x, y in m and theta in rad; None likewise
@@ -70,8 +70,8 @@ class FilmOptions:
     Attributes
     ----------
     seed : seed of soil, noise, dust and dropped frames; the same seed makes the same film
-    faults, look : what spoils the film; light and paint
-    releases : which releases, in this order; all of them if None
+    faults, look : faults of the film; light and colours
+    releases : numbers of the releases, in this order; all if None
     rest_frames : empty frames before each release
     """
 
@@ -87,10 +87,10 @@ def film_frames(
 ) -> Iterator[Shot]:
     """Film an experiment with images of `size_px` (width, height), one release after the other.
 
-    A trajectory's row is a frame, `experiment.fps` of them a second; where rows are missing or NaN, frames are.
+    A row of a trajectory is a frame, at `experiment.fps`; rows that are missing or NaN give no frame.
 
-    Raises InputError if the experiment has no trajectories or no such release, or a release's rows come faster
-    than the camera's frames.
+    Raises InputError if the experiment has no trajectories or no such release, or two rows of a release are within one
+    frame interval.
     """
     table = experiment.trajectories
     if table is None:
@@ -136,7 +136,7 @@ def _filmed(
             rng = np.random.default_rng([seed, 3, release])
             clouds = puffs(motion, experiment.cross_section, pixel_map, faults.dust, rng)
         for i in np.flatnonzero(kept[rest_frames:] & measured).tolist():
-            exposed = while_open(motion, t[i], faults.shutter / fps, pixel_map)
+            exposed = exposure_poses(motion, t[i], faults.shutter / fps, pixel_map)
             light, there = scene.light(block, exposed)
             for puff in clouds:
                 puff.draw(light, t[i])
@@ -160,11 +160,11 @@ def write_film(
 ) -> Path:
     """Write a film as AVI and return its path: Motion JPEG of `quality` 1 to 100, or lossless FFV1 if None.
 
-    With `truth`, a CSV of `TRUTH_COLUMNS` beside it, of the same name: one row a picture in the order of the film,
-    cells empty where no block is in the picture. Motion JPEG keeps `fps_video` as a whole number.
+    With `truth`, also write a CSV of `TRUTH_COLUMNS` with the same name: one row for each picture in the order of the
+    film, with empty cells if no block is in the picture. Motion JPEG stores `fps_video` as a whole number.
 
-    Both are written under other names and renamed at the end. Raises InputError if the suffix is not .avi, the size
-    is odd or not that of the shots, there are no shots, or this OpenCV lacks the codec.
+    Both files are written completely or not at all. Raises InputError if the suffix is not .avi, the size is odd or not
+    that of the shots, there are no shots, or this OpenCV lacks the codec.
     """
     import cv2
 
@@ -173,7 +173,7 @@ def write_film(
         raise InputError(f"{path}: expected a film as .avi, found {path.suffix or 'no suffix'!r}")
     if width % 2 or height % 2:
         raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
-    with ExitStack() as stack:  # closes the files before they get their names
+    with ExitStack() as stack:  # closes the files before they are renamed
         part = stack.enter_context(atomic_file(path))
         table = None
         if truth:
@@ -205,7 +205,7 @@ def write_film(
 
 
 def _check_pictures(path: Path, count: int) -> None:
-    """OSError unless a film holds `count` pictures: OpenCV goes on when the disk is full."""
+    """Raise OSError unless a film has `count` pictures: OpenCV reports no error when the disk is full."""
     import av
 
     try:
@@ -221,13 +221,13 @@ def _check_pictures(path: Path, count: int) -> None:
 def _writer(path: Path, fps_video: float, size_px: tuple[int, int], quality: int | None) -> cv2.VideoWriter:
     import cv2
 
-    # no line for each picture that it cannot write: `_check_pictures` says it once
+    # no log line for each picture that cannot be written: `_check_pictures` reports it once
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
     name, size = str(path), (int(size_px[0]), int(size_px[1]))
     if quality is None:
         grey = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
         return cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), fps_video, size, grey)
-    # the only writer of Motion JPEG that takes the quality of JPEG: FFmpeg counts in steps of its quantiser
+    # the only Motion JPEG writer that takes a JPEG quality: FFmpeg takes steps of its quantiser
     jpeg = cv2.VideoWriter.fourcc(*"MJPG")
     writer = cv2.VideoWriter(name, cv2.CAP_OPENCV_MJPEG, jpeg, fps_video, size)
     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)

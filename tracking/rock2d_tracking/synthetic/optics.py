@@ -1,4 +1,4 @@
-"""What a wide-angle lens and a hand-held camera do to a picture."""
+"""The effects of a wide-angle lens and a hand-held camera on a picture."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 Array = np.ndarray
 
-SWINGS = np.array([1.0, 1.7, 3.0, 6.0])  # periods of a hand, over its shortest
-LENS_ROUNDS = 6  # of the inversion of a weak distortion
+SWINGS = np.array([1.0, 1.7, 3.0, 6.0])  # periods of the motion of a hand, over the shortest
+LENS_ROUNDS = 6  # iterations that invert a weak distortion
 
 
 def hand_shake(seed: int, shake_px: float, shortest_frames: float, frames: Array) -> Array:
-    """(n, 2) way of the picture in px at the frames (n,), against frame 0: slow swings, `shake_px` root mean square
-    along each axis."""
+    """(n, 2) displacement of the picture in px at the frames (n,) from frame 0: slow oscillations, `shake_px` root mean
+    square along each axis."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
     way = np.zeros((len(frames), 2))
     for period in SWINGS:
@@ -23,8 +23,8 @@ def hand_shake(seed: int, shake_px: float, shortest_frames: float, frames: Array
 
 
 def through_lens(places: Array, lens: float, size_px: tuple[int, int]) -> Array:
-    """(..., 2) places in the picture of what an even lens would show at `places`; `lens`: share by which what is half a
-    picture's width beside the middle is moved toward it."""
+    """(..., 2) places after distortion by a lens; `lens`: relative shift toward the centre of a point half a picture
+    width away from it."""
     middle = 0.5 * (np.array(size_px) - 1.0)
     off = np.asarray(places) - middle
     return np.asarray(middle + off * (1.0 - lens * ((off / middle[0]) ** 2).sum(axis=-1, keepdims=True)))

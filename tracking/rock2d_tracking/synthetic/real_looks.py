@@ -1,9 +1,9 @@
-"""Films as hard as reality: blocks that are shaded, shiny, textured, coloured or half transparent, before an untidy
-background, with hands, soft shadows, motion blur, a rolling shutter, over-exposure and compression, picture by picture
-(JPEG) or as a film (H.264).
+"""Synthetic films as difficult as real ones: shaded, shiny, textured, coloured or half transparent blocks in front of
+an untidy background, with hands, soft shadows, motion blur, a rolling shutter, over-exposure, and compression of each
+picture (JPEG) or of the film (H.264).
 
-Light is added up in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. Twenty looks, drawn from
-a seed, at three severities, are what the tracking trial runs on.
+Light is summed in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. The tracking trial uses
+twenty looks, drawn from a seed, at three severities.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are b
 H264_SHARE, MILDEST_CRF = 0.5, 17.0  # share of the looks whose films are H.264, and its least rate factor
 LENGTH_RATIO = 0.6  # height of a rectangle over its length
 MOST_BOUNCES = 20
-# of a frame rate that varies: frames from one slow time to the next, lateness of a frame over what the rate varies by,
-# and share of the frames that are left out
+# of a varying frame rate: its period in frames, random delay of a frame over the variation of the rate, and share of
+# the frames that are left out
 SLOWER_FRAMES, LATE_SHARE, LEFT_OUT_SHARE = 45, 0.2, 0.03
 REST_FRAMES = 6  # at the start, in which the hand holds the block
 SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall behind the block
@@ -39,21 +39,20 @@ SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall beh
 
 @dataclass(frozen=True)
 class RealLook:
-    """What a film looks like; lengths in px, light from 0 to 1, colours blue, green, red.
+    """The appearance of a film; lengths in px, light from 0 to 1, colours blue, green, red.
 
     Attributes
     ----------
     radius_px : half the size of the block
-    stated_size : size that a set-up file states, over the true one
-    step_px, fall_px : way of the block in a frame, and gravity in px per frame squared
-    quality, crf : quality of JPEG, 1 to 100; constant rate factor of H.264, 0 where the film is of JPEG pictures
-    throw : (4,) place and velocity along u and v with which the block is let go, in px and px per frame; None for the
-        usual throw
+    stated_size : size stated in a set-up file, over the true one
+    step_px, fall_px : displacement of the block per frame, and gravity in px per frame squared
+    quality, crf : quality of JPEG, 1 to 100; constant rate factor of H.264, 0 for JPEG pictures
+    throw : (4,) place and velocity along u and v of the release, in px and px per frame; None for the usual throw
     restitution : of the bounces on the floor
-    room : share by which floor, furniture and a shadow on the floor stand out
-    shake_px : root mean square way of a hand-held camera along each axis; `shake_frames`: its shortest period
-    lens : share by which what is half a picture's width beside the middle is moved toward it
-    uneven : share by which the time between frames varies
+    room : contrast of floor, furniture and a shadow on the floor, 0 to 1
+    shake_px : root mean square displacement of a hand-held camera along each axis; `shake_frames`: its shortest period
+    lens : relative shift toward the centre of a point half a picture width away from it
+    uneven : relative variation of the time between frames
     """
 
     kind: str
@@ -102,7 +101,7 @@ class RealFrame(NamedTuple):
 
 
 def drawn_look(index: int, severity: str, seed: int = 0) -> RealLook:
-    """Look `index` of a seed; the severity scales what spoils the film, not what it shows."""
+    """Look `index` of a seed; the severity scales the faults of the film, not its contents."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
     hard = LOOK_SEVERITIES[severity]
     kind = LOOK_KINDS[index % len(LOOK_KINDS)]
@@ -148,8 +147,8 @@ def path_of(look: RealLook, frames: int, size_px: tuple[int, int]) -> Array:
 
 
 def instants_of(look: RealLook, frames: int) -> Array:
-    """(frames,) instants of the frames, in units of the usual time between two: a phone in changing light slows down
-    and hurries, is a little late now and then, and leaves a frame out."""
+    """(frames,) instants of the frames in units of the usual frame interval. As with a phone in changing light, the
+    frame rate varies slowly, frames are late, and some are left out."""
     rng = np.random.default_rng(np.random.SeedSequence([look.seed, 3]))
     slower = look.uneven * (
         0.5 + 0.5 * np.sin(2 * np.pi * (np.arange(frames) / SLOWER_FRAMES + rng.random()))
@@ -174,7 +173,7 @@ def floor_px(look: RealLook, size_px: tuple[int, int]) -> float:
 
 
 def flights_of(look: RealLook, size_px: tuple[int, int]) -> list[Bounce]:
-    """How each flight begins: the release first, then the bounces."""
+    """The beginning of each flight: the release first, then the bounces."""
     throw = look.throw
     if throw is None:
         throw = (
@@ -206,7 +205,7 @@ def _path(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
 
 
 def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int = 90) -> Iterator[RealFrame]:
-    """Film a block of this look until it leaves the picture or `frames` are full; `size_px` is even."""
+    """Film a block of this look until it leaves the picture, at most `frames` frames; `size_px` is even."""
     shots = _rendered(look, size_px, frames)
     if look.crf == 0.0:
         for shot in shots:
@@ -236,7 +235,7 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
     for i in range(frames):
         if poses[i, 0] > width + 2 * look.radius_px:
             return
-        light = _swayed(wall, look, i)
+        light = _with_swaying_curtain(wall, look, i)
         _draw_shadow(light, look, poses[i])
         _draw_floor_shadow(light, look, poses[i], size_px)
         spread = look.shutter * (np.arange(EXPOSURE_POSES) / EXPOSURE_POSES - 0.5 + 0.5 / EXPOSURE_POSES)
@@ -247,7 +246,7 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
                 light[box] += look.opacity * cover[..., None] / count * (colour - wall[box])
         touched = look.hand and _draw_hand(light, look, i, poses)
         light = cv2.GaussianBlur(
-            through_camera(light, look.lens, way_of_camera(look, i)), (0, 0), look.blur_px
+            through_camera(light, look.lens, camera_shift(look, i)), (0, 0), look.blur_px
         )
         image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
         image += look.noise * rng.standard_normal(image.shape, np.float32)
@@ -258,8 +257,8 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
         yield RealFrame(np.clip(np.rint(image), 0, 255).astype(np.uint8), seen, bool(free))
 
 
-def way_of_camera(look: RealLook, frame: int) -> Array:
-    """(2,) way in px by which a hand-held camera moves the picture of a frame."""
+def camera_shift(look: RealLook, frame: int) -> Array:
+    """(2,) displacement in px of the picture of a frame by a hand-held camera."""
     return hand_shake(look.seed, look.shake_px, look.shake_frames, np.array([frame]))[0]
 
 
@@ -334,7 +333,7 @@ def _draw_floor_shadow(light: Array, look: RealLook, pose: Array, size_px: tuple
     light *= (1.0 - 0.6 * look.room / (1.0 + 0.3 * high) * soft[..., None]).astype(np.float32)
 
 
-def _swayed(wall: Array, look: RealLook, frame: int) -> Array:
+def _with_swaying_curtain(wall: Array, look: RealLook, frame: int) -> Array:
     """The wall in one frame: its right upper quarter, a curtain, sways."""
     if look.moving == 0.0:
         return wall.copy()
@@ -354,7 +353,7 @@ def _draw_shadow(light: Array, look: RealLook, pose: Array) -> None:
 
 
 def _draw_hand(light: Array, look: RealLook, frame: int, poses: Array) -> bool:
-    """Draw a hand that throws and draws back; returns whether it touches the block."""
+    """Draw a hand that throws the block and moves back; returns whether it touches the block."""
     import cv2
 
     follow = min(frame, REST_FRAMES + 2)
@@ -383,7 +382,7 @@ def half_axes_px(look: RealLook) -> tuple[float, float]:
 
 
 def _drawn(look: RealLook, pose: Array, size_px: tuple[int, int]) -> tuple[Array, Array, tuple[slice, slice]]:
-    """Share of each pixel that the block covers, its colour there, and where in the picture."""
+    """Share of each pixel that the block covers, its colour there, and the window in the picture."""
     import cv2
 
     a, b = half_axes_px(look)

@@ -1,7 +1,5 @@
-"""The scene that is filmed: ground, light and block, drawn anti-aliased.
-
-A pixel is as much of the block as the silhouette covers of its area.
-"""
+"""The filmed scene: ground, light and block, drawn anti-aliased: the share of the block in a pixel is the covered share
+of its area."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ Window = tuple[slice, slice]
 
 SMOOTH_CORNERS = 512  # corners of the polygon for a smooth profile
 SUPERSAMPLING = 3  # parts of the side of a pixel
-SMALLEST_COVER = 0.01  # share of a pixel; a block that covers less of every pixel is out of the picture
+SMALLEST_COVER = 0.01  # a block that covers a smaller share of every pixel is out of the picture
 SURFACE_STEP_PX = 3.0  # distance of the corners of the drawn surface
 MARK_DOTS = ((0.42, 0.42, 0.17), (-0.45, 0.36, 0.11), (-0.12, -0.5, 0.14))  # x, y, radius of marks, in radii
 MARK_LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]])
@@ -31,15 +29,15 @@ MARK_LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]
 
 @dataclass(frozen=True)
 class Look:
-    """How the scene is lit and painted.
+    """Light and colours of the scene.
 
     Attributes
     ----------
     block_grey, mark_grey, soil_grey, background_grey : grey levels, 0 to 255
     texture_grey : 1 sigma of the soil's grains
     grain_px : distance from one of the soil's grains to the next
-    rough_px : 1 sigma by which grains stand out of the soil's surface, or lack in it
-    gradient_grey : by how much the background is brighter in one corner than in the opposite one
+    rough_px : 1 sigma of the roughness of the soil's surface
+    gradient_grey : difference of the background between opposite corners
     blur_px : 1 sigma of the lens' point spread
     marked : shapes of blocks that carry marks: a line and three dots
     """
@@ -60,7 +58,7 @@ PLAIN_LOOK = Look()
 
 
 class Scene:
-    """What does not move, drawn once, and the block drawn over it; light in grey levels, not yet rounded."""
+    """The fixed parts, drawn once, and the block drawn over them; light in grey levels, not rounded."""
 
     def __init__(
         self,
@@ -93,7 +91,7 @@ class Scene:
         self.still, self._soil, self._ground = map(self._through_lens, (still, self._soil, self._ground))
 
     def light(self, block: Block, poses_m: Array) -> tuple[Array, bool]:
-        """(height, width) float32 of a block at `poses_m` (n, 3) while the shutter is open; is it in the picture?"""
+        """(height, width) float32 of a block at `poses_m` (n, 3) during the exposure, and its visibility."""
         silhouette_m, *marks_m = self._outlines_m[block.name]
         silhouettes = [self._placed(silhouette_m, pose) for pose in poses_m]
         marks = [self._placed(mark, pose) for pose in poses_m for mark in marks_m]
@@ -120,7 +118,7 @@ class Scene:
         return self.pixel_map.to_pixel(outline_m @ np.array([[c, s], [-s, c]]) + pose_m[:2])
 
     def _cover(self, outlines_px: Sequence[Array]) -> tuple[Window, Array]:
-        """Share of the light that comes from within outlines, as the lens spreads it, and where in the image.
+        """Share of the light from within outlines, blurred by the lens, and the window in the image.
 
         The blur of the lens is computed on a finer grid, because it acts before the pixels sample the image.
         """
@@ -143,7 +141,7 @@ class Scene:
         return np.s_[top:bottom, left:right]
 
     def _through_lens(self, light: Array, fine: int = 1) -> Array:
-        """Light on pixels as the lens spreads it; `light` is on pixels that are `fine` times finer."""
+        """Light on pixels, blurred by the lens; the pixels of `light` are `fine` times finer."""
         import cv2
 
         seen: Array = light.astype(np.float32)
@@ -161,14 +159,14 @@ class Scene:
 def coverage(outlines_px: Sequence[Array], box: PixelBox) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
-    Exact: the outlines are split at the borders of the pixels; each piece gives its pixel the area to its right, and
-    all pixels beyond its height. All outlines must run in the same sense.
+    Exact: the outlines are split at the borders of the pixels; each piece adds the area to its right to its pixel, and
+    its height to all pixels beyond. All outlines must have the same orientation.
     """
     left, top, right, bottom = box
     width, height = right - left, bottom - top
     if not outlines_px:
         return np.zeros((height, width))
-    corner = np.array([left - 0.5, top - 0.5])  # a pixel's coordinates are those of its middle
+    corner = np.array([left - 0.5, top - 0.5])  # the coordinates of a pixel are those of its centre
     start = np.concatenate(list(outlines_px)) - corner
     end = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines_px]) - corner
     for axis in (0, 1):
@@ -214,7 +212,7 @@ def _outlines_m(block: Block, look: Look) -> list[Array]:
         profile = shapely.Polygon(block.corners_m)
         inner = profile.exterior.distance(shapely.Point(0.0, 0.0))
         if block.rounding_m:
-            radius = min(block.rounding_m, (1 - 1e-6) * block.largest_rounding_m)  # else the inset vanishes
+            radius = min(block.rounding_m, (1 - 1e-6) * block.largest_rounding_m)  # the inset must not vanish
             profile = profile.buffer(-radius, join_style="mitre").buffer(radius, quad_segs=32)
         # a lens that distorts bends the faces
         silhouette = np.array(shapely.segmentize(profile, block.radius_m / 16).exterior.coords[:-1])
@@ -245,7 +243,7 @@ def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[
 
 
 def _soil(look: Look, size_px: tuple[int, int], rng: np.random.Generator) -> Array:
-    """(height, width) grey levels: grains, each of its own grey and darker at its rim, among damp patches."""
+    """(height, width) grey levels: grains of different grey, darker at the rim, and damp patches."""
     import cv2
 
     shape = size_px[::-1]

@@ -1,4 +1,4 @@
-"""Films as users make and keep them: a ball that falls and bounces, by kind of camera and kind of file, with the truth.
+"""Films like those of users: a ball that falls and bounces, for several kinds of camera and file, with the truth.
 
 Phone, slow motion, shiny balls, a file with an edit list or with frames out of order, a hand-held camera, a wide angle,
 a cluttered room. Light and camera are those of `real_looks`.
@@ -27,7 +27,7 @@ from rock2d_tracking.synthetic.real_looks import (
 Array = np.ndarray
 
 GRAVITY_M_S2 = 9.81
-TICKS = 90_000  # of the clock of a film at uneven times, in a second
+TICKS = 90_000  # clock ticks per second of a film with a varying frame rate
 HIDDEN_FRAMES = 7  # frames before its beginning that a file with an edit list keeps
 
 
@@ -41,7 +41,7 @@ class FilmKind:
     frames : length, in frames
     looks : kinds of looks of the ball
     file : "mp4", "edit list" (MP4), "avi" (frames out of order), "webm"
-    shutter : largest share of the frame interval for which it is open
+    shutter : largest open share of the frame interval
     """
 
     fps: float
@@ -52,11 +52,11 @@ class FilmKind:
     shutter: float = 0.5
     shake_px: float = 0.0
     lens: float = 0.0
-    rolling: float = 0.0  # share of the time between frames in which the rows are read, one after the other
+    rolling: float = 0.0  # share of the frame interval in which the rows are read, one after the other
     room: float = 0.4
     falls_out: bool = False  # of the picture, before it meets the floor
-    uneven: float = 0.0  # share by which the time between frames varies
-    stated_fps: float = 0.0  # frame rate that its user states, if it is a wrong one
+    uneven: float = 0.0  # relative variation of the time between frames
+    stated_fps: float = 0.0  # frame rate stated by the user, if it is wrong
 
 
 PHONE_LOOKS = ("shaded", "coloured", "textured", "matte")
@@ -80,7 +80,7 @@ FILM_KINDS = {
 
 @dataclass(frozen=True)
 class UserFilm:
-    """A film of a kind, and how it looks; `look.restitution` is the truth of its bounces."""
+    """A film of a kind and its appearance; `look.restitution` is the true restitution of its bounces."""
 
     kind: str
     look: RealLook
@@ -147,7 +147,7 @@ def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] =
 
 
 def write_user_film(path: Path, film: UserFilm) -> list[RealFrame]:
-    """Write the film at `path`; returns its frames with their truth, as they are before they are encoded."""
+    """Write the film to `path`; returns its frames before encoding, with their truth."""
     own, look, size_px = film.camera, film.look, film.size_px
     if own.falls_out:  # a floor far below the picture
         look = replace(look, restitution=0.0)
@@ -183,7 +183,7 @@ def _encode(
     options: dict[str, str],
     instants: Array | None = None,
 ) -> None:
-    """Write pictures as a film, at even times or at `instants`."""
+    """Write pictures as a film, at a constant rate or at `instants`."""
     import av
 
     played = Fraction(min(kind.fps, 60.0)).limit_denominator(1000)
@@ -207,8 +207,8 @@ def _encode(
 
 
 def hide_first_frames(path: Path, hidden: int, shown: int, fps: float) -> None:
-    """Let the edit list of an MP4 file begin `hidden` frames later and last for `shown` frames, as a phone does that
-    trims a film."""
+    """Set the edit list of an MP4 file to begin `hidden` frames later and to last `shown` frames, as when a phone trims
+    a film."""
     stored = bytearray(path.read_bytes())
 
     def number(at: int) -> int:

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
+from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
+from rock2d.diagnosis.evidence import Evidence, against_chance, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
@@ -88,6 +89,7 @@ class Attribution:
     named : the effects that are named, all of them in the chain; there may be none
     sets : the sets that tell what each of these closes: names -> set; with none, all, each alone, and all but each;
         of up to three all subsets
+    checks : whether the model with all that was learnt would have made these data
     """
 
     base: Fit
@@ -104,6 +106,7 @@ class Attribution:
     left_regressed: RegressedResiduals
     named: Names
     sets: dict[Names, CauseSet]
+    checks: Checks
 
     @property
     def best(self) -> str:
@@ -221,6 +224,7 @@ def attribute(
     effects: Mapping[str, Effect],
     *,
     refitted: Fit | None = None,
+    seed: int = 0,
     workers: int = 1,
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
@@ -231,7 +235,8 @@ def attribute(
     better, it becomes the base and everything is tried again; likewise where a law that is fitted anew beside the best
     effects fits much better than theirs.
 
-    `refitted`: the base law over which gains are measured, if effects are fitted from another one.
+    `refitted`: the base law over which gains are measured, if effects are fitted from another one. `seed`: of the
+    checks.
     `folder` keeps finished fits.
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
@@ -254,7 +259,7 @@ def attribute(
             if again is not search:
                 again.run()
             search = again
-        return _attribution(search)
+        return _attribution(search, seed)
 
 
 def _better_base(search: Search) -> CauseSet | None:
@@ -284,7 +289,7 @@ def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
     return again
 
 
-def _attribution(search: Search) -> Attribution:
+def _attribution(search: Search, seed: int) -> Attribution:
     data, whole = search.data, search.best
     evidence, learnt, beside_all = _evidence_of_sets(search)
     best = search.best
@@ -292,6 +297,9 @@ def _attribution(search: Search) -> Attribution:
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
+    checks = predictive_checks(data, learnt.fit, seed)
+    if not best.names:  # then no form of a law can be what fails the checks
+        p_outside = max(p_outside, against_chance(checks.p))
     candidates = {
         name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -303,8 +311,7 @@ def _attribution(search: Search) -> Attribution:
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
-        learnt, left, best.names,
-        search.within(best.names),
+        learnt, left, best.names, search.within(best.names), checks,
     )  # fmt: skip
 
 
@@ -324,8 +331,8 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
     A member gives way to a rival that does better, and for good to one that does as well if its own size is not
-    possible. Then members that cannot be named leave the set for good, first the
-    half that gains less; one that took the place of another gives it back. The others are weighed again.
+    possible. Then members that cannot be named leave the set for good, first the half that gains less; one that took
+    the place of another gives it back. The others are weighed again.
     """
     evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, registered_by_fit
 from rock2d.diagnosis.budget import Budget, Share
-from rock2d.diagnosis.checks import Checks, predictive_checks
+from rock2d.diagnosis.checks import Checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
 from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, impact_part, where
@@ -65,7 +65,6 @@ class Diagnosis:
     gaps: dict[str, Share] | None = None
     budget: Budget | None = None
     predicted: PredictedGap | None = None
-    checks: Checks | None = None
     cells: list[Cell] | None = None
     unseen: dict[str, str] | None = None
     seed: int | None = None
@@ -76,6 +75,10 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         return self.found.verdict if self.found is not None else "unknown"
+
+    @property
+    def checks(self) -> Checks | None:
+        return self.found.checks if self.found is not None else None
 
 
 def diagnose(
@@ -132,17 +135,17 @@ def diagnose(
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         hidden = unseen(base, data, tried, result.film)
         shown = {name: effect for name, effect in tried.items() if name not in hidden}
-        found = attribute(base, data, shown, refitted=refitted, workers=workers, folder=folder, bars=bars)
+        found = attribute(
+            base, data, shown, refitted=refitted, seed=seed, workers=workers, folder=folder, bars=bars
+        )
     result.data, result.found, result.unseen, result.seed = data, found, hidden, seed
-    with bars.stage(GAP, 4, "steps") as bar:
+    with bars.stage(GAP, 3, "steps") as bar:
         gaps = Gaps(data, found, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
         result.budget = gaps.budget
         bar.step("budget")
         result.cells = locate(experiment, data, found, setup)
         bar.step("places")
-        result.checks = predictive_checks(data, found.learnt.fit, seed)
-        bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
             result.predicted = predicted_gap(data, found.sets[frozenset()], found.learnt, seed)
         bar.step("predictions")

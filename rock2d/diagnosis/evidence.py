@@ -77,7 +77,8 @@ class Evidence:
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others` that may only repair the forms of their laws
     even_ratio : ratio of the gains `alone` and `instead` at which it is as probable as not
-    possible : whether its fitted size is neither negligible nor at the end of the plausible range
+    negligible : whether its size is of no use to anybody
+    possible : whether its size is neither negligible nor at the end of the plausible range
     """
 
     alone: Gain
@@ -87,6 +88,7 @@ class Evidence:
     ahead: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
+    negligible: bool = False
     possible: bool = True
 
     @property
@@ -184,18 +186,12 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         if others_by_chance:
             chance = max(chance, exceeded(alone.total, np.max(others_by_chance, axis=0)))
         chance = max(chance, closes_nothing(search, name))
-
-    def possible(fits: Sequence[Fit], own: str) -> bool:
-        """Whether the size of an effect is neither negligible nor at the end of the plausible range."""
-        sizes = [size(fit, own) for fit in fits]
-        small = min(sizes) < LEAST_SIZE and alone.significance < PLAIN_Z
-        return not small and (max(sizes) <= LARGEST_SIZE or search.effects[own].parameters[0].must_choose)
-
-    beside = best.names - {name}
+    plain, beside = alone.significance >= PLAIN_Z, best.names - {name}
     ahead = {
         rival: z
         for rival, z in search.rivals(best, name, RIVAL_Z).items()
-        if (fitted := search.known.get(beside | {rival})) is None or possible([fitted.fit], rival)
+        if (own := search.known.get(beside | {rival})) is None
+        or all(possible_size(search.effects[rival], [size(own.fit, rival)], plain))
     }
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
@@ -203,14 +199,10 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             ahead = {other: min(OTHER_FORM_Z, ahead.get(other, np.inf))} | ahead
+    large, inside = possible_size(effect, [size(fit, name) for fit in (best.fit, learnt.fit)], plain)
     found = Evidence(
-        alone,
-        Gain(np.zeros_like(alone.gain)),
-        others,
-        chance,
-        ahead,
-        possible=possible([best.fit, learnt.fit], name),
-    )
+        alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead, negligible=not large, possible=large and inside
+    )  # fmt: skip
     if effect.scatter:
         left = alone.total < FORM_SHARE * others
         even = EVEN_SCATTER_RATIO_BESIDE if left else EVEN_SCATTER_RATIO
@@ -254,6 +246,12 @@ def size(fit: Fit, name: str) -> float:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))
+
+
+def possible_size(effect: Effect, sizes: Sequence[float], plain: bool) -> tuple[bool, bool]:
+    """Whether an effect with these sizes, see `size`, is large enough to be of use, and lies within the plausible
+    range; a `plain` one may be small."""
+    return min(sizes) >= LEAST_SIZE or plain, max(sizes) <= LARGEST_SIZE or effect.parameters[0].must_choose
 
 
 def closes_nothing(search: Search, name: str) -> float:
@@ -313,8 +311,9 @@ def single_answers(
         for other, p in own.shares(name).items() if own.named(name) else [("unknown", own.p)]:
             found[other] += rest * p
         rest *= 1.0 - own.p
-    without_name = [own.acts for name, own in evidence.items() if not own.named(name)]
-    p_unknown = max(p_outside, *without_name, 0.0)
+    # what is refused because something else explains it better, and is not negligible, shows that something acts
+    refused = [own.acts for name, own in evidence.items() if not (own.named(name) or own.negligible)]
+    p_unknown = max([p_outside, *refused])
     found["unknown"] += rest * p_unknown
     found["none"] += rest * (1.0 - p_unknown)
     expected = PRIOR | dict.fromkeys(effects, (1.0 - sum(PRIOR.values())) / len(effects))

@@ -220,6 +220,7 @@ def attribute(
     data: Data,
     effects: Mapping[str, Effect],
     *,
+    refitted: Fit | None = None,
     workers: int = 1,
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
@@ -230,13 +231,16 @@ def attribute(
     better, it becomes the base and everything is tried again; likewise where a law that is fitted anew beside the best
     effects fits much better than theirs.
 
+    `refitted`: the base law over which gains are measured, if effects are fitted from another one.
     `folder` keeps finished fits.
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
         search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars, folder)
         search.try_alone()
-        for _ in range(MOST_RESTARTS if base.free else 0):
+        if refitted is not None:
+            search.measure_over(CauseSet(refitted, cross_validate(refitted, data)))
+        for _ in range(MOST_RESTARTS if search.base.fit.free else 0):
             better = _better_base(search)
             if better is None:
                 break
@@ -319,7 +323,8 @@ def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first the
+    A member gives way to a rival that does better, and for good to one that does as well if its own size is not
+    possible. Then members that cannot be named leave the set for good, first the
     half that gains less; one that took the place of another gives it back. The others are weighed again.
     """
     evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
@@ -333,11 +338,11 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
                 seen[names] = weigh(search, learnt, evidence, bar), learnt
         found, learnt = seen[names]
         evidence |= found
-        better = sorted(
+        exchanges = sorted(
             (z, name, rival)
             for name, own in found.items()
             for rival, z in own.ahead.items()
-            if z < -BETTER_RIVAL_Z
+            if (z < -BETTER_RIVAL_Z or not own.possible)
             and rival not in out
             and TWINS.get(rival) not in names - {name}
             and names - {name} | {rival} not in seen
@@ -345,9 +350,12 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].alone.total
         )
-        if better:
-            _, name, rival = better[0]
-            replaced[rival] = name
+        if exchanges:
+            _, name, rival = exchanges[0]
+            if found[name].possible:
+                replaced[rival] = name
+            else:
+                out.add(name)
             names = names - {name} | {rival}
         elif refused:
             leaving = set(refused[: (len(refused) + 1) // 2])

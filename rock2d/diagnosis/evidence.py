@@ -12,7 +12,7 @@ Each member of the best set must stand three questions, beside the others and be
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,6 +77,7 @@ class Evidence:
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others` that may only repair the forms of their laws
     even_ratio : ratio of the gains `alone` and `instead` at which it is as probable as not
+    possible : whether its fitted size is neither negligible nor at the end of the plausible range
     """
 
     alone: Gain
@@ -86,14 +87,22 @@ class Evidence:
     ahead: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
+    possible: bool = True
 
     @property
     def p(self) -> float:
         """Probability that it or one of its rivals is a cause."""
+        if not self.possible:
+            return 0.0
         gain = max(self.alone.total, 1e-9)
         imitates = _logistic(gain / max(self.instead.total, 1e-9) / self.even_ratio, RATIO_STEEPNESS)
         beyond_form = _logistic(gain / max(self.form_share * self.others, 1e-9), FORM_STEEPNESS)
-        return against_chance(self.chance) * imitates * beyond_form
+        return self.acts * imitates * beyond_form
+
+    @property
+    def acts(self) -> float:
+        """Probability that it stands for something, whatever that is."""
+        return against_chance(self.chance)
 
     @property
     def group(self) -> list[str]:
@@ -175,18 +184,33 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         if others_by_chance:
             chance = max(chance, exceeded(alone.total, np.max(others_by_chance, axis=0)))
         chance = max(chance, closes_nothing(search, name))
-    ahead = search.rivals(best, name, RIVAL_Z)
+
+    def possible(fits: Sequence[Fit], own: str) -> bool:
+        """Whether the size of an effect is neither negligible nor at the end of the plausible range."""
+        sizes = [size(fit, own) for fit in fits]
+        small = min(sizes) < LEAST_SIZE and alone.significance < PLAIN_Z
+        return not small and (max(sizes) <= LARGEST_SIZE or search.effects[own].parameters[0].must_choose)
+
+    beside = best.names - {name}
+    ahead = {
+        rival: z
+        for rival, z in search.rivals(best, name, RIVAL_Z).items()
+        if (fitted := search.known.get(beside | {rival})) is None or possible([fitted.fit], rival)
+    }
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
         ahead = {twin: 0.0} | ahead
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             ahead = {other: min(OTHER_FORM_Z, ahead.get(other, np.inf))} | ahead
-    sizes = [size(fit, name) for fit in (best.fit, learnt.fit)]
-    small = min(sizes) < LEAST_SIZE and alone.significance < PLAIN_Z
-    if small or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
-        chance = 1.0
-    found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
+    found = Evidence(
+        alone,
+        Gain(np.zeros_like(alone.gain)),
+        others,
+        chance,
+        ahead,
+        possible=possible([best.fit, learnt.fit], name),
+    )
     if effect.scatter:
         left = alone.total < FORM_SHARE * others
         even = EVEN_SCATTER_RATIO_BESIDE if left else EVEN_SCATTER_RATIO
@@ -289,7 +313,9 @@ def single_answers(
         for other, p in own.shares(name).items() if own.named(name) else [("unknown", own.p)]:
             found[other] += rest * p
         rest *= 1.0 - own.p
-    found["unknown"] += rest * p_outside
-    found["none"] += rest * (1.0 - p_outside)
+    without_name = [own.acts for name, own in evidence.items() if not own.named(name)]
+    p_unknown = max(p_outside, *without_name, 0.0)
+    found["unknown"] += rest * p_unknown
+    found["none"] += rest * (1.0 - p_unknown)
     expected = PRIOR | dict.fromkeys(effects, (1.0 - sum(PRIOR.values())) / len(effects))
     return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in found.items()}

@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from rock2d.records.track import Track
     from rock2d.runs.campaigns.ensembles import Outcome
     from rock2d.runs.campaigns.job import Job
-    from rock2d.runs.conditions import Group
+    from rock2d.runs.conditions import Condition, Group
     from rock2d.scene.blocks import Block
-    from rock2d.scene.cross_section import CrossSection
 
 
 class ReleaseInputs(NamedTuple):
@@ -29,14 +28,11 @@ class ReleaseInputs(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the engine's law; or rows (zones, columns) of the contact law
     state : (6,) state of the centre of mass at t = 0, in SI
     seed : of the release's own random stream
     """
 
-    block: Block
-    cross_section: CrossSection
-    parameters: Mapping[str, Any] | np.ndarray
+    condition: Condition
     state: np.ndarray
     release: int
     gravity_m_s2: float
@@ -98,8 +94,9 @@ def compiled_engine(name: str) -> Engine:
 def _pymunk_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.pymunk_engine import run_pymunk
 
+    met = given.condition
     return run_pymunk(
-        given.block, given.cross_section, given.parameters, given.state,
+        met.block, met.cross_section, met.parameters, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
     )  # fmt: skip
 
@@ -108,9 +105,10 @@ def _batch_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.batch import run_batch_track
     from rock2d.laws.contact import contact_rows
 
-    table = contact_rows(given.parameters, given.cross_section.zone_names)
+    met = given.condition
+    table = contact_rows(met.parameters, met.cross_section.zone_names)
     return run_batch_track(
-        given.block, given.cross_section, table, given.state,
+        met.block, met.cross_section, table, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
     )  # fmt: skip
 
@@ -118,9 +116,10 @@ def _batch_track(given: ReleaseInputs) -> Track:
 def _point_mass_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
-    assert isinstance(given.parameters, Mapping)  # only the contact law has rows
+    met = given.condition
+    assert isinstance(met.parameters, Mapping)  # only the contact law has rows
     return run_point_mass(
-        given.block, given.cross_section, given.parameters, given.state,
+        met.block, met.cross_section, met.parameters, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s, seed=given.seed,
     )  # fmt: skip
 

@@ -147,10 +147,7 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
 def _track(job: _Job, start: IncidentState, limit_s: float, own: Condition | None) -> Track:
     met = own or job.common[start.block]
     track = ENGINES[job.engine].track(
-        ReleaseInputs(
-            met.block, met.cross_section, met.parameters, np.asarray(start.state),
-            start.release, job.gravity_m_s2, limit_s, start.seed,
-        )
-    )  # fmt: skip
+        ReleaseInputs(met, np.asarray(start.state), start.release, job.gravity_m_s2, limit_s, start.seed)
+    )
     track.shift_time(start.t_s)
     return track

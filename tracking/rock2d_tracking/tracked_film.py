@@ -220,11 +220,11 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
     return film
 
 
-def findings_of(experiment: Experiment, setup: Setup) -> FilmFindings:
-    """What the film of an experiment says of itself."""
+def findings_of(experiment: Experiment, setup: Setup) -> tuple[FilmSegments, FilmFindings]:
+    """Flights and impacts of the film of an experiment, and what it says of itself."""
     world = setup_world(experiment)
     data = FilmSegments.of(film_of(experiment, setup), world)
-    return film_findings(data, world, experiment.fps, experiment.from_gravity)
+    return data, film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:

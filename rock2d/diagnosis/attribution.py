@@ -18,7 +18,15 @@ from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.evidence import Evidence, against_chance, left_by_form, outside, single_answers, weigh
+from rock2d.diagnosis.evidence import (
+    NAMED_PROBABILITY,
+    Evidence,
+    against_chance,
+    left_by_form,
+    outside,
+    single_answers,
+    weigh,
+)
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
@@ -298,7 +306,10 @@ def _attribution(search: Search, seed: int) -> Attribution:
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
     checks = predictive_checks(data, learnt.fit, seed)
-    if not best.names:  # then no form of a law can be what fails the checks
+    if not best.names and not any(
+        own.negligible and own.acts > NAMED_PROBABILITY for own in evidence.values()
+    ):
+        # neither the form of a law nor a cause too small for a name can be what fails the checks
         p_outside = max(p_outside, against_chance(checks.p))
     candidates = {
         name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)

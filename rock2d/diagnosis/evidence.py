@@ -237,12 +237,12 @@ def _any_scatter(data: Data, less: Validated) -> Gain:
 
 
 def size(fit: Fit, name: str) -> float:
-    """The largest size among the parameters of an effect, over the plausible range on its side; a choice has size 1.
-    Where the camera aims is no size."""
+    """The largest size among the parameters of an effect, over the plausible range on its side; that of an effect that
+    is a choice is 1. Where the camera aims, and a choice of the place where an effect acts, are no size."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.places[name].start):
-        if parameter not in AIM_PARAMETERS:
+        if parameter not in AIM_PARAMETERS and not parameter.implied:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))

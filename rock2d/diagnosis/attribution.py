@@ -14,10 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
+from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
+from rock2d.diagnosis.evidence import (
+    NAMED_PROBABILITY,
+    Evidence,
+    against_chance,
+    left_by_form,
+    outside,
+    single_answers,
+    weigh,
+)
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
@@ -88,6 +97,7 @@ class Attribution:
     named : the effects that are named, all of them in the chain; there may be none
     sets : the sets that tell what each of these closes: names -> set; with none, all, each alone, and all but each;
         of up to three all subsets
+    checks : whether the model with all that was learnt would have made these data
     """
 
     base: Fit
@@ -104,6 +114,7 @@ class Attribution:
     left_regressed: RegressedResiduals
     named: Names
     sets: dict[Names, CauseSet]
+    checks: Checks
 
     @property
     def best(self) -> str:
@@ -220,6 +231,8 @@ def attribute(
     data: Data,
     effects: Mapping[str, Effect],
     *,
+    refitted: Fit | None = None,
+    seed: int = 0,
     workers: int = 1,
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
@@ -230,13 +243,17 @@ def attribute(
     better, it becomes the base and everything is tried again; likewise where a law that is fitted anew beside the best
     effects fits much better than theirs.
 
+    `refitted`: the base law over which gains are measured, if effects are fitted from another one. `seed`: of the
+    checks.
     `folder` keeps finished fits.
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
         search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars, folder)
         search.try_alone()
-        for _ in range(MOST_RESTARTS if base.free else 0):
+        if refitted is not None:
+            search.measure_over(CauseSet(refitted, cross_validate(refitted, data)))
+        for _ in range(MOST_RESTARTS if search.base.fit.free else 0):
             better = _better_base(search)
             if better is None:
                 break
@@ -250,7 +267,7 @@ def attribute(
             if again is not search:
                 again.run()
             search = again
-        return _attribution(search)
+        return _attribution(search, seed)
 
 
 def _better_base(search: Search) -> CauseSet | None:
@@ -280,7 +297,7 @@ def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
     return again
 
 
-def _attribution(search: Search) -> Attribution:
+def _attribution(search: Search, seed: int) -> Attribution:
     data, whole = search.data, search.best
     evidence, learnt, beside_all = _evidence_of_sets(search)
     best = search.best
@@ -288,6 +305,12 @@ def _attribution(search: Search) -> Attribution:
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
+    checks = predictive_checks(data, learnt.fit, seed)
+    if not best.names and not any(
+        own.negligible and own.acts > NAMED_PROBABILITY for own in evidence.values()
+    ):
+        # neither the form of a law nor a cause too small for a name can be what fails the checks
+        p_outside = max(p_outside, against_chance(checks.p))
     candidates = {
         name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -299,8 +322,7 @@ def _attribution(search: Search) -> Attribution:
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
-        learnt, left, best.names,
-        search.within(best.names),
+        learnt, left, best.names, search.within(best.names), checks,
     )  # fmt: skip
 
 
@@ -319,8 +341,9 @@ def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first the
-    half that gains less; one that took the place of another gives it back. The others are weighed again.
+    A member gives way to a rival that does better, and for good to one that does as well if its own size is not
+    possible. Then members that cannot be named leave the set for good, first the half that gains less; one that took
+    the place of another gives it back. The others are weighed again.
     """
     evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
@@ -333,11 +356,11 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
                 seen[names] = weigh(search, learnt, evidence, bar), learnt
         found, learnt = seen[names]
         evidence |= found
-        better = sorted(
+        exchanges = sorted(
             (z, name, rival)
             for name, own in found.items()
             for rival, z in own.ahead.items()
-            if z < -BETTER_RIVAL_Z
+            if (z < -BETTER_RIVAL_Z or not own.possible)
             and rival not in out
             and TWINS.get(rival) not in names - {name}
             and names - {name} | {rival} not in seen
@@ -345,9 +368,12 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].alone.total
         )
-        if better:
-            _, name, rival = better[0]
-            replaced[rival] = name
+        if exchanges:
+            _, name, rival = exchanges[0]
+            if found[name].possible:
+                replaced[rival] = name
+            else:
+                out.add(name)
             names = names - {name} | {rival}
         elif refused:
             leaving = set(refused[: (len(refused) + 1) // 2])

@@ -108,6 +108,10 @@ class Search:
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
 
+    def measure_over(self, base: CauseSet) -> None:
+        """Measure gains over another fit of the base law; the effects that were tried stay as they are."""
+        self.base = self.best = self.known[frozenset()] = base
+
     @property
     def alone(self) -> dict[str, CauseSet]:
         """The sets of one effect; name -> set."""

@@ -12,7 +12,7 @@ Each member of the best set must stand three questions, beside the others and be
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,6 +77,8 @@ class Evidence:
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others` that may only repair the forms of their laws
     even_ratio : ratio of the gains `alone` and `instead` at which it is as probable as not
+    negligible : whether its size is of no use to anybody
+    possible : whether its size is neither negligible nor at the end of the plausible range
     """
 
     alone: Gain
@@ -86,14 +88,23 @@ class Evidence:
     ahead: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
+    negligible: bool = False
+    possible: bool = True
 
     @property
     def p(self) -> float:
         """Probability that it or one of its rivals is a cause."""
+        if not self.possible:
+            return 0.0
         gain = max(self.alone.total, 1e-9)
         imitates = _logistic(gain / max(self.instead.total, 1e-9) / self.even_ratio, RATIO_STEEPNESS)
         beyond_form = _logistic(gain / max(self.form_share * self.others, 1e-9), FORM_STEEPNESS)
-        return against_chance(self.chance) * imitates * beyond_form
+        return self.acts * imitates * beyond_form
+
+    @property
+    def acts(self) -> float:
+        """Probability that it stands for something, whatever that is."""
+        return against_chance(self.chance)
 
     @property
     def group(self) -> list[str]:
@@ -175,18 +186,23 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         if others_by_chance:
             chance = max(chance, exceeded(alone.total, np.max(others_by_chance, axis=0)))
         chance = max(chance, closes_nothing(search, name))
-    ahead = search.rivals(best, name, RIVAL_Z)
+    plain, beside = alone.significance >= PLAIN_Z, best.names - {name}
+    ahead = {
+        rival: z
+        for rival, z in search.rivals(best, name, RIVAL_Z).items()
+        if (own := search.known.get(beside | {rival})) is None
+        or all(possible_size(search.effects[rival], [size(own.fit, rival)], plain))
+    }
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
         ahead = {twin: 0.0} | ahead
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             ahead = {other: min(OTHER_FORM_Z, ahead.get(other, np.inf))} | ahead
-    sizes = [size(fit, name) for fit in (best.fit, learnt.fit)]
-    small = min(sizes) < LEAST_SIZE and alone.significance < PLAIN_Z
-    if small or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
-        chance = 1.0
-    found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
+    large, inside = possible_size(effect, [size(fit, name) for fit in (best.fit, learnt.fit)], plain)
+    found = Evidence(
+        alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead, negligible=not large, possible=large and inside
+    )  # fmt: skip
     if effect.scatter:
         left = alone.total < FORM_SHARE * others
         even = EVEN_SCATTER_RATIO_BESIDE if left else EVEN_SCATTER_RATIO
@@ -221,15 +237,21 @@ def _any_scatter(data: Data, less: Validated) -> Gain:
 
 
 def size(fit: Fit, name: str) -> float:
-    """The largest size among the parameters of an effect, over the plausible range on its side; a choice has size 1.
-    Where the camera aims is no size."""
+    """The largest size among the parameters of an effect, over the plausible range on its side; that of an effect that
+    is a choice is 1. Where the camera aims, and a choice of the place where an effect acts, are no size."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.places[name].start):
-        if parameter not in AIM_PARAMETERS:
+        if parameter not in AIM_PARAMETERS and not parameter.implied:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))
+
+
+def possible_size(effect: Effect, sizes: Sequence[float], plain: bool) -> tuple[bool, bool]:
+    """Whether an effect with these sizes, see `size`, is large enough to be of use, and lies within the plausible
+    range; a `plain` one may be small."""
+    return min(sizes) >= LEAST_SIZE or plain, max(sizes) <= LARGEST_SIZE or effect.parameters[0].must_choose
 
 
 def closes_nothing(search: Search, name: str) -> float:
@@ -289,7 +311,10 @@ def single_answers(
         for other, p in own.shares(name).items() if own.named(name) else [("unknown", own.p)]:
             found[other] += rest * p
         rest *= 1.0 - own.p
-    found["unknown"] += rest * p_outside
-    found["none"] += rest * (1.0 - p_outside)
+    # what is refused because something else explains it better, and is not negligible, shows that something acts
+    refused = [own.acts for name, own in evidence.items() if not (own.named(name) or own.negligible)]
+    p_unknown = max([p_outside, *refused])
+    found["unknown"] += rest * p_unknown
+    found["none"] += rest * (1.0 - p_unknown)
     expected = PRIOR | dict.fromkeys(effects, (1.0 - sum(PRIOR.values())) / len(effects))
     return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in found.items()}

@@ -110,20 +110,20 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 
 @kernel
-def force_limit_event(row, first, before, after, memory, stiffness, h, whole):
+def force_limit_event(law, row, first, before, after, memory, h, whole):
     """Time in (0, h] at which the force of a pressed contact with effects reaches or leaves its lower limit 0; h if it
     does not, or if the step has landed there. `row`, `first` as in `forces.ground_forces`.
 
-    before, after : (penetration in m, its rate in m/s) at the two ends of the step
-    memory : (peak penetration, bottom of the indentation) in m; stiffness : (k_l, k_ul) in N/m
+    law : row of CONTACT_LAW_COLUMNS; before, after : (penetration in m, its rate in m/s) at the two ends of the step
+    memory : (peak penetration, bottom of the indentation) in m
     """
     d0, r0 = before
     d1, r1 = after
     peak, bottom = memory
-    k_l, k_ul = stiffness
     if d0 < bottom or d1 < bottom:
         return h
-    force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
+    force0 = normal_force(d0, peak, law[K_L], law[K_UL])
+    force1 = normal_force(d1, peak, law[K_L], law[K_UL])
     whole0 = force0 + normal(row, first, d0, r0, peak, bottom, force0)
     whole1 = force1 + normal(row, first, d1, r1, max(peak, d1), bottom, force1)
     if (whole0 > 0.0) == (whole1 > 0.0):
@@ -271,13 +271,9 @@ def first_event(h, whole, q0, q1, world, memory, found):
             t = law_event(d0, r0, d1, r1, peak, bottom, h)
             t = min(t, clear)
             if p[ANY_EFFECT_ACTS] != 0.0:
-                memory_m, stiffness = (peak, bottom), (p[K_L], p[K_UL])
-                t = min(
-                    t,
-                    force_limit_event(
-                        p, FIRST_EFFECT_COLUMN, (d0, r0), (d1, r1), memory_m, stiffness, h, whole
-                    ),
-                )
+                ends = (d0, r0), (d1, r1)
+                limit = force_limit_event(p, p, FIRST_EFFECT_COLUMN, *ends, (peak, bottom), h, whole)
+                t = min(t, limit)
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]

@@ -270,11 +270,8 @@ def _first_event(h, whole, active, rows, trial, effects):
         peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
         t = law_event(d0, r0, d1, r1, peak, bottom, h)
         if effects and rows[a, L_ACTS] != 0.0:
-            memory, stiffness = (peak, bottom), (rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
-            t = min(
-                t,
-                force_limit_event(rows[a], L_EFFECTS, (d0, r0), (d1, r1), memory, stiffness, h, whole),
-            )
+            law, ends = rows[a, L_LAW:], ((d0, r0), (d1, r1))
+            t = min(t, force_limit_event(law, rows[a], L_EFFECTS, *ends, (peak, bottom), h, whole))
         if LEAST_EVENT * whole < t < first:
             first = t
     return first

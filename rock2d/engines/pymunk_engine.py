@@ -33,7 +33,7 @@ from rock2d.engines.pymunk_stride import (
     open_if_touching,
 )
 from rock2d.engines.recording import close_impact
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_rows
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
@@ -95,10 +95,7 @@ class PymunkRelease:
     ) -> None:
         self.block, self.cross_section = block, cross_section
         self.gravity = float(gravity_m_s2)
-        rows = parameters
-        if not isinstance(rows, np.ndarray):
-            rows = parameter_table(rows, cross_section.zone_names)
-        self.table = engine_rows(rows)
+        self.table = engine_rows(contact_rows(parameters, cross_section.zone_names))
         self.contact_step = contact_step_s or contact_step.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
         if self.q.shape != (N_STATE,) or not np.isfinite(self.q).all():

@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from rock2d.records.track import Track
     from rock2d.runs.campaigns.ensembles import Outcome
     from rock2d.runs.campaigns.job import Job
-    from rock2d.runs.conditions import Group
+    from rock2d.runs.conditions import Condition, Group
     from rock2d.scene.blocks import Block
-    from rock2d.scene.cross_section import CrossSection
 
 
 class ReleaseInputs(NamedTuple):
@@ -29,16 +28,13 @@ class ReleaseInputs(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the law of the engine; or rows (zones, columns) of the contact
-        law
+    condition : block, cross-section and parameters of the law
     state : (6,) state of the centre of mass at t = 0, in SI
     release : number of the release
     seed : seed of the random stream of the release
     """
 
-    block: Block
-    cross_section: CrossSection
-    parameters: Mapping[str, Any] | np.ndarray
+    condition: Condition
     state: np.ndarray
     release: int
     gravity_m_s2: float
@@ -97,33 +93,36 @@ def compiled_engine(name: str) -> Engine:
     return engine_named(SAME_LAW.get(name, name))
 
 
-def _pymunk_track(given: ReleaseInputs) -> Track:
+def _pymunk_track(inputs: ReleaseInputs) -> Track:
     from rock2d.engines.pymunk_engine import run_pymunk
 
+    condition = inputs.condition
     return run_pymunk(
-        given.block, given.cross_section, given.parameters, given.state,
-        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
+        condition.block, condition.cross_section, condition.parameters, inputs.state,
+        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s,
     )  # fmt: skip
 
 
-def _batch_track(given: ReleaseInputs) -> Track:
+def _batch_track(inputs: ReleaseInputs) -> Track:
     from rock2d.engines.batch import run_batch_track
     from rock2d.laws.contact import contact_rows
 
-    table = contact_rows(given.parameters, given.cross_section.zone_names)
+    condition = inputs.condition
+    table = contact_rows(condition.parameters, condition.cross_section.zone_names)
     return run_batch_track(
-        given.block, given.cross_section, table, given.state,
-        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
+        condition.block, condition.cross_section, table, inputs.state,
+        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s,
     )  # fmt: skip
 
 
-def _point_mass_track(given: ReleaseInputs) -> Track:
+def _point_mass_track(inputs: ReleaseInputs) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
-    assert isinstance(given.parameters, Mapping)  # only the contact law has rows
+    condition = inputs.condition
+    assert isinstance(condition.parameters, Mapping)  # only the contact law has rows
     return run_point_mass(
-        given.block, given.cross_section, given.parameters, given.state,
-        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s, seed=given.seed,
+        condition.block, condition.cross_section, condition.parameters, inputs.state,
+        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s, seed=inputs.seed,
     )  # fmt: skip
 
 

@@ -147,9 +147,8 @@ def _track(job: _Job, start: IncidentState, limit_s: float, own: Condition | Non
     condition = own or job.common[start.block]
     track = ENGINES[job.engine].track(
         ReleaseInputs(
-            condition.block, condition.cross_section, condition.parameters, np.asarray(start.state),
-            start.release, job.gravity_m_s2, limit_s, start.seed,
+            condition, np.asarray(start.state), start.release, job.gravity_m_s2, limit_s, start.seed
         )
-    )  # fmt: skip
+    )
     track.shift_time(start.t_s)
     return track

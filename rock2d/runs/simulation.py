@@ -203,6 +203,8 @@ def simulate(
     >>> result.to_pandas("stops")["stop"].tolist()
     ['rest', 'rest']
     """
+    from rock2d.runs.conditions import Condition
+
     chosen = engine_named(engine)
     by_zone = _by_zone(parameters, chosen.law, engine)
     rows = np.atleast_2d(np.asarray(states, float))
@@ -214,10 +216,9 @@ def simulate(
             warnings.warn(UnusualWarning(doubt.text), stacklevel=2)
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
     limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
+    condition = Condition(block, cross_section, by_zone, {})
     tracks = [
-        chosen.track(
-            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, limit, int(own_seed))
-        )
+        chosen.track(ReleaseInputs(condition, state, release, gravity_m_s2, limit, int(own_seed)))
         for release, (state, own_seed) in enumerate(zip(rows, seeds, strict=True))
     ]
     return Simulation(engine, cross_section, {block.name: block}, tracks, title=f"{block.name} ({engine})")

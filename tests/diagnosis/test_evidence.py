@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,12 @@ from rock2d.diagnosis.evidence import (
     inclusion,
     outside,
     single_answers,
+    size,
 )
+from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.significance import Gain
+from rock2d.effects import catalogue
+from tests.effects.worlds import world
 
 RELEASES = 40
 EFFECTS = ("adhesion", "air_drag", "frame_rate_error", "scale_error")
@@ -91,3 +96,20 @@ def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_oth
     plain = replace(found(alone=600.0, others=3000.0), form_share=FORM_SHARE)
     assert found(alone=600.0, others=3000.0).named("air_drag") and not plain.named("air_drag")
     assert replace(plain, others=300.0).named("soil_compaction")
+
+
+def test_what_is_refused_and_not_negligible_is_unknown():
+    """A gain that curves explain better shows that something acts; one of no useful size is none."""
+    refused = found(alone=100.0, instead=1000.0)
+    answers = single_answers({"adhesion": refused}, 0.03, EFFECTS)
+    assert answers["unknown"] > 0.9
+    small = replace(refused, negligible=True, possible=False)
+    assert single_answers({"adhesion": small}, 0.03, EFFECTS)["none"] > 0.9
+
+
+def test_the_place_where_an_effect_acts_is_no_size():
+    effect = catalogue()["zone_contrast"]
+    model = Model(world(), np.ones(5), [effect])
+    own = SimpleNamespace(model=model, p=model.start())
+    own.p[model.places[effect.name]] = [0.1, 0.0, 0.0, 2.0]
+    assert 0.0 < size(own, effect.name) < 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -109,3 +110,16 @@ def test_twins_never_come_together(stay):
 
 def test_nothing_stays_where_all_is_chance(stay):
     assert stay(lambda name, names: member(name, NEVER), "camera_tilt", "adhesion", "air_drag")[0] == set()
+
+
+def test_a_member_of_impossible_size_gives_way_to_a_rival_that_does_as_well(stay):
+    """An image that is moved is a scale error of no size, or a ground at another height."""
+
+    def judged(name, names):
+        if name == "scale_error":
+            return replace(member(name, SURE, {"camera_tilt": 0.2}), negligible=True, possible=False)
+        return member(name, SURE)
+
+    members, weighed = stay(judged, "scale_error", "adhesion")
+    assert members == {"camera_tilt", "adhesion"}
+    assert weighed == [{"scale_error", "adhesion"}, {"camera_tilt", "adhesion"}]

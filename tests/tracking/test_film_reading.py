@@ -168,7 +168,7 @@ def test_frames_are_kept_in_memory_and_on_disk_and_are_the_same_each_time(
     monkeypatch.setattr(film_reading, "KEPT_BYTES", in_memory * HEIGHT * WIDTH)
     monkeypatch.setattr(film_reading, "MOST_OF_DISK", of_disk)
     expected, frames, opened = list(film.frames()), film.frames(), []
-    monkeypatch.setattr(film, "_opened", lambda own=film._opened: opened.append(1) or own())
+    monkeypatch.setattr(film, "_open", lambda own=film._open: opened.append(1) or own())
     for _ in range(3):
         seen = list(frames)
         assert len(seen) == 10 and all((a == b).all() for a, b in zip(seen, expected, strict=True))

@@ -20,7 +20,7 @@ from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
-from rock2d_tracking.tracked_film import TrackedFilm, film_of, moving_releases, tracked_film
+from rock2d_tracking.tracked_film import TrackedFilm, findings_of, moving_releases, tracked_film
 from rock2d_tracking.velocities import flights_and_impacts
 
 from rock2d.files.experiment import Experiment
@@ -43,7 +43,7 @@ class Tracked:
     def flights_and_impacts(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """The two tables."""
         experiment = self.film.experiment
-        return flights_and_impacts(film_of(experiment, self.setup), experiment)[:2]
+        return flights_and_impacts(findings_of(experiment, self.setup)[0], experiment)
 
     def misses(self, block: str) -> tuple[np.ndarray, np.ndarray]:
         """Distance in px and angle in rad by which each trusted frame of a block is off."""

@@ -13,7 +13,9 @@ from rock2d_tracking.tracked_film import TrackedFilm
 from rock2d_tracking.velocities import flights_and_impacts
 
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import setup_world
 from tests.tracking.falls import BLOCKS, CAMERA, CROSS_SECTION, SIZE_PX
 
 
@@ -37,7 +39,8 @@ def tossed(frames: int, gravity: float = 9.81) -> TrackedFilm:
 @pytest.mark.parametrize("frames", [25, 5])
 def test_a_film_without_an_impact_or_a_flight_gets_its_page(tmp_path, frames):
     found = tossed(frames)
-    flights, impacts, data = flights_and_impacts(load_film(found.experiment), found.experiment)
+    data = FilmSegments.of(load_film(found.experiment), setup_world(found.experiment))
+    flights, impacts = flights_and_impacts(data, found.experiment)
     assert len(impacts) == 0 and len(flights) == (frames > 8)
     still = np.zeros(SIZE_PX[::-1], np.uint8)
     looks = {"sphere": plain_looks(outline_of(BLOCKS["sphere"], CAMERA.metres_per_pixel, CAMERA.up))}

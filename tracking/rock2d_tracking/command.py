@@ -180,7 +180,7 @@ def import_files(
     )  # fmt: skip
     found = with_measured_noise(film_of(stated, setup), stated)
     check_sanity(found, setup)
-    said = findings_of(found, setup)
+    _, said = findings_of(found, setup)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
         write_film_findings(folder, said)

@@ -39,7 +39,6 @@ from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_shifts
 from rock2d_tracking.tracked_film import (
     TrackedFilm,
-    film_of,
     findings_of,
     moving_releases,
     rescaled,
@@ -271,7 +270,7 @@ def _track(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTra
         kept = moving_releases(found_in_film.releases, setup.fall_px)
         if not kept:
             raise InputError(why_not_tracked(found_in_film), film.path)
-        found, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
+        found, data, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
         found.remarks.extend([stamps.remark] if stamps.remark else [])
         if frames.shifts_px is not None:
             found.remarks.append(
@@ -282,7 +281,7 @@ def _track(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTra
         found.remarks.extend(check_sanity(found.experiment, setup, guessed=known.guessed))
     except InputError as error:
         raise NotTrackedError(error, seen, setup.text, overlay) from None
-    flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
+    flights, impacts = flights_and_impacts(data, found.experiment)
     found.remarks.extend(_remarks_on_scale(said, setup, options=known.guessed))
     found.remarks.extend(_remarks_on_lens(data, setup, film.size_px))
     looks = found_in_film.looks
@@ -293,17 +292,18 @@ def _track(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTra
 
 def _experiment_of(
     film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
-) -> tuple[TrackedFilm, FilmFindings, Setup]:
-    """The experiment of a film, the findings on the film, and the set-up. A scale or frame rate that is not stated is
-    computed from the acceleration of the flights.
+) -> tuple[TrackedFilm, FilmSegments, FilmFindings, Setup]:
+    """The experiment of a film, its flights and impacts, the findings on the film, and the set-up.
+
+    A scale or frame rate that is not stated is computed from the acceleration of the flights.
 
     Raises InputError if it is not stated and no flight shows gravity clearly.
     """
     setup = known.setup_of(kept, known.prepared.motion.scale)
     found = tracked_film(kept, followed, setup, film.size_px)
-    said, given = findings_of(found.experiment, setup), setup.from_gravity
+    (data, said), given = findings_of(found.experiment, setup), setup.from_gravity
     if given is None:
-        return found, said, setup
+        return found, data, said, setup
     for _ in range(GRAVITY_ROUNDS):
         if said.ratio is None:
             raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
@@ -311,8 +311,8 @@ def _experiment_of(
         error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
         setup = known.setup_of(kept, scale).with_scale(scale, error)
         found = rescaled(found, before, setup, film.size_px)
-        said = findings_of(found.experiment, setup)
-    return found, said, setup
+        data, said = findings_of(found.experiment, setup)
+    return found, data, said, setup
 
 
 def _follow_releases(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:

@@ -221,11 +221,11 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
     return film
 
 
-def findings_of(experiment: Experiment, setup: Setup) -> FilmFindings:
-    """The findings on the film of an experiment."""
+def findings_of(experiment: Experiment, setup: Setup) -> tuple[FilmSegments, FilmFindings]:
+    """The flights and impacts of the film of an experiment, and the findings on the film."""
     world = setup_world(experiment)
     data = FilmSegments.of(film_of(experiment, setup), world)
-    return film_findings(data, world, experiment.fps, experiment.from_gravity)
+    return data, film_findings(data, world, experiment.fps, experiment.from_gravity)
 
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:

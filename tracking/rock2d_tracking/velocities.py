@@ -14,7 +14,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.contacts import Contacts, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
-from rock2d.kinematics.flights import Film, clearances
+from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impacts import Impacts
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
@@ -30,10 +30,8 @@ WIDEST_GAP = 0.6
 MID_AIR = "mid-air"
 
 
-def flights_and_impacts(
-    film: Film, experiment: Experiment
-) -> tuple[pd.DataFrame, pd.DataFrame, FilmSegments]:
-    """Tables of flights and impacts of a `film` (see `tracked_film.film_of`).
+def flights_and_impacts(data: FilmSegments, experiment: Experiment) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Tables of the flights and impacts of an experiment's film (see `tracked_film.findings_of`).
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
     (`*_se`), `misfit` (root mean square of the residuals of the parabola, over the noise), `gravity_m_s2` (acceleration
@@ -44,13 +42,12 @@ def flights_and_impacts(
     impact).
     """
     setup = setup_world(experiment)
-    data = FilmSegments.of(film, setup)
     states = data.states(setup)
     known = np.minimum(states.residuals.shape[2], data.basis.degrees)
     # (flights, 3) root mean square residuals of x, y and theta, over the noise
     misfit = np.sqrt((states.residuals**2).sum(axis=2) / known[:, None])
     flights = _flights(experiment, data, states.middle, misfit)
-    return flights, _impacts(experiment, data, setup, misfit), data
+    return flights, _impacts(experiment, data, setup, misfit)
 
 
 def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: Array) -> pd.DataFrame:

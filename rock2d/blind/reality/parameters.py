@@ -48,5 +48,5 @@ from __future__ import annotations
     WAVE_LOG_FACTOR,  # largest log of the factor on the unloading stiffness, which changes with x as a sine
     WAVE_NUMBER,  # wave number of this sine, rad/m
     WAVE_PHASE,  # rad
-) = range(45)
-N_PARAMETERS = WAVE_PHASE + 1
+    N_PARAMETERS,  # number of the columns
+) = range(46)

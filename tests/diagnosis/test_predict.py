@@ -148,7 +148,7 @@ def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
         (json.dumps({**content, "effects": []}), "effects: expected a mapping"),
         (json.dumps({**content, "effects": {}}), "camera_tilt of the verdict is missing"),
         (json.dumps({**content, "verdict": ["camera_tilt"]}), "verdict: expected text"),
-        (json.dumps({**content, "verdict": "magic"}), "that of the verdict, magic, is missing"),
+        (json.dumps({**content, "verdict": "magic"}), "probability of the verdict magic is missing"),
         (json.dumps({**content, "series": {"cube": "1"}}), "series.cube: expected a whole number"),
         (json.dumps({**content, "law": 1}), "law: expected a mapping"),
         (

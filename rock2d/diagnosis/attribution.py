@@ -160,43 +160,51 @@ def fit_base(
     if not len(data.impact_release):  # nothing shows the law: it stays as it is stated
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
-    with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
-        best = _fitted_from_grid(Model(registered or setup, base), data, bar)
+    with bars.stage(BASE, 3, "fits") as bar:
+        best = _fitted_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fitted_from_grid(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
+def _fitted_from_grid(
+    model: Model, data: Data, processes: Processes, bar: Bar | None = None, beside: Array | None = None
+) -> Fit:
     """The fit of a model whose law starts from a grid, with either reading of the rolling resistance; `beside`:
     parameters of its effects to start from."""
-    found, beside = list[Fit](), np.empty(0) if beside is None else beside
-    some = data.only(some_releases(data))
-    for reading in (0.0, 1.0):
-        rows = model.setup.contact.copy()
-        rows[..., ROLLING_IN_INDENTATION] = reading
-        model = replace(model, setup=replace(model.setup, contact=rows))
-        corners = [
-            np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])
-            for stiffness in (0.0, -2.0, 2.0, 4.0)
-            for restitution in (0.0, -0.7, 0.7)
-            for friction in (0.0, -0.5, 0.5)
-        ]
-        residuals = [model.residuals(p, some).impacts for p in corners]
-        # channels in units of their median residual over all corners
-        scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
-        scale[scale == 0.0] = 1.0  # channels that were not measured
-        misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
-        for i in np.argsort(misfit)[:BASE_STARTS]:
-            found.append(fit(model, some, corners[i], convergence=FEW_ROUNDS))
-            if bar is not None:
-                bar.step("some releases")
-    best = max(found, key=Fit.total)
+    found = dict[int, list[Fit]]()
+    jobs = [(model, reading, np.empty(0) if beside is None else beside) for reading in (0.0, 1.0)]
+    for k, fits in processes.as_finished(_fits_from_grid, jobs):
+        found[k] = fits
+        if bar is not None:
+            bar.step("some releases")
+    best = max((fitted for k in sorted(found) for fitted in found[k]), key=Fit.total)
     best = fit(best.model, data, best.p)
     if bar is not None:
         bar.step("all releases")
     return fit(best.model, data, best.p, old=best, renew_noise=True)
+
+
+def _fits_from_grid(data: Data, model: Model, reading: float, beside: Array) -> list[Fit]:
+    """Short fits to some releases from the best places of a grid, with one reading of the rolling resistance."""
+    some = data.only(some_releases(data))
+    rows = model.setup.contact.copy()
+    rows[..., ROLLING_IN_INDENTATION] = reading
+    model = replace(model, setup=replace(model.setup, contact=rows))
+    corners = [
+        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])
+        for stiffness in (0.0, -2.0, 2.0, 4.0)
+        for restitution in (0.0, -0.7, 0.7)
+        for friction in (0.0, -0.5, 0.5)
+    ]
+    residuals = [model.residuals(p, some).impacts for p in corners]
+    # channels in units of their median residual over all corners
+    scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
+    scale[scale == 0.0] = 1.0  # channels that were not measured
+    misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
+    best = np.argsort(misfit)[:BASE_STARTS]
+    return [fit(model, some, corners[i], convergence=FEW_ROUNDS) for i in best]
 
 
 def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
@@ -287,7 +295,9 @@ def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
     if not (own.names and base.free and len(data.impact_release)):
         return search
-    anew = _fitted_from_grid(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
+    anew = _fitted_from_grid(
+        replace(own.fit.model, beside=None), data, search.processes, beside=own.fit.p[first:]
+    )
     if anew.total() < own.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])

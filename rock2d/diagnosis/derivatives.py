@@ -33,8 +33,12 @@ class Jacobian:
     covariance: Array
 
     def only(self, parameters: Array | slice) -> Jacobian:
-        """The same by some of the parameters."""
-        return replace(self, impacts=self.impacts[..., parameters], flights=self.flights[..., parameters])
+        """The same by some of the parameters; in an order in memory that does not change on the way to a worker, where
+        sums would else differ in their last digits."""
+        impacts, flights = (
+            np.ascontiguousarray(own[..., parameters]) for own in (self.impacts, self.flights)
+        )
+        return replace(self, impacts=impacts, flights=flights)
 
 
 def jacobian_by_differences(

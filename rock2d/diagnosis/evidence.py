@@ -145,20 +145,52 @@ def exceeded(gain: float, draws: Array) -> float:
 
 def weigh(search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Bar) -> dict[str, Evidence]:
     """Evidence of each member of the best set; `learnt`: beside that set, `known`: beside a larger one."""
-    found = dict[str, Evidence]()
     best = search.best
-    shares = {other: _form_share(search.effects[other]) / FORM_SHARE for other in best.names}
+    found, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
-        phase = search.effects[name].phase
-        others = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
-        others += sum(
-            shares[other] * _gain_in(phase, best, less)
-            for other, less in search.without(best).items()
-            if other != name
-        )
-        found[name] = _evidence(search, learnt, name, others, known.get(name))
+        others = _gain_of_others(search, learnt, name)
+        own, less = _beside(search, learnt, name, others)
+        scatter = search.effects[name].scatter
+        if not (scatter or own.named(name)) and learnt.changes and search.without(best)[name].fit.free:
+            # What is learnt may have taken its place: then it must do nearly as well without that, and better than what
+            # is learnt in its place, or explain more than what the forms of the other laws leave to be learnt. Beside a
+            # base that is not fitted nothing can be learnt.
+            doubted.add(name)
+            own, less = _beside(search, Learnt(best.fit, best.held_out, []), name, others)
+        found[name], before = own, known.get(name)
+        if not scatter and own.named(name):
+            if before is None or abs(own.alone.total - before.alone.total) >= SAME_GAIN * before.alone.total:
+                fewer[name] = less
+                continue
+            found[name] = replace(own, instead=before.instead)
         bar.step(name)
+    jobs = [(less, search.effects[name].phase) for name, less in fewer.items()]
+    for k, gain in search.processes.as_finished(_learnt_instead, jobs):
+        name = list(fewer)[k]
+        found[name] = replace(found[name], instead=gain)
+        bar.step(name)
+    for name in doubted:
+        if not found[name].alone.total > found[name].instead.total > 0.0:
+            found[name] = replace(found[name], form_share=FORM_SHARE)
     return found
+
+
+def _learnt_instead(data: Data, less: Validated, phase: str) -> Gain:
+    """What is gained by changes that are learnt in the place of an effect of a phase."""
+    levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
+    return held_out_gain(data, learn(less, data, levers), less)
+
+
+def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
+    """What is learnt beside the best set gains, and other members whose laws may have another form, where an effect
+    shows."""
+    best, phase = search.best, search.effects[name].phase
+    gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
+    return gain + sum(
+        _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, less)
+        for other, less in search.without(best).items()
+        if other != name
+    )
 
 
 def _gain_in(phase: str, own: Validated, other: Validated) -> float:
@@ -173,7 +205,9 @@ def _gain_in(phase: str, own: Validated, other: Validated) -> float:
     return gain
 
 
-def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: Evidence | None) -> Evidence:
+def _beside(search: Search, learnt: Learnt, name: str, others: float) -> tuple[Evidence, Validated]:
+    """Evidence of a member beside the others of the best set and what is learnt, before anything is learnt in its
+    place; and the model without it."""
     best, data, effect = search.best, search.data, search.effects[name]
     less: Learnt | CauseSet = search.without(best)[name]
     if learnt.changes:
@@ -206,20 +240,8 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
     if effect.scatter:
         left = alone.total < FORM_SHARE * others
         even = EVEN_SCATTER_RATIO_BESIDE if left else EVEN_SCATTER_RATIO
-        return replace(found, instead=_any_scatter(data, less), even_ratio=even)
-    if not found.named(name):
-        if not (learnt.changes and search.without(best)[name].fit.free):
-            return found  # beside a base that is not fitted nothing can be learnt in its place
-        # What is learnt may have taken its place: then it must do nearly as well without that, and better than what is
-        # learnt in its place, or explain more than what the forms of the other laws leave to be learnt.
-        found = _evidence(search, Learnt(best.fit, best.held_out, []), name, others, known)
-        return (
-            found if found.alone.total > found.instead.total > 0.0 else replace(found, form_share=FORM_SHARE)
-        )
-    if known is not None and abs(alone.total - known.alone.total) < SAME_GAIN * known.alone.total:
-        return replace(found, instead=known.instead)
-    levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
-    return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
+        found = replace(found, instead=_any_scatter(data, less), even_ratio=even)
+    return found, less
 
 
 def _any_scatter(data: Data, less: Validated) -> Gain:

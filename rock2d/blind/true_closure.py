@@ -13,9 +13,9 @@ import numpy as np
 
 from rock2d.blind.case_files import HELDOUT, TWIN, TWIN_FIT
 from rock2d.diagnosis.attribution import fit_base
-from rock2d.diagnosis.budget import Sizes
+from rock2d.diagnosis.budget import ResidualSizes
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.diagnose import Diagnosis, prepared
+from rock2d.diagnosis.diagnose import Diagnosis, check_and_segment
 from rock2d.diagnosis.learnt import residuals_on
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.sanity import Sanity
@@ -47,12 +47,12 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
 
 def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
     """Gap of residuals; `variance` (d,) of the channels of impacts."""
-    sizes = Sizes(data, np.diag(variance) * np.ones((len(data.impact_release), 1, 1)))
+    sizes = ResidualSizes(data, np.diag(variance) * np.ones((len(data.impact_release), 1, 1)))
     return float(np.exp(sizes.of(residuals).sum() / sizes.count.sum()))
 
 
 def _read(folder: Path) -> tuple[World, Array, Sanity, Data | None]:
-    """The stated world of a film, its base law, and what `prepared` finds."""
+    """The stated world of a film, its base law, and what `check_and_segment` finds."""
     experiment = load_experiment(folder)
     setup = setup_world(experiment)
-    return setup, base_start(experiment), *prepared(experiment, setup)
+    return setup, base_start(experiment), *check_and_segment(experiment, setup)

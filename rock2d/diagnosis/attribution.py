@@ -1,8 +1,8 @@
-"""Attribution: the base law against the law with each effect of the catalogue, on held-out releases.
+"""Attribution: the base law compared with the law with each effect of the catalogue, on held-out releases.
 
-The parameters of the base are free in every model. The gain in log likelihood on held-out releases decides. It is
-compared release by release, so a few unusual impacts cannot decide it. The verdict is "none" if no gain is significant,
-and "unknown" if the residuals of even the best effect can be predicted (`residual_regression`).
+The parameters of the base are free in every model. The criterion is the gain in log likelihood on held-out releases,
+compared release by release, so that a few unusual impacts cannot decide. The verdict is "none" if no gain is
+significant, and "unknown" if the residuals of even the best effect can be predicted (`residual_regression`).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
     NAMED_PROBABILITY,
     Evidence,
-    against_chance,
-    left_by_form,
-    outside,
+    evidence_of_members,
+    gain_left_by_forms,
+    outside_probability,
+    probability_from_p_value,
     single_answers,
-    weigh,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
@@ -34,7 +34,7 @@ from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import SummedGain
 from rock2d.diagnosis.workload import BASE, EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -45,29 +45,28 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
+SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors from which on a dependence counts as unexplained
 BASE_STARTS = 2  # places from which the base law is fitted
-# effects whose fit to all flights and impacts says where the ground is in the image, and what imitates them in flights
-REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
+# effects whose fit to all flights and impacts locates the ground in the image, and an effect that imitates them in
+# flights
+REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
 MOST_REGISTRATIONS = 2
-REGISTERED_Z = 5.0  # standard errors that one of them must have
-LEAST_CHANGED_FLIGHTS = 0.02  # share of the flights that must come or go with them
-LEAST_EXPLAINED_SHARE = (
-    0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
-)
-BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
-MOST_RESTARTS = 2  # with a better base law
+REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
+LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause
+LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count
+BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must gain more than a member
+MOST_RESTARTS = 2  # restarts with a better base law
 
 
 @dataclass
-class Candidate(OverReleases):
-    """A fit with an effect and its score on held-out releases.
+class Candidate(SummedGain):
+    """A fit with an effect, and its scores on held-out releases.
 
     Attributes
     ----------
-    effect : the effect under test; the fit may contain further ones
+    effect : the effect under test; the fit may contain others, too
     held_out : residuals and scores on held-out releases
-    gain : (releases,) log likelihood above that of the base, or of the fit without this effect
+    gain : (releases,) gain in log likelihood over the base, or over the fit without this effect
     """
 
     effect: Effect
@@ -82,22 +81,22 @@ class Attribution:
 
     Attributes
     ----------
-    base, base_held_out : the base law refitted
+    base, base_held_out : the refitted base law, and its residuals and scores on held-out releases
     candidates : name -> candidate
-    chain : the effects of the best set, the one that gains most alone first. Each has the joint fit of all of them, and
-        its gain over the set without it. Where no effect gains significantly, the best one
+    chain : the effects of the best set, first the one with the largest gain alone. Each has the joint fit of all of
+        them, and its gain over the set without it. If no effect gains significantly, only the best one
     base_regressed, best_regressed : flexible regression of the residuals of the base and of the last model of the
         chain
     probabilities : probabilities of the single answers: the effects, "none" and "unknown"
-    evidence : evidence for each effect that was in the best set, also of those that are not named
+    evidence : evidence for each effect that was in a best set, including those that are not named
     outside : probability that something outside the catalogue acts
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
-    learnt : what was learnt beside the named effects; beside others, too, if that predicts better (`uncertain`)
-    left_regressed : flexible regression of what is left beside the learnt changes
+    learnt : the changes learnt with the named effects; with further effects if that predicts better (`uncertain`)
+    learnt_regressed : flexible regression of the residuals of the model with the learnt changes
     named : the effects that are named, all of them in the chain; there may be none
-    sets : the sets that tell what each of these closes: names -> set; with none, all, each alone, and all but each;
-        of up to three all subsets
-    checks : whether the model with all that was learnt would have made these data
+    sets : names -> set, for the share that each named effect closes: no effect, all, each alone, and all but one; for
+        up to three effects all subsets
+    checks : whether the model with the learnt changes would have made these data
     """
 
     base: Fit
@@ -111,7 +110,7 @@ class Attribution:
     outside: float
     unexplained: list[Discrepancy]
     learnt: Learnt
-    left_regressed: RegressedResiduals
+    learnt_regressed: RegressedResiduals
     named: Names
     sets: dict[Names, CauseSet]
     checks: Checks
@@ -126,55 +125,58 @@ class Attribution:
 
     @property
     def settled(self) -> Fit:
-        """The fit that the diagnosis settles on: that with all named effects, or the base."""
+        """The fit with all named effects; the base if there are none."""
         return self.final.fit if self.named else self.base
 
     @property
     def uncertain(self) -> list[str]:
-        """Effects that act with the learnt changes, although they are not named."""
+        """Effects of the model with the learnt changes that are not named."""
         return [e.name for e in self.learnt.fit.model.effects if e.name not in self.named]
 
     @property
     def verdict(self) -> str:
-        """The likeliest answer; of two that are equal, the one that is named."""
+        """The most probable answer; a named one if two are equal."""
         return max(self.probabilities, key=lambda name: (self.probabilities[name], name in self.named))
 
     def group(self, name: str) -> list[str]:
-        """Effects that these data cannot tell from a cause."""
+        """Effects that these data cannot distinguish from a cause."""
         return self.evidence[name].group if name in self.evidence else []
 
 
 def fit_base(
     setup: World, base: Array, data: Data, registered: World | None = None, bars: Bars | None = None
 ) -> Fit:
-    """The paper's law with its own parameters refitted.
+    """The paper's law with its own parameters refitted: the base law.
 
     The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the
     rolling resistance are tried (`ContactParameters.rolling_in_indentation`); the better one stays in the set-up.
 
     If the film was segmented in another world than the stated one (`registered`), the law is fitted there and used
     without a further fit on the stated set-up, where blocks would fall into the ground. The gains of effects over such
-    a base are no measure of their size.
+    a base do not measure their size.
     """
     bars = bars or Bars(False)
-    if not len(data.impact_release):  # nothing shows the law: it stays as it is stated
+    if not len(data.impact_release):  # the data do not show the law: it stays as stated
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 3, "fits") as bar:
-        best = _fitted_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        best = _fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fitted_from_grid(
-    model: Model, data: Data, processes: Processes, bar: Bar | None = None, beside: Array | None = None
+def _fit_from_grid(
+    model: Model, data: Data, processes: Processes, bar: Bar | None = None, effect_start: Array | None = None
 ) -> Fit:
-    """The fit of a model whose law starts from a grid, with either reading of the rolling resistance; `beside`:
-    parameters of its effects to start from."""
+    """The best fit of a model whose law starts from the points of a grid, with either reading of the rolling
+    resistance.
+
+    `effect_start`: start parameters of its effects.
+    """
     found = dict[int, list[Fit]]()
-    jobs = [(model, reading, np.empty(0) if beside is None else beside) for reading in (0.0, 1.0)]
+    jobs = [(model, reading, np.empty(0) if effect_start is None else effect_start) for reading in (0.0, 1.0)]
     for k, fits in processes.as_finished(_fits_from_grid, jobs):
         found[k] = fits
         if bar is not None:
@@ -186,14 +188,14 @@ def _fitted_from_grid(
     return fit(best.model, data, best.p, old=best, renew_noise=True)
 
 
-def _fits_from_grid(data: Data, model: Model, reading: float, beside: Array) -> list[Fit]:
-    """Short fits to some releases from the best places of a grid, with one reading of the rolling resistance."""
+def _fits_from_grid(data: Data, model: Model, reading: float, effect_start: Array) -> list[Fit]:
+    """Short fits to some releases from the best points of a grid, with one reading of the rolling resistance."""
     some = data.only(some_releases(data))
     rows = model.setup.contact.copy()
     rows[..., ROLLING_IN_INDENTATION] = reading
     model = replace(model, setup=replace(model.setup, contact=rows))
     corners = [
-        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])
+        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *effect_start])
         for stiffness in (0.0, -2.0, 2.0, 4.0)
         for restitution in (0.0, -0.7, 0.7)
         for friction in (0.0, -0.5, 0.5)
@@ -207,14 +209,14 @@ def _fits_from_grid(data: Data, model: Model, reading: float, beside: Array) -> 
     return [fit(model, some, corners[i], convergence=FEW_ROUNDS) for i in best]
 
 
-def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
-    """The film divided in an image that is turned and scaled as its flights and impacts say, with the world of this
-    image; None if that changes little.
+def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
+    """Segment the film again in an image that is turned and scaled to fit its flights and impacts.
 
-    Where the stated ground is not where the blocks strike it, some impacts are not seen, and flights are cut short.
+    Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
+    is not where the blocks strike it, some impacts are missed, and flights are cut short.
     """
     known, found = catalogue(), None
-    setup, effects = base.model.setup, [known[name] for name in REGISTERED + BESIDE_REGISTERED]
+    setup, effects = base.model.setup, [known[name] for name in REGISTERED + IMITATES_REGISTERED]
     model = Model(setup, base.model.base, effects)
     p = extended(base, model)
     first = [model.places[name].start for name in REGISTERED]
@@ -245,22 +247,21 @@ def attribute(
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
 ) -> Attribution:
-    """Try every effect against the base law, and then search the set of effects that explains most.
+    """Compare every effect with the base law, then search for the set of effects that explains most.
 
-    Where the law of the best candidate fits better without the effect than the base, and predicts held-out releases
-    better, it becomes the base and everything is tried again; likewise where a law that is fitted anew beside the best
-    effects fits much better than theirs.
+    If the law of the best candidate, without its effect, fits the data and predicts held-out releases better than the
+    base, it becomes the base and the search starts again. The same happens if a law that is fitted anew with the best
+    effects fits much better.
 
-    `refitted`: the base law over which gains are measured, if effects are fitted from another one. `seed`: of the
-    checks.
-    `folder` keeps finished fits.
+    `refitted`: the base law for measuring gains, if effects are fitted from another one; `seed`: of the checks;
+    `folder`: keeps finished fits.
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
         search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars, folder)
         search.try_alone()
         if refitted is not None:
-            search.measure_over(CauseSet(refitted, cross_validate(refitted, data)))
+            search.measure_gains_over(CauseSet(refitted, cross_validate(refitted, data)))
         for _ in range(MOST_RESTARTS if search.base.fit.free else 0):
             better = _better_base(search)
             if better is None:
@@ -281,123 +282,131 @@ def attribute(
 def _better_base(search: Search) -> CauseSet | None:
     """The law of the best candidate without its effect, if it is better than the base."""
     base, data = search.base, search.data
-    best = max(search.alone.values(), key=lambda own: search.gain(own, base).total)
-    better = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
-    if better.total() < base.fit.total() + REFIT_GAIN:
+    best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
+    refit = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
+    if refit.total() < base.fit.total() + REFIT_GAIN:
         return None
-    found = CauseSet(better, cross_validate(better, data))
+    found = CauseSet(refit, cross_validate(refit, data))
     return found if search.gain(found, base).significant else None
 
 
-def _restarted_from_grid(search: Search, own: CauseSet) -> Search:
-    """The search begun again from a set, if its fit is much better where the law starts from a grid instead of from a
-    base that had adapted to a film without the effects of the set."""
+def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
+    """Restart the search from a set if its fit is much better when the law starts from a grid. The base law may have
+    adapted to the effects of the set, so that a fit that starts from it stays in a worse optimum."""
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
-    if not (own.names and base.free and len(data.impact_release)):
+    if not (cause_set.names and base.free and len(data.impact_release)):
         return search
-    anew = _fitted_from_grid(
-        replace(own.fit.model, beside=None), data, search.processes, beside=own.fit.p[first:]
+    anew = _fit_from_grid(
+        replace(cause_set.fit.model, known_p=None),
+        data,
+        search.processes,
+        effect_start=cause_set.fit.p[first:],
     )
-    if anew.total() < own.fit.total() + REFIT_GAIN:
+    if anew.total() < cause_set.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
-    again = replace(search, base=CauseSet(law, cross_validate(law, data)))
-    again.try_alone()
-    again.best = again.known[own.names] = CauseSet(anew, cross_validate(anew, data))
-    return again
+    restarted = replace(search, base=CauseSet(law, cross_validate(law, data)))
+    restarted.try_alone()
+    restarted.best = restarted.known[cause_set.names] = CauseSet(anew, cross_validate(anew, data))
+    return restarted
 
 
 def _attribution(search: Search, seed: int) -> Attribution:
-    data, whole = search.data, search.best
-    evidence, learnt, beside_all = _evidence_of_sets(search)
+    data, first_best = search.data, search.best
+    evidence, learnt, learnt_at_first = _evidence_of_sets(search)
     best = search.best
-    p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
-    learnt = best_predicting(data, learnt, beside_all)
+    p_outside = _outside_probability(search, ((learnt, best), (learnt_at_first, first_best)))
+    learnt = best_predicting(data, learnt, learnt_at_first)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
     checks = predictive_checks(data, learnt.fit, seed)
     if not best.names and not any(
-        own.negligible and own.acts > NAMED_PROBABILITY for own in evidence.values()
+        own.negligible and own.p_acts > NAMED_PROBABILITY for own in evidence.values()
     ):
-        # neither the form of a law nor a cause too small for a name can be what fails the checks
-        p_outside = max(p_outside, against_chance(checks.p))
+        # with no cause in the model, neither the form of a law nor a negligible cause explains a failed check
+        p_outside = max(p_outside, probability_from_p_value(checks.p))
     candidates = {
         name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
         for name, own in search.alone.items()
     }
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
-    of_base, of_best, left = _regressed(search, chain[-1], learnt)
+    of_base, of_best, left = _regressions(search, chain[-1], learnt)
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
-        learnt, left, best.names, search.within(best.names), checks,
+        learnt, left, best.names, search.known_subsets(best.names), checks,
     )  # fmt: skip
 
 
-def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float:
-    """Probability that something outside the catalogue acts, as the model needs it that needs it least, of (what is
-    learnt beside a set, the set); models that explain little beside the others do not count."""
+def _outside_probability(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float:
+    """Probability that something outside the catalogue acts: the smallest over models (learnt changes, set of causes).
+    Models that explain much less than the best one do not count."""
     data, base = search.data, search.base
     explained = [held_out_gain(data, learnt, base).total for learnt, _ in models]
     return min(
-        outside(held_out_gain(data, learnt, own), left_by_form(search, own))
-        for (learnt, own), total in zip(models, explained, strict=True)
+        outside_probability(held_out_gain(data, learnt, cause_set), gain_left_by_forms(search, cause_set))
+        for (learnt, cause_set), total in zip(models, explained, strict=True)
         if total >= LEAST_EXPLAINED_SHARE * max(explained)
     )
 
 
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
-    """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
+    """Evidence for all effects that were in a best set; the changes learnt with the last best set, and with the first.
 
-    A member gives way to a rival that does better, and for good to one that does as well if its own size is not
-    possible. Then members that cannot be named leave the set for good, first the half that gains less; one that took
-    the place of another gives it back. The others are weighed again.
+    A rival that gains more replaces a member. A member of impossible size is replaced for good by a rival that gains as
+    much. Then members that cannot be named are removed for good, first the half that gains less; a removed rival gives
+    its place back to the member that it had replaced. The evidence for the remaining members is computed again.
     """
-    evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
+    evidence, by_set, removed = (
+        dict[str, Evidence](),
+        dict[Names, tuple[dict[str, Evidence], Learnt]](),
+        set[str](),
+    )
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
     while True:
         names = search.best.names
-        if names not in seen:
+        if names not in by_set:
             with search.bars.stage(EVIDENCE, len(names) + 1, "models") as bar:
                 learnt = learn(search.best, search.data)
                 bar.step("what is left")
-                seen[names] = weigh(search, learnt, evidence, bar), learnt
-        found, learnt = seen[names]
+                by_set[names] = evidence_of_members(search, learnt, evidence, bar), learnt
+        found, learnt = by_set[names]
         evidence |= found
         exchanges = sorted(
             (z, name, rival)
             for name, own in found.items()
-            for rival, z in own.ahead.items()
+            for rival, z in own.rival_z.items()
             if (z < -BETTER_RIVAL_Z or not own.possible)
-            and rival not in out
+            and rival not in removed
             and TWINS.get(rival) not in names - {name}
-            and names - {name} | {rival} not in seen
+            and names - {name} | {rival} not in by_set
         )
         refused = sorted(
-            (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].alone.total
+            (name for name, own in found.items() if not own.named(name)),
+            key=lambda n: found[n].own_gain.total,
         )
         if exchanges:
             _, name, rival = exchanges[0]
             if found[name].possible:
                 replaced[rival] = name
             else:
-                out.add(name)
+                removed.add(name)
             names = names - {name} | {rival}
         elif refused:
             leaving = set(refused[: (len(refused) + 1) // 2])
-            out |= leaving
+            removed |= leaving
             back = {replaced[name] for name in leaving & replaced.keys()}
             names -= leaving
-            names |= {name for name in back - out if TWINS.get(name) not in names}
+            names |= {name for name in back - removed if TWINS.get(name) not in names}
         else:
-            return evidence, learnt, next(iter(seen.values()))[1]
-        search.best = search.joint(names)
+            return evidence, learnt, next(iter(by_set.values()))[1]
+        search.best = search.set_of(names)
 
 
-def _regressed(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:
-    """Flexible regressions of the residuals of the base, of the best set, and of what is left beside the learnt."""
+def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:
+    """Flexible regressions of the residuals of the base, the best set, and the model with the learnt changes."""
     base, data = search.base, search.data
     setup, covariance = base.fit.model.setup, final.fit.covariance()
     of_base = regress(setup, data, base.held_out.residuals, covariance)
@@ -408,8 +417,8 @@ def _regressed(search: Search, final: Candidate, learnt: Learnt) -> list[Regress
 
 
 def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) -> list[Candidate]:
-    """The members of a set, the one that gains most alone first; each has the joint fit, and its gain over the set
-    without it."""
+    """The members of a set, first the one with the largest gain alone. Each has the joint fit, and its gain over the
+    set without it."""
     if len(best.names) < 2:
         return [candidates[name] for name in best.names]
     known, smaller = catalogue(), search.without(best)

@@ -1,12 +1,12 @@
-"""The gap as a budget: what each cause closes, what was learnt without a name, what is left, and the floor.
+"""The gap as a budget: the shares closed by each cause and by learnt changes, the unexplained rest, and the floor.
 
 The size of a segment's residual is its root mean square over the channels, in standard deviations of noise and soil.
-The *gap* of a model is the geometric mean of that over all impacts and flights of held-out releases. So a few wild
-impacts do not decide it, and the units of a segment cancel in every share.
+The *gap* of a model is the geometric mean of these sizes over all impacts and flights of held-out releases. So a few
+outliers do not decide it, and the units of a segment cancel in every share.
 
 Causes that overlap share what they close: the share of each is the mean over all orders in which they can be added
-(Shapley 1953), told with the range over these orders. Intervals are bootstraps over releases. They also hold how well
-the floor is known: a small gap over a floor that is known to 7 % says little about shares.
+(Shapley 1953), given with the range over these orders. Intervals come from a bootstrap over releases. They include the
+uncertainty of the floor: if the gap is small compared with this uncertainty, shares are hardly known.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResidu
 Array = np.ndarray
 
 BOOTSTRAPS = 1000
-# what the true law would leave over the floor: median, and standard deviation of its logarithm; measured on films with
-# null twins (`blind.true_closure`)
-TRUE_FLOOR, TRUE_FLOOR_SD = 0.97, 0.07
+# ratio of the gap that the true law would leave to the floor: median, and standard deviation of its logarithm; measured
+# on films with null twins (`blind.true_closure`)
+TRUE_FLOOR_RATIO, TRUE_FLOOR_SD = 0.97, 0.07
 LARGEST_SD = 30.0  # largest residual; a larger one, or an impact that cannot be simulated, counts as this
 SMALLEST_SD = 1e-3  # smallest root mean square of the residuals of an impact or flight
 GAP_UNIT = "typical residual: geometric mean over impacts and flights, in standard deviations of noise and soil scatter"
-LARGEST_CORRECTION = 2.0  # factor that makes shares sum to the whole
+LARGEST_CORRECTION = 2.0  # limit of the factor that makes shares sum to the whole
 
 
 @dataclass
@@ -47,17 +47,18 @@ class Share:
 
 @dataclass
 class Budget:
-    """Where the gap of the base law goes.
+    """Shares of the gap of the base law.
 
     Attributes
     ----------
-    base, named, learnt : gap of the base law, with the named causes, and with the learnt changes too
-    regression, replicates : floors; `used`: what the true law would leave, estimated from the lower one
-    causes : name -> share that it closes
-    outside : share that depends on something without a name
+    base, named, learnt : gap of the base law, of the model with the named causes, and of that with learnt changes, too
+    regression, replicates : both estimates of the floor
+    used : gap that the true law would leave, estimated from the lower floor
+    causes : name -> share that the cause closes
+    outside : share that can be predicted, but has no named cause
     closed_by_learnt : share that the learnt changes close
-    closed : share that all of it closes
-    sets : causes -> the gap that the law with them leaves, each fitted anew, and the share that they close together
+    closed : share that named causes and learnt changes close together
+    sets : causes -> gap of the law refitted with them, and the share that they close together
     """
 
     base: float
@@ -73,7 +74,7 @@ class Budget:
     sets: dict[Names, tuple[float, Share]]
 
 
-class Sizes:
+class ResidualSizes:
     """Logarithms of the sizes of residuals, summed over each release, and their number."""
 
     def __init__(self, data: Data, covariance: Array) -> None:
@@ -88,18 +89,18 @@ class Sizes:
         return np.clip(np.nan_to_num(residuals.impacts / self._sd, nan=LARGEST_SD), -LARGEST_SD, LARGEST_SD)
 
     def of(self, residuals: Residuals) -> Array:
-        """(releases,) sums of logarithms."""
+        """(releases,) sums of the logarithms of the sizes."""
         return self._summed(_log_size(self.z(residuals)), self._of_flights(residuals))
 
-    def joint(self, residuals: Residuals) -> Array:
-        """(releases,) the same where the channels of an impact count with their correlations: a change that shows in
-        a combination of them alone is small in each."""
+    def of_joint_channels(self, residuals: Residuals) -> Array:
+        """(releases,) the same with the correlations of the channels of an impact: a change that shows only in a
+        combination of channels is small in each of them."""
         square = chi_square(residuals.impacts, self._covariance) / residuals.impacts.shape[1]
         logs = 0.5 * np.log(np.clip(square, SMALLEST_SD**2, LARGEST_SD**2))
         return self._summed(logs, self._of_flights(residuals))
 
-    def remaining(self, found: RegressedResiduals) -> Array:
-        """(releases,) sums of logarithms of what a regression leaves."""
+    def of_remaining(self, found: RegressedResiduals) -> Array:
+        """(releases,) sums of the logarithms of the sizes that remain after a regression."""
         return self._summed(_log_size(found.impacts_remaining), _log_size(found.flights_remaining))
 
     def _of_flights(self, residuals: Residuals) -> Array:
@@ -118,10 +119,10 @@ def _log_size(z: Array) -> Array:
     return np.log(np.maximum(np.sqrt((z**2).mean(axis=1)), SMALLEST_SD)) if z.size else np.zeros(len(z))
 
 
-class Draws:
-    """Bootstrap over releases: the gap of each model in all draws, the first being the releases as they are."""
+class GapBootstrap:
+    """Bootstrap over releases: the gap of a model in all draws. The first draw is the releases themselves."""
 
-    def __init__(self, sizes: Sizes, seed: int) -> None:
+    def __init__(self, sizes: ResidualSizes, seed: int) -> None:
         n = len(sizes.count)
         own, self._seed, floor_seed = np.random.SeedSequence(seed).spawn(3)
         rng = np.random.default_rng(own)
@@ -129,15 +130,17 @@ class Draws:
         self._weights = np.vstack([np.ones(n), weights])
         self._count = np.maximum(self._weights @ sizes.count, 1.0)
         doubt = TRUE_FLOOR_SD * np.random.default_rng(floor_seed).normal(size=BOOTSTRAPS)
-        self._true_floor = TRUE_FLOOR * np.exp(np.concatenate([[0.0], doubt]))
+        self._true_floor = TRUE_FLOOR_RATIO * np.exp(np.concatenate([[0.0], doubt]))
 
     def floor(self, floors: Sequence[Array], models: Sequence[Array]) -> Array:
-        """(1 + draws,) what the true law would leave: from the lowest of floors and models, and not above a model."""
+        """(1 + draws,) gap that the true law would leave: from the lowest of floors and models, at most that of any
+        model."""
         known = self._true_floor * np.minimum.reduce([*floors, *models])
         return np.asarray(np.minimum.reduce([known, *models]))
 
-    def reduced(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
-        """The same if the mean square of the impacts, as many as `impacts` (releases,), were reduced to a ratio."""
+    def gap_after_reduction(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
+        """(1 + draws,) gap if the mean square of the residuals of impacts fell by a factor; `impacts` (releases,):
+        their number."""
         rng = np.random.default_rng(self._seed)
         ratios = np.concatenate([[ratio.likely], ratio.draws(rng, BOOTSTRAPS)])
         return np.asarray(self.gap(logs) * ratios ** (0.5 * (self._weights @ impacts) / self._count))
@@ -152,23 +155,27 @@ def budget(
     named: Names,
     learnt: Array,
     floors: tuple[Array, Array],
-    draws: Draws,
+    draws: GapBootstrap,
 ) -> Budget:
-    """The budget.
+    """The budget of the gap.
 
     Parameters
     ----------
-    sets : effects of a model -> (releases,) sums of logarithms; with no effect, with `named`, with each of them alone
-        and without each of them; of up to three effects all subsets
-    learnt : the same for the model with learnt changes
+    sets : effects of a model -> (releases,) sums of logarithms: no effect, all `named` ones, each alone, and all but
+        one; for up to three effects all subsets
+    named : the effects that are named
+    learnt : (releases,) sums of logarithms of the model with learnt changes
     floors : (1 + draws,) gaps of the floors by regression and by replicates
+    draws : the bootstrap
     """
     gaps = {names: draws.gap(logs) for names, logs in sets.items()}
     base, with_named, with_learnt = gaps[frozenset()], gaps[named], draws.gap(learnt)
     floor = draws.floor(floors, [with_learnt, with_named])
     open_gap = base - floor
 
-    causes = {name: share(own, open_gap, ends) for name, (own, ends) in _order_free(gaps, named).items()}
+    causes = {
+        name: share(own, open_gap, ends) for name, (own, ends) in _shapley_closures(gaps, named).items()
+    }
     predicted = np.minimum(with_learnt, floors[0])
     return Budget(
         float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
@@ -179,7 +186,10 @@ def budget(
 
 
 def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = None) -> Share:
-    """Share of the gap (1 + draws,) that is `closed` (1 + draws,), with the smallest and largest over the orders."""
+    """Share of the gap `open_gap` (1 + draws,) that is `closed` (1 + draws,), both in units of the gap.
+
+    `spread`: smallest and largest closed gap over the orders of causes, (1 + draws,) each.
+    """
     if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
         return Share(0.0, (0.0, 0.0), (0.0, 0.0))
     of = closed / np.maximum(open_gap, 1e-12)
@@ -188,12 +198,14 @@ def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = N
     return Share(float(of[0]), (float(low), float(high)), (least, most))
 
 
-def _order_free(gaps: Mapping[Names, Array], named: Names) -> dict[str, tuple[Array, tuple[Array, Array]]]:
-    """Name -> what it closes, mean over all orders, and the smallest and largest over them."""
+def _shapley_closures(
+    gaps: Mapping[Names, Array], named: Names
+) -> dict[str, tuple[Array, tuple[Array, Array]]]:
+    """Name -> (1 + draws,) gap that the cause closes: mean over all orders, and the smallest and largest."""
     found = {}
     for name in sorted(named):
         steps = [
-            (_weight(len(names), len(named)), gaps[names] - gaps[names | {name}])
+            (_order_share(len(names), len(named)), gaps[names] - gaps[names | {name}])
             for names in _subsets(named - {name})
             if names in gaps and names | {name} in gaps
         ]
@@ -208,8 +220,8 @@ def _order_free(gaps: Mapping[Names, Array], named: Names) -> dict[str, tuple[Ar
     return {name: (mean * factor, ends) for name, (mean, ends) in found.items()}
 
 
-def _weight(before: int, count: int) -> float:
-    """Share of the orders of `count` causes in which a given one comes after a given set of `before`."""
+def _order_share(before: int, count: int) -> float:
+    """Share of the orders of `count` causes in which a given cause follows exactly a given set of `before` causes."""
     return 1.0 / (count * comb(count - 1, before))
 
 

@@ -1,8 +1,9 @@
-"""Sets of causes: effects are added to the base law, taken away and exchanged, as long as held-out releases gain.
+"""Search for the set of causes: effects are added, removed and exchanged as long as the score on held-out releases
+rises.
 
-What adds little alone may add much beside another cause, and what looks like a cause alone may be needless beside the
-true ones. So after each addition every other member of the set is left out once, and at the end each member is
-exchanged for its rivals. `screening` says which additions are worth a fit.
+An effect that gains little alone may gain much together with another one, and an effect that gains alone may be
+superfluous together with the true causes. So after each addition every other member of the set is left out once, and at
+the end each member is exchanged for its rivals. `screening` selects the additions that are worth a fit.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ from rock2d.processes import Processes
 Array = np.ndarray
 Names = frozenset[str]
 
-MOST_CAUSES = 5  # in one set
+MOST_CAUSES = 5  # in a set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step
-EXCHANGED_AT_ONCE = 2  # rivals of each member that are fitted
+EXCHANGED_AT_ONCE = 2  # rivals that are fitted in place of each member
 LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
-LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect which only widens the scatter must gain alone
-REFIT_SHARE = 0.5  # share of the largest gain among additions that one must gain to be fitted again
+LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect that only widens the scatter must gain alone
+REFIT_SHARE = 0.5  # an addition is fitted again if it gains this share of the largest gain
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
-MISSED_BY_FORM = 0.1  # share of what a cause gains that a form which is not quite its own may miss
-# effects of which a set has one at most: in flights they change gravity alike, and only heights of contacts tell them
-# apart
+MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
+# Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
+# contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 
 
@@ -64,18 +65,18 @@ class CauseSet:
 
 @dataclass
 class Search:
-    """All sets that were fitted, and the best of them.
+    """All fitted sets of causes, and the best one.
 
     Attributes
     ----------
-    data : of the fits; also in every worker of `processes`
-    effects : of the catalogue
+    data : data of the fits; every worker of `processes` has them, too
+    effects : the catalogue
     base : the base law
-    bars : of the diagnosis
+    bars : progress bars of the diagnosis
     folder : keeps finished fits
-    known : names -> set
-    best : the set from which no addition, omission or exchange gains more
-    expected : names of a set -> what screening expects of each effect beside it
+    known : names -> fitted set
+    best : the best set so far
+    expected : names of a set -> gain that screening expects of each further effect
     """
 
     data: Data
@@ -92,7 +93,8 @@ class Search:
         self.known, self.best, self.expected = {frozenset(): self.base}, self.base, {}
 
     def try_alone(self) -> None:
-        """Fit the base law with each effect alone. All are explored first: no fit goes on far behind another one."""
+        """Fit the base law with each effect alone. All are explored first, so that a fit far behind another one ends
+        early."""
         base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
         found, gain = dict[int, Explored](), -np.inf
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
@@ -108,8 +110,8 @@ class Search:
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
 
-    def measure_over(self, base: CauseSet) -> None:
-        """Measure gains over another fit of the base law; the effects that were tried stay as they are."""
+    def measure_gains_over(self, base: CauseSet) -> None:
+        """Measure gains over another fit of the base law; the fits of single effects stay the same."""
         self.base = self.best = self.known[frozenset()] = base
 
     @property
@@ -118,7 +120,7 @@ class Search:
         return {name: self.known[frozenset({name})] for name in self.effects}
 
     def run(self) -> None:
-        """Find the best set, once each effect was tried alone."""
+        """Find the best set, after `try_alone`."""
         with self.bars.stage(SETS, USUAL_SETS, "fits"):
             self._grow()
             for _ in range(MOST_EXCHANGES):
@@ -126,96 +128,111 @@ class Search:
                     break
                 self._grow()
 
-    def without(self, own: CauseSet) -> dict[str, CauseSet]:
+    def without(self, cause_set: CauseSet) -> dict[str, CauseSet]:
         """The sets that leave out one member each; name of the member -> set."""
-        missing = [name for name in sorted(own.names) if own.names - {name} not in self.known]
-        self._fit([Reduction(own.fit, name) for name in missing])
-        return {name: self.known[own.names - {name}] for name in sorted(own.names)}
+        missing = [name for name in sorted(cause_set.names) if cause_set.names - {name} not in self.known]
+        self._fit([Reduction(cause_set.fit, name) for name in missing])
+        return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
 
-    def rivals(self, own: CauseSet, name: str, z: float) -> dict[str, float]:
-        """Effect -> standard errors, less than z, by which the set is better than with it in the place of a member; the
-        closest first. A rival gains at least half of what the member gains; a share that the form of a law may miss
-        counts as no difference."""
-        less, found = self.without(own)[name], dict[str, float]()
-        alone = self.gain(own, less).total
-        for rival in self.effects.keys() - own.names:
-            if (ahead := self._ahead(own, less, rival)) is None or ahead.total > 0.5 * alone:
+    def rivals(self, cause_set: CauseSet, name: str, z: float) -> dict[str, float]:
+        """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
+        place of the member, if less than z; the closest first.
+
+        A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM counts as
+        less than one standard error.
+        """
+        smaller, found = self.without(cause_set)[name], dict[str, float]()
+        alone = self.gain(cause_set, smaller).total
+        for rival in self.effects.keys() - cause_set.names:
+            if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
                 continue
-            found[rival] = min(ahead.significance, ahead.total / (MISSED_BY_FORM * alone))
+            found[rival] = min(lead.significance, lead.total / (MISSED_BY_FORM * alone))
         return {
             rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z
         }
 
-    def gain(self, own: CauseSet, other: CauseSet) -> Gain:
+    def gain(self, cause_set: CauseSet, other: CauseSet) -> Gain:
         """Gain of a set over another one."""
-        return held_out_gain(self.data, own, other)
+        return held_out_gain(self.data, cause_set, other)
 
-    def _ahead(self, own: CauseSet, less: CauseSet, name: str) -> Gain | None:
-        """Gain of a set over another one with one more effect, fitted or expected; None if neither is known."""
+    def _lead_over(self, cause_set: CauseSet, less: CauseSet, name: str) -> Gain | None:
+        """Gain of a set over the set `less` with one more effect, fitted or expected; None if neither is known."""
         if (found := self.known.get(less.names | {name})) is not None:
-            return self.gain(own, found)
+            return self.gain(cause_set, found)
         expected = self.expected.get(less.names, {}).get(name)
-        return None if expected is None else self.gain(own, less).plus(-expected.gain)
+        return None if expected is None else self.gain(cause_set, less).plus(-expected.gain)
 
-    def joint(self, names: Names) -> CauseSet:
-        """The set of these effects."""
-        own = self.best
-        for name in sorted(own.names - names):
-            own = self.without(own)[name]
-        for name in sorted(names - own.names):
-            own = self._with([name], own)[0]
-        return own
+    def set_of(self, names: Names) -> CauseSet:
+        """The set of these effects, fitted by way of smaller and larger sets if it is new."""
+        cause_set = self.best
+        for name in sorted(cause_set.names - names):
+            cause_set = self.without(cause_set)[name]
+        for name in sorted(names - cause_set.names):
+            cause_set = self._with_each([name], cause_set)[0]
+        return cause_set
 
-    def within(self, names: Names) -> dict[Names, CauseSet]:
-        """The known sets whose effects are all among `names`."""
+    def known_subsets(self, names: Names) -> dict[Names, CauseSet]:
+        """The known sets with effects among `names`, after each of `names` was left out once."""
         self.without(self.known[names])
-        return {subset: own for subset, own in self.known.items() if subset <= names}
+        return {subset: cause_set for subset, cause_set in self.known.items() if subset <= names}
 
-    def beside(self, own: CauseSet) -> dict[str, Expected]:
-        """What screening expects of each further effect."""
-        if own.names not in self.expected:
+    def expected_beside(self, cause_set: CauseSet) -> dict[str, Expected]:
+        """Gain that screening expects of each effect in addition to a set."""
+        if cause_set.names not in self.expected:
             alone = {name: found.fit.p for name, found in self.alone.items()}
-            self.expected[own.names] = Screening(own.fit, self.data).all(self.effects, alone)
-        return self.expected[own.names]
+            self.expected[cause_set.names] = Screening(cause_set.fit, self.data).all(self.effects, alone)
+        return self.expected[cause_set.names]
 
     def _grow(self) -> None:
-        """Add effects, and leave out what they make needless, until nothing gains or a set comes back: significance
-        is not transitive, so effects can replace each other in turn."""
+        """Add effects, and remove those that become superfluous, until nothing gains or a set occurs again:
+        significance is not transitive, so effects can replace each other in turn."""
         seen = set[Names]()
         while len(self.best.names) < MOST_CAUSES and self.best.names not in seen:
             seen.add(self.best.names)
-            found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
+            found = self._promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)
-            gains = [(self.gain(own, self.best), own) for own in found]
-            better = [(gain.total, own) for gain, own in gains if gain.significant]
+                found += self._with_each(
+                    [n for n in self._scatter_effects() if n not in self.best.names], self.best
+                )
+            gains = [(self.gain(addition, self.best), addition) for addition in found]
+            better = [(gain.total, addition) for gain, addition in gains if gain.significant]
             if not better:
                 return
-            known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
-            self._prune(self.best.names - known.names)
+            previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
+            self._prune(self.best.names - previous.names)
 
-    def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
-        """The sets with one more effect, none of `but`: the `most` of them from which screening expects most.
+    def _promising_additions(
+        self, cause_set: CauseSet, excluded: Names, most: int, lead: float = 0.0
+    ) -> list[CauseSet]:
+        """The sets with one more effect that is not in `excluded`: the `most` of them with the largest expected gains.
 
-        `ahead`: see `_fit`.
+        `lead`: see `_fit`.
         """
-        if not own.names:  # all effects were fitted alone
-            return [found for name, found in self.alone.items() if name not in but]
-        expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
-        if own is self.best:
-            self.bars.found(len(own.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values()))
+        if not cause_set.names:  # all effects were fitted alone
+            return [found for name, found in self.alone.items() if name not in excluded]
+        expected = {
+            name: e.total for name, e in self.expected_beside(cause_set).items() if name not in excluded
+        }
+        if cause_set is self.best:
+            self.bars.found(
+                len(cause_set.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values())
+            )
         ranked = sorted(expected, key=lambda name: -expected[name])
-        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, ahead)
+        return self._with_each(
+            [n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], cause_set, lead
+        )
 
-    def _with(self, names: Sequence[str], own: CauseSet, ahead: float = 0.0) -> list[CauseSet]:
-        """A set with each of these effects in addition."""
-        names = [name for name in names if TWINS.get(name) not in own.names]
-        new = [name for name in names if own.names | {name} not in self.known]
-        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new], ahead)
-        return [self.known[own.names | {name}] for name in names]
+    def _with_each(self, names: Sequence[str], cause_set: CauseSet, lead: float = 0.0) -> list[CauseSet]:
+        """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
+        names = [name for name in names if TWINS.get(name) not in cause_set.names]
+        new = [name for name in names if cause_set.names | {name} not in self.known]
+        self._fit(
+            [_Addition(cause_set.fit, name, self._start_parameters(cause_set, name)) for name in new], lead
+        )
+        return [self.known[cause_set.names | {name}] for name in names]
 
     def _prune(self, kept: Names) -> None:
-        """Leave out members that add nothing, the least useful first."""
+        """Remove members that do not gain significantly, the least useful first; `kept` stay."""
         while len(self.best.names) > 1:
             smaller = {name: own for name, own in self.without(self.best).items() if name not in kept}
             least = min(smaller, key=lambda name: self.gain(self.best, smaller[name]).total, default=None)
@@ -224,49 +241,49 @@ class Search:
             self.best = smaller[least]
 
     def _exchange(self) -> bool:
-        """Exchange a member for a rival that gains more; whether there is one."""
+        """Exchange a member for a rival that gains more; returns whether there is one."""
         rivals: list[CauseSet] = []
-        for own in self.without(self.best).values():
-            ahead = self.best.fit.total() - own.fit.total()
-            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE, ahead)
-        best = max(rivals, key=lambda own: self.gain(own, self.best).total, default=None)
+        for smaller in self.without(self.best).values():
+            lead = self.best.fit.total() - smaller.fit.total()
+            rivals += self._promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
+        best = max(rivals, key=lambda rival: self.gain(rival, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
         self.best = best
         return True
 
-    def _scatters(self) -> list[str]:
-        """Effects that only widen the scatter, and do so alone."""
+    def _scatter_effects(self) -> list[str]:
+        """Effects that only widen the scatter, and gain alone."""
         return [
             name for name, found in self.alone.items()
             if self.effects[name].scatter and self.gain(found, self.base).total > LEAST_SCATTER_GAIN
         ]  # fmt: skip
 
-    def _start(self, own: CauseSet, name: str) -> Array | None:
-        return None if self.effects[name].scatter else self.beside(own)[name].p
+    def _start_parameters(self, cause_set: CauseSet, name: str) -> Array | None:
+        return None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p
 
-    def _fit(self, steps: Sequence[_Addition | Reduction], ahead: float = 0.0) -> None:
+    def _fit(self, steps: Sequence[_Addition | Reduction], lead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
-        their own noise: that of a fit far from the truth is wrong, too.
+        the noise covariance at their own parameters.
 
-        `ahead`: what the set that they are compared with gains over the known one.
+        `lead`: gain in log likelihood of the set that they are compared with over the known one.
         """
-        results = self._finished(steps)
+        results = self._results(steps)
         gains = {
             k: results[k].fit.total() - step.before.total()
             for k, step in enumerate(steps)
             if isinstance(step, _Addition) and not self.effects[step.name].scatter
         }
-        least = max(REFIT_GAIN, REFIT_SHARE * max([ahead, *gains.values()]))
+        least = max(REFIT_GAIN, REFIT_SHARE * max([lead, *gains.values()]))
         again = [k for k, gain in gains.items() if gain > least]
-        refitted = self._finished([_Refit(results[k].fit) for k in again])
+        refitted = self._results([_Refit(results[k].fit) for k in again])
         for k, own in zip(again, refitted, strict=True):
             results[k] = own
         for own in results:
             self.known[own.names] = own
 
-    def _finished(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[CauseSet]:
-        """What the steps fit, in their order, however many processes there are."""
+    def _results(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[CauseSet]:
+        """The fitted sets of the steps, in the order of the steps."""
         results: dict[int, CauseSet] = {}
         self.bars.fits(len(steps))
         for k, (fitted, out) in self.processes.as_finished(
@@ -279,9 +296,9 @@ class Search:
 
 @dataclass
 class _Addition:
-    """A fit, the effect that is added to it, and parameters to start from; without these they are explored.
+    """Add the effect `name` to the fit `before`, from the parameters `start`; if there are none, they are explored.
 
-    `found`: what exploring found, if it is known; `rival`: log likelihood that another addition will reach.
+    `found`: result of exploring, if known; `rival`: log likelihood that another addition will reach.
     """
 
     before: Fit
@@ -297,10 +314,10 @@ class _Addition:
     @property
     def model(self) -> Model:
         known = self.before.model
-        return replace(known, effects=[catalogue()[n] for n in self.names], beside=self.before.p)
+        return replace(known, effects=[catalogue()[n] for n in self.names], known_p=self.before.p)
 
     def explored(self, data: Data, on_some: float = -np.inf) -> Explored:
-        """Where to start; `on_some`: log likelihood of `fit_to_some` of the fit before."""
+        """Explore the start parameters; `on_some`: log likelihood of `fit_to_some` of the fit before."""
         return explored(self.model, data, self.before, on_some)
 
     def fitted(self, data: Data) -> Fit:
@@ -311,7 +328,7 @@ class _Addition:
 
 @dataclass
 class _Refit:
-    """A fit whose noise is computed again."""
+    """Fit a model again, with the noise covariance computed at its parameters."""
 
     before: Fit
 
@@ -329,7 +346,7 @@ class _Refit:
 
 @dataclass
 class Reduction:
-    """A fit, and the effect that is taken out of it."""
+    """Remove the effect `name` from the fit `before`."""
 
     before: Fit
     name: str
@@ -342,7 +359,7 @@ class Reduction:
     def model(self) -> Model:
         known = self.before.model
         fewer = [effect for effect in known.effects if effect.name != self.name]
-        return replace(known, effects=fewer, beside=self.before.p)
+        return replace(known, effects=fewer, known_p=self.before.p)
 
     def fitted(self, data: Data) -> Fit:
         before, model = self.before, self.model
@@ -358,8 +375,8 @@ class Reduction:
 
 
 def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:
-    """Explore an addition, or read the result if it is kept."""
-    path = None if folder is None else folder / f"explored_{_name(step)}.npz"
+    """Explore an addition, or read its saved result."""
+    path = None if folder is None else folder / f"explored_{_file_name(step)}.npz"
     if path is not None and (kept := load_arrays(path)) is not None:
         return Explored(kept["p"], float(kept["gain"]), bool(kept["useful"]))
     found = step.explored(data, on_some)
@@ -369,8 +386,8 @@ def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | No
 
 
 def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
-    """Fit and cross-validate, or read the result if it is kept."""
-    path = None if folder is None else folder / f"{_name(step)}.npz"
+    """Fit and cross-validate, or read the saved result."""
+    path = None if folder is None else folder / f"{_file_name(step)}.npz"
     if path is not None and (found := load_fit(path, step.model)) is not None:
         return found
     fitted = step.fitted(data)
@@ -382,8 +399,8 @@ def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | N
     return fitted, out
 
 
-def _name(step: _Addition | Reduction | _Refit) -> str:
-    """Name of what a step fits, and from where."""
+def _file_name(step: _Addition | Reduction | _Refit) -> str:
+    """Name of the saved result of a step, from its effects and its start."""
     parts = (step.before.p, getattr(step, "start", None))
     key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]
     return f"{'+'.join(step.names)}_{key}"

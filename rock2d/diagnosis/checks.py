@@ -34,7 +34,7 @@ from rock2d.diagnosis.quantities import (
     VX_M_S,
     VY_M_S,
     ZONE,
-    Entries,
+    Dependences,
     bases,
 )
 from rock2d.diagnosis.replicates import near_pairs
@@ -45,7 +45,10 @@ Array = np.ndarray
 FALSE_ALARMS = 0.03  # chance that any check of means fails although the model is right; the same for spreads
 REPLICATES = 5000
 LEAST_UNABSORBED_SHARE = 0.05  # share of its variance that the fitted parameters must leave of a pattern
-PLAIN_NAMES = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
+DEPENDENCE_WORDS = {
+    "series": "release",
+    "orientation to the ground": "orientation",
+}  # dependences in plain words
 # name of a check -> the dependences that it looks at
 IMPACT_MEANS = {
     "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
@@ -129,8 +132,8 @@ def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
-    left = _LeftByFit(data, fit, signs)
-    return Checks(_ranked(left.means()), _ranked(left.spreads()))
+    left = _RemainingPatterns(data, fit, signs)
+    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()))
 
 
 class _Patterns(NamedTuple):
@@ -142,7 +145,7 @@ class _Patterns(NamedTuple):
     values: Array
 
 
-def _ranked(found: Sequence[_Patterns]) -> list[Check]:
+def _rank_checks(found: Sequence[_Patterns]) -> list[Check]:
     """Each check with its place among the replicates."""
     if not found:
         return []
@@ -185,7 +188,7 @@ class _Residuals(NamedTuple):
     lever: Array
 
 
-class _LeftByFit:
+class _RemainingPatterns:
     """What a fit leaves of impacts and flights, what its parameters could still absorb, and the signs of replicates."""
 
     def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
@@ -211,7 +214,7 @@ class _LeftByFit:
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
             quantities[BLOCK] = data.segmentation.flights.block.astype(float)
-            lever = data.lever()
+            lever = data.unit_bends()
         self._flights = _Residuals(
             data.flight_release, z, flight_weight(z),
             fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
@@ -237,7 +240,7 @@ class _LeftByFit:
         return out
 
     def _functions(
-        self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Residuals
+        self, table: Mapping[str, Sequence[str]], dependences: Dependences, side: _Residuals
     ) -> Iterator[tuple[str, Array, list[str]]]:
         """For each check of a table: name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
         members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
@@ -247,7 +250,7 @@ class _LeftByFit:
             functions, parts = [], list[str]()
             for name in filter(known.__contains__, names):
                 curves, f = known[name].curves, known[name].features(side.quantities)
-                said = [f" with {PLAIN_NAMES.get(name, name)}"] * f.shape[1] if curves else [""]
+                said = [f" with {DEPENDENCE_WORDS.get(name, name)}"] * f.shape[1] if curves else [""]
                 if curves and curves[0].kind == KINDS:
                     own = members.get(curves[0].quantity)
                     said = [f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]

@@ -5,7 +5,7 @@ fit without that fold. The parameters change little, so one step is accurate eno
 fold. Where the releases determine the parameters poorly and the step is too long, it is shortened until its cost on
 the other folds is small.
 
-Fits and their scores on disk, so that an interrupted diagnosis can continue: plain arrays, one file for each.
+`save_fit` keeps a fit and its scores in a file, so that an interrupted diagnosis can continue.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rock2d.diagnosis.likelihood import (
     normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import Model, discrete
+from rock2d.diagnosis.model import Model, choice_positions
 from rock2d.diagnosis.significance import Gain
 from rock2d.files.saved_arrays import load_arrays, save_arrays
 
@@ -35,7 +35,7 @@ Array = np.ndarray
 
 FOLDS = 4
 ACCEPTED_COST = 1.0  # log likelihood that a step may cost the folds that it is fitted to
-MOST_SHORTENED = 3  # lengths of a step that are tried; without success no step is taken
+MOST_SHORTENED = 3  # lengths of a step that are tried; if none succeeds, no step is taken
 SHORTENED = 0.25  # factor from one length to the next
 
 
@@ -47,7 +47,7 @@ class HeldOut:
     ----------
     residuals : residuals of all impacts and flights, each predicted by the fit without its fold
     score : (releases,) log likelihood of each release
-    parameters : (FOLDS, P) of the fits without each fold
+    parameters : (FOLDS, P) parameters of the fits without each fold
     """
 
     residuals: Residuals
@@ -65,21 +65,23 @@ class Validated(Protocol):
     def held_out(self) -> HeldOut: ...
 
 
-def held_out_gain(data: Data, own: Validated, other: Validated) -> Gain:
-    """How much better a model predicts held-out releases than another.
+def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
+    """Gain in log likelihood of a `model` over a `reference` on held-out releases.
 
-    For the means alone, both are scored with the covariances of the one, then with those of the other, and the mean is
-    taken. Where only one of them has an effect that widens the scatter, the means say nothing of it.
+    `Gain.by_means` is the mean of two gains: with the covariances of the model for both, and with those of the
+    reference for both. It is None if only one of them has an effect that widens the scatter: the means do not show it.
     """
-    pair = own.held_out, other.held_out
-    ahead = pair[0].score - pair[1].score
-    if [e.name for e in own.fit.model.scatter_effects] != [e.name for e in other.fit.model.scatter_effects]:
-        return Gain(ahead)
+    scored = model.held_out, reference.held_out
+    gain = scored[0].score - scored[1].score
+    if [e.name for e in model.fit.model.scatter_effects] != [
+        e.name for e in reference.fit.model.scatter_effects
+    ]:
+        return Gain(gain)
     crossed = [
         by_release(data, held_out.residuals, fit.covariance())
-        for held_out, fit in zip(pair, (other.fit, own.fit), strict=True)
+        for held_out, fit in zip(scored, (reference.fit, model.fit), strict=True)
     ]
-    return Gain(ahead, 0.5 * (ahead + crossed[0] - crossed[1]))
+    return Gain(gain, 0.5 * (gain + crossed[0] - crossed[1]))
 
 
 def folds(data: Data) -> Array:
@@ -88,7 +90,7 @@ def folds(data: Data) -> Array:
 
 
 def cross_validate(fit: Fit, data: Data) -> HeldOut:
-    """Predict every release by the model fitted to the other folds."""
+    """Predict every release with the model fitted to the other folds."""
     fold = folds(data)
     residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
     parameters = list[Array]()
@@ -113,7 +115,7 @@ def _fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
         keep = impact_fold != k, flight_fold != k
         curvature, grad = normal_equations(fit.residuals, fit.jacobian, covariance, keep)
         grad += prior_precision * (fit.p - centre)
-        grad[discrete(fit.model)] = 0.0  # a scan chose them
+        grad[choice_positions(fit.model)] = 0.0  # a scan chose them
         step = newton_step(curvature + np.diag(prior_precision), grad, fit.p, low, high)
         before = _cost(fit.residuals, covariance, keep, fit.p - centre, prior_precision)
         for _ in range(MOST_SHORTENED):

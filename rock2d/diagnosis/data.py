@@ -1,4 +1,4 @@
-"""The data of a fit: segments of a film or impacts of a table, and the residuals that a world leaves in them."""
+"""The data of a fit: segments of a film or impacts of a table, and their residuals in a world."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-ALONG, ACROSS = range(2)  # columns of residuals of impacts; the same three columns later their rates
-COARSE_STEPS = 2.0  # times as long: the residuals change by 0.01 of the noise (median), 0.3 (95 %)
+ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow three columns later
+COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)
 START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
@@ -47,8 +47,8 @@ class Residuals:
     impacts: Array
     flights: Array
 
-    def beyond(self, other: Residuals) -> Residuals:
-        """By how much they are larger than others; 0 where an impact cannot be simulated."""
+    def minus(self, other: Residuals) -> Residuals:
+        """Difference to other residuals; 0 where an impact cannot be simulated."""
         return Residuals(np.nan_to_num(self.impacts - other.impacts), self.flights - other.flights)
 
 
@@ -67,11 +67,11 @@ class FilmData(FilmSegments):
     step_fraction: float = BATCH_STEP_FRACTION
 
     def coarse(self) -> Self:
-        """The same, but impacts are simulated in fewer steps: for a first look."""
+        """The same data with fewer steps in simulated impacts, for exploring."""
         return replace(self, step_fraction=COARSE_STEPS * self.step_fraction)
 
     def flights_alone(self) -> Self:
-        """The same without impacts."""
+        """The same data without impacts."""
         none = {f.name: getattr(self.impacts, f.name)[:0] for f in fields(self.impacts)}
         return replace(self, impacts=replace(self.impacts, **none))
 
@@ -114,7 +114,7 @@ class FilmData(FilmSegments):
             difference[:, [c, VX + c]] /= world.view.true_per_recorded(at, direction)[:, None]
         difference[:, RATES] *= world.view.time_scale
         no_angle = self.unknown_spin[self.impacts.after] > 0.0
-        difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
+        difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # not measured
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
         return Residuals(difference, states.residuals * seen)
 
@@ -123,7 +123,7 @@ class FilmData(FilmSegments):
         return self.states_at(world, self.impacts.before, self.impacts.start_s)
 
     def state_noise(self, world: World) -> Array:
-        """(n, 6, 6) covariance of the states before the impacts, in that world."""
+        """(n, 6, 6) covariance of the states before the impacts, in a world."""
         impacts = self.impacts
         return self.true_covariance(world, impacts.before, impacts.start_s, self.incident(world))
 
@@ -138,8 +138,8 @@ class FilmData(FilmSegments):
         return turn @ after @ turn.transpose(0, 2, 1)
 
     def extra_scatter(self) -> Array:
-        """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter: none, it is estimated from the
-        flights."""
+        """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter. A film has none: its noise is
+        estimated from the flights."""
         return np.empty((len(self.impacts), STATE_SIZE, 0))
 
     def impact_features(self, world: World) -> Array:
@@ -157,7 +157,7 @@ class FilmData(FilmSegments):
         return found
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
-        """The same of the flights after, as far as it is known then."""
+        """Name -> (n,): what is known of each flight after an impact."""
         impacts = self.impacts
         after = self.states_at(world, impacts.after, impacts.begin_s)
         known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
@@ -172,7 +172,7 @@ class FilmData(FilmSegments):
         )
 
     def flight_noise(self, world: World) -> Array:
-        """(m, 3) standard deviation of the true coefficients of a flight that is 1 in the residuals."""
+        """(m, 3) standard deviations of the true coefficients of flights; residuals of flights are in these units."""
         noise = np.tile(self.film.long_noise, (len(self.flight_release), 1))
         middle = self.states(world).middle
         for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
@@ -180,9 +180,9 @@ class FilmData(FilmSegments):
         return noise
 
     def flight_features(self, world: World) -> Array:
-        """(m, features) of flights: accelerations that forces would cause, times the effect of one acceleration."""
+        """(m, features) of flights: accelerations that forces would cause, times the bend under a unit acceleration."""
         flights = self.segmentation.flights
-        lever = self.lever()
+        lever = self.unit_bends()
         x, y, theta, vx, vy, w = self.states(world).middle.T
         speed, size = np.hypot(vx, vy), self._sizes(world)
         terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
@@ -193,8 +193,8 @@ class FilmData(FilmSegments):
             [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
         )
 
-    def lever(self) -> Array:
-        """(m,) bend of each flight under one acceleration, of unit mean square."""
+    def unit_bends(self) -> Array:
+        """(m,) bend of each flight under the same acceleration, scaled to unit mean square."""
         duration = 1.0 / (self.basis.slope * self.basis.level)
         lever = duration**2 / self.basis.level
         return np.asarray(lever / np.sqrt(np.mean(lever**2)))
@@ -205,7 +205,7 @@ class FilmData(FilmSegments):
 
 @dataclass
 class TableData(ImpactTable):
-    """n impacts of a table, with the methods of `FilmData`: the law is simulated through each from the state before it.
+    """n impacts of a table, with the methods of `FilmData`. Each impact is simulated from the state before it.
 
     Only velocities are compared: the position of the block at the instant of the measurement is rarely known to the
     depth of an indentation. On a hard floor the time in contact is not seen either, so the data determine only the
@@ -221,25 +221,25 @@ class TableData(ImpactTable):
         return np.empty(0, np.int64)
 
     def coarse(self) -> Self:
-        """The same: single impacts take little time."""
+        """The same data: single impacts take little time."""
         return self
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
         (n, 6) is added to the states before.
 
-        A block that the impact does not throw off has the velocities with which it stays on the ground.
+        A block that does not leave the ground has the velocities with which it stays on the ground.
         """
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
         size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
         starts, gap = true.copy(), heights(world, self.impact_block, true[:, POSE])
-        starts[:, X] += gap * self.tangent[:, Y]  # along the normal until it just touches
+        starts[:, X] += gap * self.tangent[:, Y]  # along the normal, until the block touches the ground
         starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
         earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
-        # the way back of a slow block, or of one that turns into the ground, may not be clear
+        # a slow block, or one that rotates into the ground, may touch the ground on the way back
         clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
         starts = np.where(clear[:, None], earlier, starts)
         lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
@@ -261,15 +261,15 @@ class TableData(ImpactTable):
         return _true_states(world, self.before)
 
     def state_noise(self, world: World) -> Array:
-        """Zero: the noise of a table is not known. It is fitted, see `extra_scatter`."""
+        """(n, 6, 6) zeros: the noise of a table is unknown. It is fitted, see `extra_scatter`."""
         return np.zeros((len(self.before), STATE_SIZE, STATE_SIZE))
 
     def outcome_noise(self) -> Array:
-        """(n, 3, 3): a floor for numbers that a table gives with a few digits."""
+        """(n, 3, 3) covariance of rounding errors: a table gives numbers with a few digits."""
         return np.eye(3) * (RELATIVE_PRECISION * self._spread()) ** 2 * np.ones((len(self.before), 1, 1))
 
     def extra_scatter(self) -> Array:
-        """(n, 3, 3) directions of the measurement's noise: the velocities, in units of their own spread."""
+        """(n, 3, 3) directions of the measurement noise: the velocities, in units of their spread."""
         return np.eye(3) * self._spread() * np.ones((len(self.before), 1, 1))
 
     def _spread(self) -> Array:
@@ -288,26 +288,26 @@ class TableData(ImpactTable):
         return found | history_quantities(self.impact_release, self.impact_order, np.arange(len(self.before)))
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
-        """The same of the velocities after."""
+        """Name -> (n,): the velocities after the impacts."""
         return moving_quantities(self.after) | {SERIES: self.impact_order.astype(float)}
 
     def flight_features(self, world: World) -> Array:
-        """A table has no flights."""
+        """(0, 1): a table has no flights."""
         return np.empty((0, 1))
 
 
 def _true_states(world: World, recorded: Array) -> Array:
     """States of the centre of mass from recorded states (n, 6) of the centroid."""
-    here = world.view.true(recorded[:, POSE])
-    ahead = world.view.true(recorded[:, POSE] + VELOCITY_STEP_S * recorded[:, RATES])
-    return np.column_stack([here, (ahead - here) / (VELOCITY_STEP_S * world.view.time_scale)])
+    pose = world.view.true(recorded[:, POSE])
+    later_pose = world.view.true(recorded[:, POSE] + VELOCITY_STEP_S * recorded[:, RATES])
+    return np.column_stack([pose, (later_pose - pose) / (VELOCITY_STEP_S * world.view.time_scale)])
 
 
 def _recorded_velocities(world: World, true: Array) -> Array:
     """(n, 3) velocities in the image of true states (n, 6)."""
-    here = world.view.record(true[:, POSE])
-    ahead = world.view.record(true[:, POSE] + VELOCITY_STEP_S * true[:, RATES])
-    return (ahead - here) / VELOCITY_STEP_S * world.view.time_scale
+    pose = world.view.record(true[:, POSE])
+    later_pose = world.view.record(true[:, POSE] + VELOCITY_STEP_S * true[:, RATES])
+    return (later_pose - pose) / VELOCITY_STEP_S * world.view.time_scale
 
 
 Data = FilmData | TableData

@@ -1,4 +1,4 @@
-"""Derivatives of the residuals, by differences, and the covariance of the measurement noise in them."""
+"""Derivatives of the residuals by finite differences, and the covariance of their measurement noise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, from_scale, scatters
+from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, from_scale, scatter_positions
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -33,8 +33,8 @@ class Jacobian:
     covariance: Array
 
     def only(self, parameters: Array | slice) -> Jacobian:
-        """The same by some of the parameters; in an order in memory that does not change on the way to a worker, where
-        sums would else differ in their last digits."""
+        """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
+        otherwise differ in the last digits: the memory layout would change on the way."""
         impacts, flights = (
             np.ascontiguousarray(own[..., parameters]) for own in (self.impacts, self.flights)
         )
@@ -50,14 +50,14 @@ def jacobian_by_differences(
     covariance: Array | None = None,
     known: Jacobian | None = None,
 ) -> Jacobian:
-    """Derivatives at p by differences.
+    """Derivatives at p by finite differences.
 
     Parameters
     ----------
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise is computed
-    covariance : covariance of the noise, if it is known
-    known : derivatives by the first parameters at the same place, if they are known
+    covariance : covariance of the noise, if known
+    known : derivatives by the first parameters at p, if known
     """
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
@@ -66,19 +66,19 @@ def jacobian_by_differences(
     if known is not None:
         first = known.impacts.shape[-1]
         by_impacts[..., :first], by_flights[..., :first] = known.impacts, known.flights
-    fixed = {*scatters(model), *discrete(model)}
+    fixed = {*scatter_positions(model), *choice_positions(model)}
     for k in sorted(set(range(first, model.named_size)) - fixed):
         step = DIFFERENCE_STEP if p[k] + DIFFERENCE_STEP <= high[k] else -DIFFERENCE_STEP
-        ahead = model.residuals(p + step * (np.arange(size) == k), data)
-        by_impacts[..., k] = (ahead.impacts - at.impacts) / step
-        by_flights[..., k] = (ahead.flights - at.flights) / step
+        stepped = model.residuals(p + step * (np.arange(size) == k), data)
+        by_impacts[..., k] = (stepped.impacts - at.impacts) / step
+        by_flights[..., k] = (stepped.flights - at.flights) / step
     by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
     if model.responses and first < size:
         learnt = model.derivatives_by_coefficients(p, data, at, by_law)
         by_impacts[..., named:], by_flights[..., named:] = learnt.impacts, learnt.flights
     columns = [by_law]
     for i, effect in enumerate(model.effects):
-        if effect.scatter:  # differentiated by the same amount at every impact
+        if effect.scatter:  # derivative by an equal amount at every impact
             amounts = [list(v) for v in model.values(p)]
             amounts[i] = [from_scale(model.parameters[i][0], DIFFERENCE_STEP)]
             moved = model.residuals(p, data, amounts=amounts)
@@ -108,7 +108,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
         slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
         bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
     by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
-    own = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
+    variance_of_square = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
     curved = []
     for k in range(len(BASE_WIDTH)):
         step = scatter[k] * (np.arange(model.size) == k)
@@ -118,7 +118,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     return (
         by_soil @ by_soil.transpose(0, 2, 1)
         + by_state @ before @ by_state.transpose(0, 2, 1)
-        + (by_square * own[:, None]) @ by_square.transpose(0, 2, 1)
+        + (by_square * variance_of_square[:, None]) @ by_square.transpose(0, 2, 1)
         + data.outcome_noise()
     )
 

@@ -41,7 +41,7 @@ from rock2d.diagnosis.likelihood import (
     prior,
 )
 from rock2d.diagnosis.linear_model import LinearModel
-from rock2d.diagnosis.model import BASE_WIDTH, discrete, from_scale
+from rock2d.diagnosis.model import BASE_WIDTH, choice_positions, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
@@ -106,7 +106,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     found, data = result.found, result.data
     assert found is not None and data is not None
     # what the forms of the laws that are there may leave
-    others = [found.evidence[name].alone.total for name in found.named if not catalogue()[name].camera]
+    others = [found.evidence[name].own_gain.total for name in found.named if not catalogue()[name].camera]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
@@ -206,7 +206,7 @@ class _AddedEffect:
         own, self._others = self._model.places[effect.name], np.ones(self._model.size, bool)
         self._others[own] = False
         # the parameter that is its size, and of an effect that each block has of its own that of each
-        step = len(effect.parameters) if self._model.of_each(effect) else own.stop - own.start
+        step = len(effect.parameters) if self._model.has_own_parameters(effect) else own.stop - own.start
         self._sizes = np.arange(own.start, own.stop, step)
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
         further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
@@ -241,10 +241,10 @@ class _AddedEffect:
         values = values_of_size(self._effect, size, self._world)
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
         own = fit.residuals
-        change = model.residuals(moved, data).beyond(own)
+        change = model.residuals(moved, data).minus(own)
         unit = np.abs(moved - p)[self._sizes]
         further = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
-        if model.of_each(self._effect):  # there are no impacts
+        if model.has_own_parameters(self._effect):  # there are no impacts
             blocks = [list(model.setup.blocks).index(name) for name in model.flown]
             further.flights *= np.equal.outer(data.flight_block, blocks)[:, None, None]
 
@@ -292,7 +292,7 @@ class _AddedEffect:
         covariance, (centre, precision) = fit.covariance(), prior(self._model)
         curvature, grad = normal_equations(fit.residuals, jacobian, covariance)
         curvature, grad = curvature + np.diag(precision), grad + precision * (self._p - centre)
-        grad[discrete(self._model)] = 0.0
+        grad[choice_positions(self._model)] = 0.0
         of_p = clustered_covariance(
             fit.residuals,
             jacobian,

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, registered_by_fit
+from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, register_by_fit
 from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
-from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, impact_part, where
+from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, gap_cells, impact_part
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
@@ -105,7 +105,7 @@ def diagnose(
     setup = setup_world(experiment)
     with bars.stage(READING, 2, "steps") as bar:
         bars.starts()
-        sanity, data = prepared(experiment, setup)
+        sanity, data = check_and_segment(experiment, setup)
         bar.step("flights and impacts")
         result = Diagnosis(experiment, sanity, setup, findings_of_film(experiment, setup, sanity, data))
         bar.step("scale and rest")
@@ -125,7 +125,7 @@ def diagnose(
     with threadpool_limits(1):
         base, refitted = fit_base(setup, base_start(experiment), data, sanity.registered, bars), None
         if isinstance(data, FilmData) and len(data.impacts) and base.free:
-            better = registered_by_fit(base, data)
+            better = register_by_fit(base, data)
             if better is not None:
                 data, sanity.registered = better
                 sanity.remarks.append(registered_remark(sanity.registered))
@@ -144,7 +144,7 @@ def diagnose(
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
         result.budget = gaps.budget
         bar.step("budget")
-        result.cells = locate(experiment, data, found, setup)
+        result.cells = locate_gap(experiment, data, found, setup)
         bar.step("places")
         if isinstance(data, FilmData) and len(data.impacts):
             result.predicted = predicted_gap(data, found.sets[frozenset()], found.learnt, seed)
@@ -161,14 +161,14 @@ def registered_remark(world: World) -> str:
     )
 
 
-def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | TableData | None]:
+def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | TableData | None]:
     """What the sanity checks found, and flights and impacts; None instead of these if there is a fault."""
     data: FilmData | TableData
     if experiment.trajectories is not None:
-        sanity, seen = _segmented(experiment, setup)
+        sanity, seen = _check_and_segment_film(experiment, setup)
         noisy, remarks = with_camera_noise(experiment, seen.film) if seen is not None else (experiment, [])
         if remarks:
-            sanity, seen = _segmented(noisy, setup)
+            sanity, seen = _check_and_segment_film(noisy, setup)
             sanity.remarks += remarks
         if seen is None:
             return sanity, None
@@ -193,7 +193,7 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
     return sanity, None if sanity.faults else data
 
 
-def _segmented(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | None]:
+def _check_and_segment_film(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | None]:
     """What the sanity checks found in a film, and its flights and impacts; None instead if there is a fault."""
     film = load_film(experiment)
     sanity = check_film(experiment, film)
@@ -215,7 +215,7 @@ def findings_of_film(
     return film_findings(segments, world, experiment.fps, experiment.from_gravity)
 
 
-def locate(
+def locate_gap(
     experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
 ) -> list[Cell]:
     """Where the gap lies. A flight belongs to the zone below its middle, a rest to the zone below its end."""
@@ -246,7 +246,7 @@ def locate(
             zone, block = zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
             release = flights.release[rests.flight]
             parts.append(Part("rest", before - after, before, after, zone, block, release))
-    return where(parts, cross_section.zone_names, blocks)
+    return gap_cells(parts, cross_section.zone_names, blocks)
 
 
 def zone_below(cross_section: CrossSection, x: Array) -> Array:

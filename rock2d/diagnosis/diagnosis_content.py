@@ -12,12 +12,12 @@ from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
 from rock2d.diagnosis.cause_sets import TWINS
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.evidence import inclusion
+from rock2d.diagnosis.evidence import inclusion_probabilities
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects import air_drag, catalogue
 from rock2d.effects.effect import Effect
@@ -56,7 +56,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
         size = len(effect.parameters)
         out[effect.name] = {
             parameter.name: _of_blocks(model, effect, entries[j::size])
-            if model.of_each(effect)
+            if model.has_own_parameters(effect)
             else entries[j]
             for j, parameter in enumerate(effect.parameters)
         }
@@ -212,7 +212,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _gain_json(own: OverReleases) -> dict[str, float]:
+def _gain_json(own: SummedGain) -> dict[str, float]:
     return {"heldout_score_gain": own.total, "heldout_score_gain_se": own.error}
 
 
@@ -238,7 +238,7 @@ def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) ->
     """The causes, most probable first: effects of the model with the share that each closes, and others that are
     possible, with the parameters that they have alone."""
     known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
-    chances = inclusion(found.evidence)
+    chances = inclusion_probabilities(found.evidence)
     out = []
     for name in sorted(chances, key=lambda n: -chances[n]):
         if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:

@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, LEVERS, OUTCOME, SLOPE, STATE, Levers
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.quantities import CONSTANT, Basis
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import SummedGain
 
 Array = np.ndarray
 
@@ -38,7 +38,7 @@ CHANCE_PENALTY = 2.0  # log likelihood for each factor of e in the number of bas
 
 
 @dataclass
-class Discrepancy(OverReleases):
+class Discrepancy(SummedGain):
     """A dependence of a lever on measured quantities, and what it gains.
 
     Attributes

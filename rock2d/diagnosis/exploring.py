@@ -14,7 +14,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
-from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions, to_scale
 
 Array = np.ndarray
 
@@ -35,7 +35,7 @@ def fit_to_some(base: Fit, data: Data) -> float:
     if some.all():
         return base.total()
     part = base.only(some[data.impact_release], some[data.flight_release])
-    return _short(CachedResiduals(base.model, data.only(some).coarse()), part.p, part).total()
+    return _short_fit(CachedResiduals(base.model, data.only(some).coarse()), part.p, part).total()
 
 
 class Explored(NamedTuple):
@@ -98,7 +98,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
         p = scan(cached, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in starts):
             starts.append(p)
-    found = [_short(cached, p, base) for p in starts]
+    found = [_short_fit(cached, p, base) for p in starts]
     if any(q.must_choose for own in model.parameters for q in own):
         p = scan(cached, model.start(), WIDE_SCAN * base.covariance(), None)
         found.append(fit(model, data, p, convergence=FEW_ROUNDS))
@@ -107,14 +107,14 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
         again = scan(cached, best.p, best.covariance(), best.jacobian)
         if np.allclose(again, best.p):
             break
-        other = _short(cached, again, best)
+        other = _short_fit(cached, again, best)
         if other.total() < best.total() + RESCAN_GAIN:
             break
         best = other
     return best
 
 
-def _short(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
+def _short_fit(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
     return fit(cached.model, cached.data, start, old=base, convergence=FEW_ROUNDS, keep_jacobian=True)
 
 
@@ -150,7 +150,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
 
     best = value(cached.residuals(p))
     for k, parameter in enumerate(parameters, first):
-        if k in scatters(model):
+        if k in scatter_positions(model):
             continue
         choices = [to_scale(parameter, v) for v in parameter.choices]
         grid = choices or np.linspace(low[k], high[k], SCAN_VALUES)
@@ -162,7 +162,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
             if own > best:
                 best, p = own, trial
             if jacobian is not None:
-                step, after = _followed(model, trial, residuals, jacobian, covariance)
+                step, after = _base_step(model, trial, residuals, jacobian, covariance)
                 followed.append((value(after), np.clip(trial - step, low, high)))
         expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
         if expected > best and (own := value(cached.residuals(other))) > best:
@@ -170,7 +170,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
     return p
 
 
-def _followed(
+def _base_step(
     model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array
 ) -> tuple[Array, Residuals]:
     """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""

@@ -17,7 +17,7 @@ from rock2d.diagnosis.likelihood import (
     normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters
+from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions
 from rock2d.diagnosis.soil_scatter import fit_scatter, scatter_errors
 
 Array = np.ndarray
@@ -145,7 +145,7 @@ def fit(
         covariance = residual_covariance(jacobian, scatter)
         curvature, grad = normal_equations(at.residuals, jacobian, covariance)
         grad = grad + posterior.prior_precision * (at.p - posterior.centre)
-        grad[discrete(model)] = 0.0  # a scan chooses them
+        grad[choice_positions(model)] = 0.0  # a scan chooses them
         before, now = at, posterior.cost(at, covariance)
         least = convergence.at(-now)
         at, damping, gain = _advance(posterior, at, now, covariance, curvature, grad, damping, least)
@@ -163,7 +163,7 @@ def fit(
         (data.impact_release, data.flight_release), len(data.order),
     )  # fmt: skip
     errors = scatter_errors(at.residuals.impacts, jacobian, scatter)
-    for i, k in enumerate(scatters(model), len(BASE_WIDTH)):
+    for i, k in enumerate(scatter_positions(model), len(BASE_WIDTH)):
         at.p[k], p_covariance[k, k] = scatter[i], (errors[i] * scatter[i]) ** 2
     return Fit(model, at.p, p_covariance, scatter, jacobian, at.residuals)
 

@@ -1,7 +1,7 @@
 """The sim-to-real gap: which share of it each model closes, and where it lies, on held-out releases.
 
-How large a gap is, `budget` says. Its floor follows from the lower one of two: what remains once a flexible regression
-has subtracted all that it can predict, and what near-replicates leave (`replicates`).
+`budget` defines the size of a gap. Its floor follows from the lower of two estimates: the residuals that a flexible
+regression cannot predict, and the differences of near-replicates (`replicates`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution, Candidate
-from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Share, Sizes, budget, share
+from rock2d.diagnosis.budget import SMALLEST_SD, Budget, GapBootstrap, ResidualSizes, Share, budget, share
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replicates import replicate_ratio
@@ -24,25 +24,25 @@ SIGNIFICANT_CELL_Z = 2.0
 
 
 class Gaps:
-    """The gap of an attribution: its budget, and what each effect closes alone."""
+    """The gap of an attribution: its budget, and the share that each effect closes alone."""
 
     def __init__(self, data: Data, found: Attribution, seed: int) -> None:
         covariance = found.final.fit.covariance()
-        self._sizes = sizes = Sizes(data, covariance)
-        self._draws = Draws(sizes, seed)
+        self._sizes = sizes = ResidualSizes(data, covariance)
+        self._draws = GapBootstrap(sizes, seed)
         base, learnt = sizes.of(found.base_held_out.residuals), sizes.of(found.learnt.held_out.residuals)
-        regression = sizes.remaining(found.left_regressed)
+        regression = sizes.of_remaining(found.learnt_regressed)
         world = found.final.fit.model.world(found.final.fit.p, data.impact_order)
         ratio = replicate_ratio(data, world, clipped(sizes.z(found.learnt.held_out.residuals)))
         gap = self._draws.gap
-        floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
-        self._base, flexible = gap(base), gap(sizes.remaining(found.base_regressed))
+        floors = gap(regression), self._draws.gap_after_reduction(learnt, sizes.impacts, ratio)
+        self._base, flexible = gap(base), gap(sizes.of_remaining(found.base_regressed))
         self._floor = self._draws.floor([*floors, flexible], [self._base])
         sets = {names: sizes.of(own.held_out.residuals) for names, own in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 
     def of(self, candidate: Candidate) -> Share:
-        """What a candidate closes."""
+        """Share of the gap that a candidate closes."""
         augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
         return share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
 
@@ -53,7 +53,9 @@ class Cell:
 
     Attributes
     ----------
-    share : share of the whole gap; `z`: the same in standard errors
+    phase, zone, block, channel : the place
+    share : share of the whole gap
+    z : significance of the share, in standard errors
     base, augmented : typical residual there, of the base law and of the best model
     """
 
@@ -69,16 +71,16 @@ class Cell:
 
 @dataclass
 class Part:
-    """Squares of residuals (n, 3 channels, squares of each) and where each row belongs.
+    """Squares of residuals (n, 3 channels, squares of each), with zone, block and release (n,) of each row.
 
     Attributes
     ----------
-    taken : amount by which the best explanation reduces those of the base
-    base, augmented : those of the base law and of the best model
+    explained : reduction of the squares of the base law by the best explanation
+    base, augmented : squares of the base law and of the best model
     """
 
     phase: str
-    taken: Array
+    explained: Array
     base: Array
     augmented: Array
     zone: Array
@@ -95,11 +97,11 @@ CHANNELS = {
 
 
 def _explained_squares(found: Attribution, kind: str) -> Array:
-    """Squares by which the best explanation reduces those of "impacts" or "flights": the best model, with the flexible
-    regression on top where it finds more, or the regression alone where no effect helps."""
+    """Reduction of the squares of "impacts" or "flights" by the best explanation: the best model, if useful with the
+    flexible regression on top, or the regression alone."""
     base, better, remaining = (
         found.base_regressed,
-        (found.best_regressed, found.left_regressed),
+        (found.best_regressed, found.learnt_regressed),
         f"{kind}_remaining",
     )
     left = [getattr(base, remaining), *(getattr(own, name) for own in better for name in (kind, remaining))]
@@ -109,22 +111,22 @@ def _explained_squares(found: Attribution, kind: str) -> Array:
 def impact_part(
     found: Attribution, zone: Array, block: Array, release: Array, bare: Array | None = None
 ) -> Part:
-    """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
-    effect, if they and not those of the base are to be explained."""
-    taken = _explained_squares(found, "impacts")
+    """Squares of impacts along the ground, across it, and of the spin. `bare` (n, d): residuals of the law without the
+    effect, if these are to be explained instead of those of the base."""
+    explained = _explained_squares(found, "impacts")
     if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
-        taken = _explained_spread(found)  # no mean shifts, so `bare` does not matter
+        explained = _explained_spread(found)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
         scale = standard_deviations(found.final.fit.covariance())
-        taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
-    squares = np.stack([taken, found.base_regressed.impacts**2, found.left_regressed.impacts**2])
-    n, d = taken.shape
-    taken, base, left = squares.reshape(3, n, d // 3, 3).swapaxes(2, 3)
-    return Part("impact", taken, base, left, zone, block, release)
+        explained = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + explained
+    squares = np.stack([explained, found.base_regressed.impacts**2, found.learnt_regressed.impacts**2])
+    n, d = explained.shape
+    explained, base, left = squares.reshape(3, n, d // 3, 3).swapaxes(2, 3)
+    return Part("impact", explained, base, left, zone, block, release)
 
 
 def _explained_spread(found: Attribution) -> Array:
-    """(n, channels) gain in deviance of each channel, for an effect that shifts no mean but widens the spread."""
+    """(n, channels) gain in deviance, for an effect that widens the spread and shifts no mean."""
     deviance = []
     for fitted, out in (
         (found.base, found.base_held_out),
@@ -136,18 +138,18 @@ def _explained_spread(found: Attribution) -> Array:
 
 
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
-    """Flights, by coordinate."""
-    taken = _explained_squares(found, "flights")
-    squares = np.stack([taken, found.base_regressed.flights**2, found.left_regressed.flights**2])
-    taken, base, left = squares.reshape(3, len(taken), 3, FLIGHT_DEGREES)
-    return Part("flight", taken, base, left, zone, block, release)
+    """Squares of flights, by coordinate."""
+    explained = _explained_squares(found, "flights")
+    squares = np.stack([explained, found.base_regressed.flights**2, found.learnt_regressed.flights**2])
+    explained, base, left = squares.reshape(3, len(explained), 3, FLIGHT_DEGREES)
+    return Part("flight", explained, base, left, zone, block, release)
 
 
-def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
-    """Where the base is wrong, by phase, zone, block and channel: largest share first.
+def gap_cells(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
+    """The gap by phase, zone, block and channel, largest share first.
 
-    The shares of the significant places sum to 1, or of all places if none is significant. Where blocks come to rest
-    follows from their impacts and is no part of the gap. It is listed only if nothing else is significant.
+    The shares of the significant places sum to 1; if none is significant, those of all places. Where blocks come to
+    rest follows from their impacts and is not a part of the gap. It is listed only if nothing else is significant.
     """
     cells = []
     for part in parts:
@@ -155,10 +157,10 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
             for b in np.unique(part.block):
                 own = (part.zone == z) & (part.block == b)
                 for c, channel in enumerate(CHANNELS[part.phase]):
-                    amount = part.taken[own, c].sum(axis=1)
+                    amount = part.explained[own, c].sum(axis=1)
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[own])
-                        sizes = [typical(v[own, c]) for v in (part.base, part.augmented)]
+                        sizes = [typical_size(v[own, c]) for v in (part.base, part.augmented)]
                         place = part.phase, zones[int(z)], blocks[int(b)], channel
                         cells.append(Cell(*place, float(amount.sum()), sigma, *sizes))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]
@@ -169,12 +171,13 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
     return sorted(shown, key=lambda cell: -cell.share)
 
 
-def typical(squares: Array) -> float:
+def typical_size(squares: Array) -> float:
     """Geometric mean of the sizes of residuals, from their squares (n, columns)."""
     return float(np.exp(0.5 * np.log(np.maximum(squares.mean(axis=1), SMALLEST_SD**2)).mean()))
 
 
 def _significance(amount: Array, release: Array) -> float:
-    """Sum over its standard error, with releases as clusters; by chance alone a square varies by about √2."""
+    """Sum divided by its standard error, with releases as clusters; a squared standard normal residual has a standard
+    deviation of √2."""
     clusters = np.bincount(release, amount)[np.unique(release)]
     return float(amount.sum() / np.hypot(clusters.std() * np.sqrt(len(clusters)), np.sqrt(2.0 * len(amount))))

@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
 from rock2d.diagnosis.levers import LEVERS, Levers
 from rock2d.diagnosis.model import LeverResponse
-from rock2d.diagnosis.significance import Gain, OverReleases
+from rock2d.diagnosis.significance import Gain, SummedGain
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
 
 
 @dataclass
-class Change(KnownChange, OverReleases):
+class Change(KnownChange, SummedGain):
     """A learnt change, with its coefficients in SI, or for the law of the logarithm.
 
     Attributes
@@ -76,7 +76,7 @@ def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learn
                 CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf)
             )
             columns = levers.columns(response)
-            fitted = _fitted(state.fit, data, response, columns, dependence.width, convergence)
+            fitted = _fit_with_change(state.fit, data, response, columns, dependence.width, convergence)
             out = cross_validate(fitted, data)
             own = Learnt(fitted, out, [])
             tried.append((dependence, own, held_out_gain(data, own, state)))
@@ -112,7 +112,7 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     return wider.residuals(np.concatenate([p, coefficients]), data)
 
 
-def _fitted(
+def _fit_with_change(
     old: Fit, data: Data, response: LeverResponse, columns: Residuals, width: float, convergence: Convergence
 ) -> Fit:
     """The fit with one more change."""

@@ -23,7 +23,7 @@ from rock2d.diagnosis.likelihood import (
     impact_weight,
     prior,
 )
-from rock2d.diagnosis.model import discrete
+from rock2d.diagnosis.model import choice_positions
 
 Array = np.ndarray
 
@@ -78,15 +78,15 @@ class LinearModel:
             found.append(Step(gain, self._newton(curvature, grad, width)[1], i))
         return max(found, key=lambda step: float(step.gain.sum()))
 
-    def by_chance(self, columns: Residuals) -> Array:
+    def chance_gains(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) what the columns would gain by chance: the residuals of each release have a random sign. That
         keeps their sizes, and what is alike within a release, and breaks what is alike in many releases."""
-        own = self._total_by_chance(self._own, self._fit.jacobian.flights)
+        own = self._chance_totals(self._own, self._fit.jacobian.flights)
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = np.concatenate([self._fit.jacobian.flights, columns.flights], axis=-1)
-        return self._total_by_chance(impacts, flights) - own
+        return self._chance_totals(impacts, flights) - own
 
-    def _total_by_chance(self, impacts: Array, flights: Array) -> Array:
+    def _chance_totals(self, impacts: Array, flights: Array) -> Array:
         """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""
         data, n, size = self._data, len(self._data.order), impacts.shape[-1]
         pulls = np.zeros((n, size))
@@ -95,7 +95,7 @@ class LinearModel:
         )
         steady = self._flight_weight * self._flights
         np.add.at(pulls, data.flight_release, np.einsum("mcdk,mcd->mk", flights, steady))
-        pulls[:, discrete(self._fit.model)] = 0.0
+        pulls[:, choice_positions(self._fit.model)] = 0.0
         signs = np.random.default_rng(CHANCE_SEED).choice([-1.0, 1.0], (CHANCE_DRAWS, n))
         parts = [self._moments(impacts, flights, k)[0] for k in range(FOLDS)]
         prior_precision = prior(self._fit.model)[1]
@@ -121,7 +121,7 @@ class LinearModel:
         size = len(own) + len(further)
         precision = np.concatenate([prior_precision, further])
         pull = np.concatenate([grad[: len(own)] + prior_precision * (own - centre), grad[len(own) : size]])
-        pull[discrete(model)] = 0.0  # a scan chooses them
+        pull[choice_positions(model)] = 0.0  # a scan chooses them
         step = np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
         return step, step[len(own) :]
 

@@ -62,7 +62,7 @@ class Model:
     p: first the five of the base, then the effects', then the coefficients of the learnt changes. It is dimensionless:
     logarithms relative to `base`, effect parameters in units of their plausible range, coefficients in units of
     `widths` (c,).
-    `beside`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
+    `known_p`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
     `flown`: blocks of which each has its own parameters of what the air does, on the scale of its size; without any,
     all blocks share them.
     """
@@ -70,7 +70,7 @@ class Model:
     setup: World
     base: Array
     effects: Sequence[Effect] = ()
-    beside: Array | None = None
+    known_p: Array | None = None
     flown: Sequence[str] = field(default=(), kw_only=True)
     responses: Sequence[LeverResponse] = field(default=(), kw_only=True)
     widths: Array = field(default_factory=lambda: np.empty(0), kw_only=True)
@@ -82,13 +82,13 @@ class Model:
         return [
             [
                 p.at(size, self.setup.gravity_m_s2)
-                for size in (own if self.of_each(e) else mean)
+                for size in (own if self.has_own_parameters(e) else mean)
                 for p in e.parameters
             ]
             for e in self.effects
         ]
 
-    def of_each(self, effect: Effect) -> bool:
+    def has_own_parameters(self, effect: Effect) -> bool:
         """Whether each block has its own parameters of an effect."""
         return bool(self.flown) and effect.origin == FLIGHT
 
@@ -104,7 +104,7 @@ class Model:
 
     def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
         """The world with an effect at its `values`."""
-        if not self.of_each(effect):
+        if not self.has_own_parameters(effect):
             return effect.apply(world, values)
         each = np.reshape(values, (len(self.flown), -1))
         without = effect.apply(world, [p.neutral for p in effect.parameters])
@@ -135,9 +135,9 @@ class Model:
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
         most = 3 * BASE_WIDTH
         most[BASE_K_L] = LARGEST_LOG_K_L
-        if self.beside is not None:
+        if self.known_p is not None:
             # a useless effect could drift to a rigid ground, whose simulation takes very long
-            known = np.maximum(self.beside[STIFFNESS_PARAMETERS], 0.0)
+            known = np.maximum(self.known_p[STIFFNESS_PARAMETERS], 0.0)
             most[STIFFNESS_PARAMETERS] = np.minimum(most[STIFFNESS_PARAMETERS], known + STIFFNESS_HEADROOM)
         learnt = np.full(len(self.widths), LARGEST_COEFFICIENT)
         return np.concatenate([-3 * BASE_WIDTH, low, -learnt]), np.concatenate([most, high, learnt])
@@ -221,7 +221,7 @@ class LeverDerivatives:
         """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
         setup = self.model.setup
         tilted = replace(self.model, setup=replace(setup, slope_rad=setup.slope_rad + SLOPE_STEP_RAD))
-        return tilted.residuals(self.p, self.data).beyond(self.at).impacts / SLOPE_STEP_RAD
+        return tilted.residuals(self.p, self.data).minus(self.at).impacts / SLOPE_STEP_RAD
 
     @cached_property
     def by_state(self) -> Array:
@@ -229,7 +229,7 @@ class LeverDerivatives:
         setup, columns = self.model.setup, []
         for k, unit in enumerate(STATE_STEP * state_units(setup)):
             shift = unit * (np.arange(STATE_SIZE) == k)
-            columns.append(self.model.residuals(self.p, self.data, shift).beyond(self.at).impacts / unit)
+            columns.append(self.model.residuals(self.p, self.data, shift).minus(self.at).impacts / unit)
         return np.stack(columns, axis=-1)
 
     def by_coefficients(self, response: LeverResponse) -> Residuals:
@@ -285,12 +285,12 @@ def from_scale(p: Parameter, z: float) -> float:
     return p.neutral + z * 0.5 * (p.high - p.low)
 
 
-def discrete(model: Model) -> list[int]:
+def choice_positions(model: Model) -> list[int]:
     """Positions of the parameters that can only be chosen from a list."""
     parameters = [q for own in model.parameters for q in own]
     return [len(BASE_WIDTH) + i for i, q in enumerate(parameters) if q.choices]
 
 
-def scatters(model: Model) -> list[int]:
+def scatter_positions(model: Model) -> list[int]:
     """Positions of the parameters that are standard deviations of what varies from impact to impact."""
     return [model.places[e.name].start for e in model.scatter_effects]

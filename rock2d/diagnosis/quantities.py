@@ -44,8 +44,8 @@ MOST_COUNTED_IMPACTS = 2  # later impacts of a release count as one kind
 TOUCH_RADII, SLOWEST_TOUCH_M_S = 0.3, 0.1
 
 # name of a dependence -> its quantities and how they enter
-Entries = Mapping[str, tuple[tuple[str, str], ...]]
-IMPACT_DEPENDENCES: Entries = {
+Dependences = Mapping[str, tuple[tuple[str, str], ...]]
+IMPACT_DEPENDENCES: Dependences = {
     CONSTANT: (),
     "block": ((BLOCK, KINDS),),
     "zone": ((ZONE, KINDS),),
@@ -60,7 +60,7 @@ IMPACT_DEPENDENCES: Entries = {
     "series": ((SERIES, SPLINE),),
     "history": ((HISTORY, KINDS),),
 }
-FLIGHT_DEPENDENCES: Entries = {
+FLIGHT_DEPENDENCES: Dependences = {
     CONSTANT: (),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE), (DRAG_X_M2_S2, LINE), (DRAG_Y_M2_S2, LINE)),
     "spin": ((OMEGA_RAD_S, LINE), (SPIN_VX_M_S2, LINE), (SPIN_VY_M_S2, LINE)),
@@ -74,14 +74,14 @@ FLIGHT_DEPENDENCES: Entries = {
     "history": ((HISTORY, KINDS),),
 }
 # dependences of what the camera or the ground adds to the motion before and after an impact alike
-FRAME_DEPENDENCES: Entries = {
+FRAME_DEPENDENCES: Dependences = {
     CONSTANT: (),
     "spin": ((OMEGA_RAD_S, LINE),),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
     "series": ((SERIES, LINE),),
 }
 # dependences of a slope of the ground that the survey does not show
-SLOPE_DEPENDENCES: Entries = {
+SLOPE_DEPENDENCES: Dependences = {
     "zone": ((ZONE, KINDS),),
     "place": ((PLACE_M, SPLINE),),
     "place in detail": ((PLACE_M, FINE),),
@@ -154,7 +154,7 @@ class Basis:
         return {"depends_on": self.name, "curves": [asdict(curve) for curve in self.curves]}
 
 
-def quantities_of(dependences: Entries) -> frozenset[str]:
+def quantities_of(dependences: Dependences) -> frozenset[str]:
     """All quantities of dependences."""
     return frozenset(quantity for parts in dependences.values() for quantity, _ in parts)
 
@@ -169,7 +169,7 @@ def read_basis(content: Mapping[str, Any]) -> Basis:
     return Basis(content["depends_on"], tuple(curves))
 
 
-def bases(dependences: Entries, quantities: Mapping[str, Array]) -> dict[str, Basis]:
+def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str, Basis]:
     """The bases of dependences for measured quantities (n,), name -> basis. What does not vary is left out."""
     found = {}
     for name, parts in dependences.items():

@@ -18,7 +18,7 @@ from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
 from rock2d.diagnosis.linear_model import CHANCE_DRAWS, LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import SummedGain
 from rock2d.effects.effect import Effect, Parameter
 
 Array = np.ndarray
@@ -28,19 +28,19 @@ LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of the size t
 
 
 @dataclass
-class Expected(OverReleases):
+class Expected(SummedGain):
     """What a linear model expects of an effect beside a fit.
 
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
     p : parameters of the model with the effect from which its fit may start
-    by_chance : (draws,) what it would gain by chance, see `LinearModel.by_chance`
+    chance_gains : (draws,) what it would gain by chance, see `LinearModel.chance_gains`
     """
 
     gain: Array
     p: Array
-    by_chance: Array
+    chance_gains: Array
 
 
 class Screening:
@@ -52,12 +52,12 @@ class Screening:
     def expected(self, effect: Effect, alone: Array) -> Expected:
         """Expected gain of an effect; `alone`: parameters of the fit of the base law with it."""
         own = self._fit
-        model = replace(own.model, effects=[*own.model.effects, effect], beside=own.p)
+        model = replace(own.model, effects=[*own.model.effects, effect], known_p=own.p)
         start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
         must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]
         tries, steps, chance = list[tuple[Array, Array]](), np.eye(model.size), []
-        for at in _places(start, first, parameters):
+        for at in _starts(start, first, parameters):
             if not free or must_choose:
                 break
             changes = [self._change(model, at, DIFFERENCE_STEP * steps[k]) for k in free]
@@ -65,7 +65,7 @@ class Screening:
             found = self._linear.expected(columns, [np.ones(len(free))])
             step = np.clip(found.step, -LARGEST_STEP, LARGEST_STEP)
             tries.append((found.gain, at - step @ steps[free]))
-            chance.append(self._linear.by_chance(columns))
+            chance.append(self._linear.chance_gains(columns))
         base = len(BASE_WIDTH)
         at, whole = start.copy(), np.zeros(model.size)
         whole[first:] = alone[base:] - start[first:]
@@ -79,7 +79,7 @@ class Screening:
             found = self._linear.expected(columns, [np.ones(1)])
             share = 1.0 if must_choose else float(np.clip(-found.step[0], 0.0, LARGEST_MULTIPLE))
             tries.append((found.gain, at + share * whole))
-            chance.append(self._linear.by_chance(columns))
+            chance.append(self._linear.chance_gains(columns))
         if not tries:
             return Expected(np.zeros(len(self._data.order)), start, np.zeros(CHANCE_DRAWS))
         gain, p = max(tries, key=lambda one: float(one[0].sum()))
@@ -97,10 +97,10 @@ class Screening:
 
     def _change(self, model: Model, start: Array, step: Array) -> Residuals:
         """How the residuals change with a step of the parameters."""
-        return model.residuals(start + step, self._data).beyond(self._fit.residuals)
+        return model.residuals(start + step, self._data).minus(self._fit.residuals)
 
 
-def _places(start: Array, first: int, parameters: Sequence[Parameter]) -> list[Array]:
+def _starts(start: Array, first: int, parameters: Sequence[Parameter]) -> list[Array]:
     """`start` with each choice of the parameters from position `first` on that have a neutral one."""
     places = [start]
     for k, parameter in enumerate(parameters, first):

@@ -17,7 +17,7 @@ SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
 LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, that are more than chance
 
 
-class OverReleases:
+class SummedGain:
     """What is known of a gain (releases,) in log likelihood: its sum over all releases, and the standard error."""
 
     gain: Array
@@ -39,7 +39,7 @@ class OverReleases:
 
 
 @dataclass
-class Gain(OverReleases):
+class Gain(SummedGain):
     """How much better one model predicts held-out releases than another.
 
     Attributes

@@ -22,14 +22,14 @@ from tests.kinematics.synthetic_films import film, series_order, world
 RELEASES = 60
 TILT = [0.03, 0.0, 0.0]
 STAGES = {  # one after another, each with all that it calls
-    "cutting into flights and impacts": diagnosis.prepared,
+    "cutting into flights and impacts": diagnosis.check_and_segment,
     "what the film says of itself": diagnosis.findings_of_film,
     "fit of the base law": attribution.fit_base,
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,
     "which causes stay, beside what is learnt": attribution._evidence_of_sets,
     "regression of what is left": attribution._regressed,
-    "where the gap lies": diagnosis.locate,
+    "where the gap lies": diagnosis.locate_gap,
 }
 WITHIN = {
     "of all: simulated impacts, with what surrounds them": FilmData.residuals,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.attribution import attribute, fit_base, registered_by_fit
+from rock2d.diagnosis.attribution import attribute, fit_base, register_by_fit
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
@@ -54,7 +54,7 @@ def test_a_film_is_divided_where_its_blocks_strike_the_ground(tilt_rad):
     experiment = film(true, FEW, seed=2)
     setup = setup_world(experiment)
     data, seen = (FilmData.of(load_film(experiment), own) for own in (setup, true))
-    better = registered_by_fit(fit_base(setup, base_start(experiment), data), data)
+    better = register_by_fit(fit_base(setup, base_start(experiment), data), data)
     if not tilt_rad:
         assert better is None
         return

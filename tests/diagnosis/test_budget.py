@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD, Budget, Draws, Sizes, budget
+from rock2d.diagnosis.budget import (
+    TRUE_FLOOR_RATIO,
+    TRUE_FLOOR_SD,
+    Budget,
+    GapBootstrap,
+    ResidualSizes,
+    budget,
+)
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.report.sections import budget_section
@@ -37,8 +44,8 @@ def segments(n: int, speed: np.ndarray | None = None) -> Segments:
     return Segments(own, own, own, zero, zero, zero.astype(float) if speed is None else speed)
 
 
-def draws(data: Segments) -> Draws:
-    return Draws(Sizes(data, np.ones((len(data.order), 6, 6)) * np.eye(6)), seed=0)
+def draws(data: Segments) -> GapBootstrap:
+    return GapBootstrap(ResidualSizes(data, np.ones((len(data.order), 6, 6)) * np.eye(6)), seed=0)
 
 
 def logs(gap: float) -> np.ndarray:
@@ -56,7 +63,7 @@ def found(gaps: dict[str, float], learnt: float, floor: float) -> Budget:
 
 def test_causes_that_overlap_share_what_they_close_and_the_range_tells_the_orders():
     own = found({"": 4.0, "a": 2.0, "b": 2.0, "ab": 1.0}, learnt=1.0, floor=1.0)
-    whole = 4.0 - TRUE_FLOOR
+    whole = 4.0 - TRUE_FLOOR_RATIO
     for name in "ab":
         assert own.causes[name].closes == pytest.approx(1.5 / whole)
         assert own.causes[name].range == pytest.approx((1.0 / whole, 2.0 / whole))
@@ -71,7 +78,7 @@ def test_a_small_gap_over_the_floor_says_little_about_shares():
     floor closes perhaps half, perhaps all; of a gap four times as large as the floor nearly all."""
     small = found({"": 1.10, "a": 1.0}, learnt=1.0, floor=1.0).closed
     large = found({"": 4.0, "a": 1.0}, learnt=1.0, floor=1.0).closed
-    lowest = TRUE_FLOOR * np.exp(-1.96 * TRUE_FLOOR_SD)
+    lowest = TRUE_FLOOR_RATIO * np.exp(-1.96 * TRUE_FLOOR_SD)
     assert small.ci95 == pytest.approx((0.10 / (1.10 - lowest), 1.0), abs=0.03)
     assert large.ci95 == pytest.approx((3.0 / (4.0 - lowest), 1.0), abs=0.01)
     assert small.ci95[0] < small.closes < small.ci95[1]
@@ -80,7 +87,7 @@ def test_a_small_gap_over_the_floor_says_little_about_shares():
 def test_shares_of_three_causes_sum_to_what_they_close_together():
     gaps = {"": 9.0, "a": 6.0, "b": 8.0, "c": 7.0, "ab": 5.5, "ac": 3.0, "bc": 6.5, "abc": 2.0}
     own = found(gaps, learnt=1.5, floor=1.0)
-    whole = 9.0 - TRUE_FLOOR
+    whole = 9.0 - TRUE_FLOOR_RATIO
     assert sum(share.closes for share in own.causes.values()) == pytest.approx(7.0 / whole)
     # the mean over the six orders of a, b, c
     assert own.causes["a"].closes == pytest.approx((2 * 3.0 + 2.5 + 4.0 + 2 * 4.5) / 6 / whole)
@@ -91,7 +98,7 @@ def test_the_first_and_the_last_place_count_where_not_all_orders_are_known():
     gaps = {"": 9.0, "a": 7.0, "b": 7.0, "c": 7.0, "d": 7.0, "bcd": 3.0, "acd": 3.0, "abd": 3.0, "abc": 3.0,
             "abcd": 1.0}  # fmt: skip
     own = found(gaps, learnt=1.0, floor=1.0)
-    assert all(share.closes == pytest.approx(2.0 / (9.0 - TRUE_FLOOR)) for share in own.causes.values())
+    assert all(share.closes == pytest.approx(2.0 / (9.0 - TRUE_FLOOR_RATIO)) for share in own.causes.values())
 
 
 def test_without_a_gap_nothing_closes():
@@ -106,8 +113,8 @@ def test_the_units_of_a_segment_cancel_in_a_share():
     large = Residuals(2.0 * small.impacts, small.flights)
     ratios = []
     for unit in (0.5, 3.0):
-        sizes = Sizes(data, unit**2 * np.eye(6) * np.ones((RELEASES, 1, 1)))
-        own = Draws(sizes, seed=0)
+        sizes = ResidualSizes(data, unit**2 * np.eye(6) * np.ones((RELEASES, 1, 1)))
+        own = GapBootstrap(sizes, seed=0)
         ratios.append(own.gap(sizes.of(large))[0] / own.gap(sizes.of(small))[0])
     # half of the segments are twice as large
     assert ratios[0] == pytest.approx(ratios[1]) == pytest.approx(np.sqrt(2.0))

@@ -66,7 +66,7 @@ def test_screening_expects_most_of_the_effect_that_is_there(two):
     """Beside one of two hidden effects. It expects less than a fit gains, whose scatter of the soil falls as well."""
     for name, other in (("camera_tilt", "zone_contrast"), ("zone_contrast", "camera_tilt")):
         own = two.known[frozenset({name})]
-        expected = {key: found.total for key, found in two.beside(own).items()}
+        expected = {key: found.total for key, found in two.expected_beside(own).items()}
         assert max(expected, key=lambda key: expected[key]) == other
         assert expected[other] > 4.0 * max(expected["inertia_error"], expected["angle_offset"], 1.0)
         assert expected[other] < 1.5 * two.gain(two.best, own).total

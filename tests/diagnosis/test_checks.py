@@ -78,7 +78,7 @@ def test_shift_in_one_zone_is_named(fitted):
 
 def test_flights_that_bend_are_named(fitted):
     data, _ = fitted
-    out = failed(fitted, drawn(fitted, 2, bend=0.8 * data.lever()))
+    out = failed(fitted, drawn(fitted, 2, bend=0.8 * data.unit_bends()))
     assert out["bend of flights"].startswith("y")
     assert not [name for name in out if name.startswith("spread")]
 
@@ -89,7 +89,7 @@ def test_block_that_scatters_more_is_named(fitted):
 
 
 def test_same_seed_gives_the_same_checks_and_the_sentence_names_what_fails(fitted):
-    left = drawn(fitted, 2, bend=0.8 * fitted[0].lever())
+    left = drawn(fitted, 2, bend=0.8 * fitted[0].unit_bends())
     first, second = (predictive_checks(fitted[0], left, 5) for _ in range(2))
     assert first.content() == second.content()
     assert all(len(c["replicates"]) == 3 and 0.0 < c["p"] <= 1.0 for c in first.content())

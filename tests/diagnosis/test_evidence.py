@@ -11,10 +11,10 @@ import pytest
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
-    against_chance,
-    exceeded,
-    inclusion,
-    outside,
+    chance_p_value,
+    inclusion_probabilities,
+    outside_probability,
+    probability_from_p_value,
     single_answers,
     size,
 )
@@ -33,31 +33,31 @@ def gain(total, spread=0.0):
     return Gain(np.full(RELEASES, total / RELEASES) + spread * signs)
 
 
-def found(alone=50.0, instead=0.0, chance=1e-6, others=0.0, **ahead):
-    return Evidence(gain(alone), gain(instead), others, chance, ahead)
+def found(own_gain=50.0, replacement_gain=0.0, chance=1e-6, others_gain=0.0, **rival_z):
+    return Evidence(gain(own_gain), gain(replacement_gain), others_gain, chance, rival_z)
 
 
 def test_a_gain_that_chance_exceeds_in_one_film_of_a_hundred_is_as_probable_as_not():
-    assert against_chance(0.01) == pytest.approx(0.5, abs=0.01)
-    assert against_chance(0.3) < 0.12 and against_chance(1e-5) > 0.99
+    assert probability_from_p_value(0.01) == pytest.approx(0.5, abs=0.01)
+    assert probability_from_p_value(0.3) < 0.12 and probability_from_p_value(1e-5) > 0.99
 
 
 def test_the_tail_of_chance_is_exponential_beyond_its_draws():
     """Exponential gains: the share that exceeds x is exp(-x), also where no draw reaches."""
     draws = -np.log1p(-(np.arange(100) + 0.5) / 100)
     for x in (0.5, 1.0, 2.0):
-        assert exceeded(x, draws) == pytest.approx(np.exp(-x), abs=0.02)
-    assert exceeded(9.0, draws) == pytest.approx(np.exp(-9.0), rel=0.3)
+        assert chance_p_value(x, draws) == pytest.approx(np.exp(-x), abs=0.02)
+    assert chance_p_value(9.0, draws) == pytest.approx(np.exp(-9.0), rel=0.3)
 
 
 @pytest.mark.parametrize(("ratio", "named"), [(2.0, True), (0.8, True), (0.35, False), (0.1, False)])
 def test_what_is_learnt_in_its_place_must_not_explain_much_more(ratio, named):
-    assert found(alone=100.0 * ratio, instead=100.0).named("adhesion") == named
+    assert found(own_gain=100.0 * ratio, replacement_gain=100.0).named("adhesion") == named
 
 
 def test_twins_that_cannot_be_told_apart_share_one_name():
     own = found(scale_error=0.0)
-    shares = own.shares("frame_rate_error")
+    shares = own.probabilities("frame_rate_error")
     assert shares["frame_rate_error"] == pytest.approx(shares["scale_error"]) == pytest.approx(own.p / 2)
     assert own.named("frame_rate_error") and own.group == ["scale_error"]
 
@@ -70,37 +70,37 @@ def test_one_of_many_is_no_name():
 
 
 def test_the_largest_cause_is_the_first_answer_and_all_sum_to_one():
-    evidence = {"adhesion": found(alone=20.0), "air_drag": found(alone=200.0, chance=1e-4)}
+    evidence = {"adhesion": found(own_gain=20.0), "air_drag": found(own_gain=200.0, chance=1e-4)}
     answers = single_answers(evidence, 0.03, EFFECTS)
     assert sum(answers.values()) == pytest.approx(1.0)
     assert answers["air_drag"] > 0.9 and answers["adhesion"] < 0.1
-    assert inclusion(evidence)["adhesion"] > 0.9
+    assert inclusion_probabilities(evidence)["adhesion"] > 0.9
     nothing = single_answers({}, 0.03, EFFECTS)
     assert nothing["none"] > 0.9 and sum(nothing.values()) == pytest.approx(1.0)
 
 
 def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_a_law_leaves():
     clear, scattered = gain(100.0, spread=1.0), gain(100.0, spread=30.0)
-    assert outside(clear, 0.0) > 0.95 and outside(clear, 35.0) > 0.9
-    assert outside(clear, 2500.0) < 0.1
-    assert outside(scattered, 0.0) < 0.5 and outside(gain(0.0), 0.0) < 0.05
+    assert outside_probability(clear, 0.0) > 0.95 and outside_probability(clear, 35.0) > 0.9
+    assert outside_probability(clear, 2500.0) < 0.1
+    assert outside_probability(scattered, 0.0) < 0.5 and outside_probability(gain(0.0), 0.0) < 0.05
 
 
 def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():
-    assert found(alone=300.0, others=3000.0).named("adhesion")
-    assert not found(alone=80.0, others=3000.0).named("adhesion")
+    assert found(own_gain=300.0, others_gain=3000.0).named("adhesion")
+    assert not found(own_gain=80.0, others_gain=3000.0).named("adhesion")
 
 
 def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_other_laws_leave():
     """A drag of another form than the catalogue's is a damping, and a curve over the velocity, or a second drag."""
-    plain = replace(found(alone=600.0, others=3000.0), form_share=FORM_SHARE)
-    assert found(alone=600.0, others=3000.0).named("air_drag") and not plain.named("air_drag")
-    assert replace(plain, others=300.0).named("soil_compaction")
+    plain = replace(found(own_gain=600.0, others_gain=3000.0), form_share=FORM_SHARE)
+    assert found(own_gain=600.0, others_gain=3000.0).named("air_drag") and not plain.named("air_drag")
+    assert replace(plain, others_gain=300.0).named("soil_compaction")
 
 
 def test_what_is_refused_and_not_negligible_is_unknown():
     """A gain that curves explain better shows that something acts; one of no useful size is none."""
-    refused = found(alone=100.0, instead=1000.0)
+    refused = found(own_gain=100.0, replacement_gain=1000.0)
     answers = single_answers({"adhesion": refused}, 0.03, EFFECTS)
     assert answers["unknown"] > 0.9
     small = replace(refused, negligible=True, possible=False)

@@ -33,7 +33,7 @@ class Sets:
         self.data, self.bars = None, DiagnosisBars(False, len(GAINS), 1)
         self.weighed: list[set[str]] = []
 
-    def joint(self, names: frozenset[str]) -> Any:
+    def set_of(self, names: frozenset[str]) -> Any:
         return SimpleNamespace(names=names)
 
 
@@ -48,11 +48,11 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
     def of(judged: Any, *names: str) -> tuple[set[str], list[set[str]]]:
         search = Sets(*names)
 
-        def weigh(own: Any, *_: Any) -> dict[str, Evidence]:
+        def evidence_of_members(own: Any, *_: Any) -> dict[str, Evidence]:
             search.weighed.append(set(own.best.names))
             return {name: judged(name, own.best.names) for name in own.best.names}
 
-        monkeypatch.setattr(attribution, "weigh", weigh)
+        monkeypatch.setattr(attribution, "evidence_of_members", evidence_of_members)
         monkeypatch.setattr(attribution, "learn", lambda best, data: best)
         attribution._evidence_of_sets(search)  # type: ignore[arg-type]
         return set(search.best.names), search.weighed

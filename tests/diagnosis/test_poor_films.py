@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from rock2d.diagnosis.command import run_diagnosis, run_prediction
-from rock2d.diagnosis.diagnose import prepared
+from rock2d.diagnosis.diagnose import check_and_segment
 from rock2d.diagnosis.likelihood import log_likelihood
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, load_experiment, write_experiment
@@ -84,7 +84,7 @@ def test_an_angle_that_was_not_measured_is_no_measured_spin_of_zero(tmp_path):
     write_experiment(tmp_path, without_angles(full, "sphere"))
     read = load_experiment(tmp_path)
     setup = setup_world(read)
-    sanity, data = prepared(read, setup)
+    sanity, data = check_and_segment(read, setup)
     assert not sanity.faults and "never changes" not in " ".join(sanity.remarks)
     sphere = data.impact_block == list(read.blocks).index("sphere")
     residuals = data.residuals(setup).impacts
@@ -93,7 +93,7 @@ def test_an_angle_that_was_not_measured_is_no_measured_spin_of_zero(tmp_path):
     noise = data.state_noise(setup)
     assert (np.sqrt(noise[sphere, OMEGA, OMEGA]) > 28.0).all()  # rad/s: √(g / r), of the slowest
     assert (np.sqrt(noise[~sphere, OMEGA, OMEGA]) < 20.0).all()
-    _, whole = prepared(full, setup)
+    _, whole = check_and_segment(full, setup)
     # the noise of the angles of the cubes alone
     assert np.median(data.film.noise[THETA]) == pytest.approx(whole.film.noise[THETA], rel=0.1)
     assert np.isfinite(log_likelihood(residuals, data.outcome_noise())).all()

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from rock2d.diagnosis.command import run_diagnosis
-from rock2d.diagnosis.diagnose import diagnose, prepared
+from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction
 from rock2d.effects import catalogue
@@ -93,7 +93,7 @@ SCALED = catalogue()["scale_error"].apply(world(), [1.15, 0.5, 0.8])
 def test_where_one_half_is_diagnosed_the_other_is_predicted(true, found):
     """The other half may have few releases, and few flights in them."""
     first, other = (film(true, n, seed=n, fps=500.0, duration_s=0.8) for n in (12, 2))
-    assert not prepared(first, setup_world(first))[0].faults
+    assert not check_and_segment(first, setup_world(first))[0].faults
     table = predict(other, found)
     assert set(table.release) == {0, 1, 2, 3} and not table.isna().any().any()
 

@@ -56,12 +56,12 @@ def _run_scenario(folder: Path) -> None:
 
 
 def _read_experiment(folder: Path) -> None:
-    from rock2d.diagnosis.diagnose import prepared
+    from rock2d.diagnosis.diagnose import check_and_segment
     from rock2d.files.experiment import load_experiment
     from rock2d.kinematics.setup_world import setup_world
 
     experiment = load_experiment(folder)
-    sanity, _ = prepared(experiment, setup_world(experiment))
+    sanity, _ = check_and_segment(experiment, setup_world(experiment))
     if sanity.faults:
         raise InputError("; ".join(fault.message for fault in sanity.faults), folder, code="not_diagnosed")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.diagnosis.diagnose import diagnose, prepared
+from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
@@ -226,7 +226,7 @@ def test_a_scale_that_an_effect_explains_is_a_remark(plain, scale):
 
 def test_blocks_that_stick_where_they_land_are_no_fault():
     sticky = film(STICKY, 6, seed=3, duration_s=0.5)
-    found, data = prepared(sticky, setup_world(sticky))
+    found, data = check_and_segment(sticky, setup_world(sticky))
     assert not found.faults and len(data.impacts) < FEWEST_IMPACTS
     assert "12 more end the flight of a block for good" in " ".join(found.remarks)
 
@@ -236,7 +236,7 @@ def test_blocks_that_stick_where_they_land_are_no_fault():
 def test_an_embankment_that_has_yielded_is_no_fault(shift_m, law):
     """Blocks come to rest where the embankment was."""
     moved = film(yielded(law, shift_m), 12, seed=3, fps=500.0, duration_s=0.8)
-    found, data = prepared(moved, setup_world(moved))
+    found, data = check_and_segment(moved, setup_world(moved))
     assert not found.faults and len(data.impacts) > FEWEST_REBOUNDS
     assert any("inside the ground" in remark or "into the ground" in remark for remark in found.remarks)
 

@@ -98,7 +98,7 @@ def effect_rows(models: Models) -> list[EffectRow]:
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
         for k, parameter in enumerate(parameters):
             own, meaning, remark = values[effect.name][parameter.name], parameter.meaning, ""
-            if model.of_each(effect):
+            if model.has_own_parameters(effect):
                 block = model.flown[k // len(effect.parameters)]
                 own, meaning = own["by_block"][block], f"{spoken(block)}, {meaning}"
                 if drag := own.get("drag_coefficient"):

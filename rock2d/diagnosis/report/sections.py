@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
+from rock2d.diagnosis.budget import TRUE_FLOOR_RATIO, TRUE_FLOOR_SD
 from rock2d.diagnosis.checks import FALSE_ALARMS, Checks
 from rock2d.diagnosis.known_causes import largest_size, size_parameter
 from rock2d.diagnosis.model import is_factor
@@ -111,9 +111,9 @@ def _sentence(content: Mapping[str, Any]) -> str:
     lower = "near-replicates" if floor["replicates"] <= floor["regression"] else "the regression"
     return (
         f"The typical residual of the base law is {gap['base']:.2f} standard deviations of noise and soil. "
-        f"A perfect model would leave {floor['used']:.2f} (near-replicates say {floor['replicates']:.2f}, a regression "
-        f"says {floor['regression']:.2f}; the lower one less {100 * (1 - TRUE_FLOOR):.0f} % counts, here {lower}, "
-        f"and is known to {100 * TRUE_FLOOR_SD:.0f} %). The difference is the gap, 100 %."
+        f"A perfect model would leave {floor['used']:.2f}: the lower one of two estimates, here that of {lower}, less "
+        f"{100 * (1 - TRUE_FLOOR_RATIO):.0f} % and known to {100 * TRUE_FLOOR_SD:.0f} % (near-replicates: "
+        f"{floor['replicates']:.2f}, regression: {floor['regression']:.2f}). The difference is the gap, 100 %."
     )
 
 

@@ -1,10 +1,10 @@
-"""Which sizes of an effect a record can show: the linear model around its diagnosis, with the effect put in.
+"""Detection limits: the sizes of an effect that a record can show, from the linear model around its diagnosis.
 
-An effect of a size changes the residuals by a known amount: what a model with it would change, with the other sign. One
-Newton step with the effect, fitted to other releases, gives its gain on each release. A bootstrap over the releases
-gives the probability that the gain, beyond that in the record as it is, is what a name needs: a logistic curve over the
-logarithm of the size. It costs no fit. Full diagnoses of records into which the effect was put correct it:
-`blind.recovery`.
+An effect of known size, added to a record, changes the residuals by a known amount: the change that the effect makes in
+a model, with the opposite sign. One Newton step with the effect, fitted to other releases, gives its gain on each
+release. A bootstrap over the releases gives the probability that the gain, beyond that in the original record,
+suffices to name the effect. This probability is a logistic curve over the logarithm of the size. It needs no fit. Full
+diagnoses of records with an added effect correct it: `blind.recovery`.
 """
 
 from __future__ import annotations
@@ -55,30 +55,32 @@ Array = np.ndarray
 
 LIMITS, TRUTH = "limits.json", "truth.json"  # files in the folder of a study
 EXPECTED = (
-    "The limits of the effects are what a linear model expects, corrected by what was found on another film; no film "
-    "with a known cause was diagnosed for them (see `rock2d blind inject`)."
+    "The limits of the effects are those that a linear model expects, corrected by results of other films. They were "
+    "not tested with known causes in this film (see `rock2d blind inject`)."
 )
 SEEN_Z = 3.0  # standard errors that the gain of an effect must have to be named
 BOOTSTRAPS = 400
-TRIED_SIZES, ZOOMS = 7, 2  # sizes of a search, and searches, each between two sizes of the one before
-SMALLEST_TRIED = 1e-3  # smallest size that is tried, as a share of the largest plausible one
-LEAST_STEEPNESS = 1.0  # least steepness that a coarse search gives a curve
+TRIED_SIZES, ZOOMS = 7, 2  # sizes of a search; searches, each between two sizes of the previous one
+SMALLEST_TRIED = 1e-3  # smallest tried size, as a share of the largest plausible one
+LEAST_STEEPNESS = 1.0  # smallest steepness of a curve
 ODDS_90, ODDS_95 = np.log(9.0), np.log(19.0)
-# Prior of the shifts of curves, in the logarithm of the size: full diagnoses of 48 films, into which 16 effects were
-# put (two thirds of the real squares), asked for 1.3 times the size that the linear model expects (1.6 and 1.05).
+# Prior of the shifts of curves, in the logarithm of the size: full diagnoses of 48 films with 16 added effects (two
+# thirds of the real squares) needed 1.3 times the size that the linear model expects (1.6 and 1.05).
 SHARED_SHIFT, SHARED_SD, OWN_SD = np.log(1.3), 0.3, 0.4
 ONE_SIDED_Z = 1.645  # standard errors of a one-sided 95 % limit
-SCANNED_SIZES = 60  # sizes of a scatter that are tried, to find the largest possible one
+SCANNED_SIZES = 60  # tried sizes of a scatter, to find the largest possible one
 
 
 @dataclass(frozen=True)
 class Curve:
     """The probability that an effect of a size is named: 1 / (1 + (seen50 / size)^steepness).
 
-    compatible : the largest size that the fit of the record as it is allows
-    value : value of its first parameter that this fit settles on
-    found : whether it was named in the record as it is
-    largest : plausible size
+    seen50, steepness : size that is named with probability 0.5, and steepness of the curve
+    unit : unit of the size
+    compatible : largest size that is compatible with the original record
+    value : most probable value of the first parameter in the original record
+    found : whether the effect was named in the original record
+    largest : largest plausible size
     """
 
     seen50: float
@@ -90,7 +92,7 @@ class Curve:
     largest: float
 
     def size(self, odds: float) -> float:
-        """The size that is seen with these logarithmic odds."""
+        """The size that is named with these logarithmic odds."""
         return float(self.seen50 * np.exp(odds / self.steepness))
 
     def limit(self) -> dict[str, Any]:
@@ -101,42 +103,47 @@ class Curve:
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small
 def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
-    """Effect -> its curve; without effects that have no size, that these data cannot show, or that no plausible size
-    shows."""
+    """Effect -> its curve. Left out are effects without a size, effects that these data cannot show, and effects that
+    no plausible size would show."""
     found, data = result.found, result.data
     assert found is not None and data is not None
-    # what the forms of the laws that are there may leave
+    # gain that may remain because the forms of the laws in the model are not exact
     others = [found.evidence[name].own_gain.total for name in found.named if not catalogue()[name].camera]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
-        own = size_parameter(effect, result.setup)
-        if own is None or name in (result.unseen or {}):
+        parameter = size_parameter(effect, result.setup)
+        if parameter is None or name in (result.unseen or {}):
             continue
-        tried = _AddedEffect(found.settled, data, effect, result.setup, least)
-        low, high = SMALLEST_TRIED * largest_size(own), largest_size(own)
+        added = _AddedEffect(found.settled, data, effect, result.setup, least)
+        low, high = SMALLEST_TRIED * largest_size(parameter), largest_size(parameter)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
-            chance = np.maximum.accumulate([tried.seen(s) for s in sizes])
-            low = sizes[max(int(np.searchsorted(chance, 0.1)) - 1, 0)]
-            high = sizes[min(int(np.searchsorted(chance, 0.9)), TRIED_SIZES - 1)]
-        if chance[-1] < 0.5:
+            probability = np.maximum.accumulate([added.probability_named(s) for s in sizes])
+            low = sizes[max(int(np.searchsorted(probability, 0.1)) - 1, 0)]
+            high = sizes[min(int(np.searchsorted(probability, 0.9)), TRIED_SIZES - 1)]
+        if probability[-1] < 0.5:
             continue
-        log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
+        log50, log90 = np.interp([0.5, 0.9], probability, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in found.named
         curves[name] = Curve(
-            seen50, float(steepness), own.unit, *tried.upper_limit(), found_anyway, largest_size(own)
+            seen50,
+            float(steepness),
+            parameter.unit,
+            *added.upper_limit(),
+            found_anyway,
+            largest_size(parameter),
         )
     return curves
 
 
 def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]]) -> dict[str, Curve]:
-    """The curves after cases (effect, size, whether it was named), without effects that no plausible size shows.
+    """The curves corrected by cases (effect, size, whether it was named), without effects that no plausible size shows.
 
-    A curve may be shifted along the logarithm of the size, by a shift that all effects share and one of its own, both
-    normally distributed before there are cases. The most probable shifts count. How well they are known makes the
-    curves flatter: D. J. C. MacKay (1992), Neural Comput. 4(5), 720-736, eq. 10.
+    Each curve is shifted along the logarithm of the size by a common shift and one of its own, both with a normal
+    prior. The most probable shifts are used. Their uncertainty makes the curves flatter: D. J. C. MacKay (1992), Neural
+    Comput. 4(5), 720-736, eq. 10.
     """
     names = list(curves)
     steepness = np.array([curves[name].steepness for name, _, _ in cases])
@@ -170,22 +177,23 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
 def limits_of(
     curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Effect -> limit, of the `corrected` curves."""
+    """Effect -> limit from the `corrected` curves."""
     return {name: curve.limit() for name, curve in corrected(curves, cases).items()}
 
 
 def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Effect -> limit, as the linear model expects it."""
+    """Effect -> limit that the linear model expects."""
     return limits_of(detection_curves(result, {name: catalogue()[name] for name in effects}))
 
 
 def read_limits(folder: Path, experiment: str) -> dict[str, dict[str, Any]]:
-    """Effect -> limit, of the study in a folder. Raises InputError if it holds none, or one of another experiment."""
+    """Effect -> limit of the study in a folder. Raises InputError if there is none, or if it is of another
+    experiment."""
     truth = read_json(folder / TRUTH)
     try:
         found = TypeAdapter(dict[str, Limit]).validate_python(read_json(folder / LIMITS))
     except ValidationError:
-        raise InputError("these are no limits", folder / LIMITS, code="not_a_result") from None
+        raise InputError("expected limits of effects", folder / LIMITS, code="not_a_result") from None
     known = found.keys() <= catalogue().keys()
     if not known or not isinstance(truth, dict) or truth.get("experiment") != experiment:
         raise InputError(f"expected limits of {experiment}", folder, code="not_a_result")
@@ -193,21 +201,21 @@ def read_limits(folder: Path, experiment: str) -> dict[str, dict[str, Any]]:
 
 
 class _AddedEffect:
-    """An effect that is put into the record of a fit, by the linear model."""
+    """An effect that is added to the record of a fit, by the linear model."""
 
     def __init__(self, fit: Fit, data: Data, effect: Effect, world: World, least: float) -> None:
-        self._least = least  # gain that a name needs
+        self._least_gain = least  # gain that is needed to name the effect
         self._fit, self._data, self._effect, self._world = fit, data, effect, world
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
         noise = fit.jacobian.covariance
         self._jacobian = jacobian_by_differences(
             self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.jacobian
         )
-        own, self._others = self._model.places[effect.name], np.ones(self._model.size, bool)
-        self._others[own] = False
-        # the parameter that is its size, and of an effect that each block has of its own that of each
-        step = len(effect.parameters) if self._model.has_own_parameters(effect) else own.stop - own.start
-        self._sizes = np.arange(own.start, own.stop, step)
+        place, self._others = self._model.places[effect.name], np.ones(self._model.size, bool)
+        self._others[place] = False
+        # the parameter that is its size; for an effect with parameters for each block, those of all blocks
+        step = len(effect.parameters) if self._model.has_own_parameters(effect) else place.stop - place.start
+        self._sizes = np.arange(place.start, place.stop, step)
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
         further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
         self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
@@ -219,29 +227,28 @@ class _AddedEffect:
         self._weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)
         self._drawn = rng.normal(size=(len(data.impact_release), 1))
 
-    def seen(self, size: float) -> float:
-        """Probability that the effect is named at this size, above and below the neutral value alike."""
+    def probability_named(self, size: float) -> float:
+        """Probability that the effect is named at this size, averaged over both signs if both are possible."""
         if size < LEAST_SIZE * largest_size(self._size):
             return 0.0
         gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
-        return float(np.mean([self._chance(gain) for gain in gains]))
+        return float(np.mean([self._naming_probability(gain) for gain in gains]))
 
-    def _chance(self, gain: Array) -> float:
-        """Probability that a gain (releases,) is enough for a name, in other draws of the releases."""
+    def _naming_probability(self, gain: Array) -> float:
+        """Probability over bootstrap draws of the releases that a gain (releases,) suffices to name the effect."""
         clipped = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN)
         total = self._weights @ clipped
         square = self._weights @ clipped**2 - total**2 / len(gain)
         z = total / np.maximum(np.sqrt(np.maximum(square, 0.0)), SMALLEST_ERROR)
-        return float(np.mean((z > SEEN_Z) & (self._weights @ gain > self._least)))
+        return float(np.mean((z > SEEN_Z) & (self._weights @ gain > self._least_gain)))
 
     def _gains(self, size: float) -> list[Array]:
-        """For each sign (releases,): held-out gain, as the linear model expects it, less that in the record as it
-        is."""
+        """For each sign (releases,): held-out gain that the linear model expects, minus that in the original record."""
         fit, data = self._fit, self._data
         values = values_of_size(self._effect, size, self._world)
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
-        own = fit.residuals
-        change = model.residuals(moved, data).minus(own)
+        residuals = fit.residuals
+        change = model.residuals(moved, data).minus(residuals)
         unit = np.abs(moved - p)[self._sizes]
         further = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
         if model.has_own_parameters(self._effect):  # there are no impacts
@@ -249,13 +256,17 @@ class _AddedEffect:
             further.flights *= np.equal.outer(data.flight_block, blocks)[:, None, None]
 
         def gain(share: float) -> Array:
-            left = Residuals(own.impacts - share * change.impacts, own.flights - share * change.flights)
-            return LinearModel(self._without(left), data).expected(further, [np.ones(len(unit))]).gain
+            left = Residuals(
+                residuals.impacts - share * change.impacts, residuals.flights - share * change.flights
+            )
+            return (
+                LinearModel(self._fit_without_effect(left), data).expected(further, [np.ones(len(unit))]).gain
+            )
 
         return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
 
     def _gain_of_scatter(self, size: float) -> Array:
-        """The same of an effect that widens the scatter, with drawn amounts of it."""
+        """(releases,) the same for an effect that widens the scatter, with drawn amounts of the effect."""
         amount = self._jacobian.scatter[..., self._wide][..., 0] * self._drawn * size / self._unit
         own = self._fit.residuals
         changed, start = Residuals(own.impacts + amount, own.flights), np.full(len(self._wide), START_SCATTER)
@@ -267,7 +278,7 @@ class _AddedEffect:
                 gain += side * by_release(self._data, residuals, residual_covariance(jacobian, scatter))
         return gain
 
-    def _without(self, residuals: Residuals) -> Fit:
+    def _fit_without_effect(self, residuals: Residuals) -> Fit:
         """The fit without the parameters of the effect, with these residuals."""
         keep, others = self._others, [e for e in self._model.effects if e.name != self._effect.name]
         return replace(
@@ -276,8 +287,10 @@ class _AddedEffect:
         )  # fmt: skip
 
     def upper_limit(self) -> tuple[float, float]:
-        """The largest size that the record as it is allows, one-sided 95 %, and the value that is most probable: one
-        Newton step from the fit, with the covariance of `clustered_covariance`; of a scatter, from its likelihood."""
+        """The largest size compatible with the original record (one-sided 95 %), and the most probable value.
+
+        From one Newton step and `clustered_covariance`; for a scatter, from its likelihood.
+        """
         fit, data, jacobian = self._fit, self._data, self._jacobian
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
@@ -293,7 +306,7 @@ class _AddedEffect:
         curvature, grad = normal_equations(fit.residuals, jacobian, covariance)
         curvature, grad = curvature + np.diag(precision), grad + precision * (self._p - centre)
         grad[choice_positions(self._model)] = 0.0
-        of_p = clustered_covariance(
+        p_covariance = clustered_covariance(
             fit.residuals,
             jacobian,
             covariance,
@@ -302,7 +315,7 @@ class _AddedEffect:
             len(data.order),
         )
         z = self._p - np.linalg.solve(curvature, grad)
-        half = ONE_SIDED_Z * np.sqrt(np.diag(of_p))
+        half = ONE_SIDED_Z * np.sqrt(np.diag(p_covariance))
         parameters = self._model.parameters_of(self._effect.name)[:: len(self._effect.parameters)]
         ends = np.array([
             [from_scale(q, z[at] + s * half[at]) for s in (-1, 0, 1)]

@@ -48,12 +48,18 @@ FAULTS_THAT_LEAVE_FLIGHTS = {
 
 @dataclass(repr=False)
 class Diagnosis:
-    """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
+    """Result of a diagnosis. If the experiment could not be diagnosed, `data` and the later fields are None.
 
-    `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
-    effect closes alone; `predicted` what predictions of whole segments miss; `checks` whether the best model would have
-    made these data; `unseen` the effects that these data cannot show, and why; `seed` that of the bootstrap, None if
-    nothing was drawn.
+    Attributes
+    ----------
+    film : what the film says of itself; None for an impact table and a film that cannot be read
+    data : flights and impacts
+    found : the attribution
+    gaps : effect -> share of the gap that it closes alone
+    predicted : errors of predictions of whole segments; None without impacts of a film
+    cells : where the gap lies
+    unseen : effects that these data cannot show -> reason
+    seed : seed of the bootstrap
     """
 
     experiment: Experiment
@@ -95,10 +101,10 @@ def diagnose(
     Parameters
     ----------
     seed : of the bootstrap
-    effects : to try; default the whole catalogue
+    effects : effects to try; default: the whole catalogue
     workers : number of processes that fit effects; the result does not depend on it
     folder : for finished fits, so that an interrupted diagnosis can continue
-    bars : show how far it is
+    bars : progress bars
     """
     tried = effects or catalogue()
     bars = bars or DiagnosisBars(False, len(tried), workers)
@@ -125,20 +131,20 @@ def diagnose(
     with threadpool_limits(1):
         base, refitted = fit_base(setup, base_start(experiment), data, sanity.registered, bars), None
         if isinstance(data, FilmData) and len(data.impacts) and base.free:
-            better = register_by_fit(base, data)
-            if better is not None:
-                data, sanity.registered = better
+            registered = register_by_fit(base, data)
+            if registered is not None:
+                data, sanity.registered = registered
                 sanity.remarks.append(registered_remark(sanity.registered))
                 result.film = findings_of_film(experiment, setup, sanity, data)
                 base = fit_base(setup, base_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
-        hidden = unseen(base, data, tried, result.film)
-        shown = {name: effect for name, effect in tried.items() if name not in hidden}
+        hidden_effects = unseen(base, data, tried, result.film)
+        visible = {name: effect for name, effect in tried.items() if name not in hidden_effects}
         found = attribute(
-            base, data, shown, refitted=refitted, seed=seed, workers=workers, folder=folder, bars=bars
+            base, data, visible, refitted=refitted, seed=seed, workers=workers, folder=folder, bars=bars
         )
-    result.data, result.found, result.unseen, result.seed = data, found, hidden, seed
+    result.data, result.found, result.unseen, result.seed = data, found, hidden_effects, seed
     with bars.stage(GAP, 3, "steps") as bar:
         gaps = Gaps(data, found, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
@@ -153,7 +159,7 @@ def diagnose(
 
 
 def registered_remark(world: World) -> str:
-    """What the world in which a film is divided differs in."""
+    """A remark on the world in which a film is segmented, if it differs from the stated one."""
     turn, scale = np.rad2deg(world.view.tilt_rad), world.view.scale
     return (
         f"flights and impacts fit an image that is turned by {turn:.2g}° and {scale:.4f} times as large as stated; the "
@@ -162,17 +168,19 @@ def registered_remark(world: World) -> str:
 
 
 def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | TableData | None]:
-    """What the sanity checks found, and flights and impacts; None instead of these if there is a fault."""
+    """Result of the sanity checks, and flights and impacts; None for the latter if there is a fault."""
     data: FilmData | TableData
     if experiment.trajectories is not None:
-        sanity, seen = _check_and_segment_film(experiment, setup)
-        noisy, remarks = with_camera_noise(experiment, seen.film) if seen is not None else (experiment, [])
+        sanity, segments = _check_and_segment_film(experiment, setup)
+        noisy, remarks = (
+            with_camera_noise(experiment, segments.film) if segments is not None else (experiment, [])
+        )
         if remarks:
-            sanity, seen = _check_and_segment_film(noisy, setup)
+            sanity, segments = _check_and_segment_film(noisy, setup)
             sanity.remarks += remarks
-        if seen is None:
+        if segments is None:
             return sanity, None
-        data, world = seen, sanity.registered or setup
+        data, world = segments, sanity.registered or setup
         sanity.remarks += [
             *shape_remarks(data, world),
             *rest_remarks(data.film, world),
@@ -183,18 +191,20 @@ def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, Fil
         sanity = check_table(experiment, data)
     if not sanity.faults:
         impacts, flying = len(data.impact_release), len(np.unique(data.flight_release))
-        stay, edged = 0, list[str]()
+        resting, blocks_with_edges = 0, list[str]()
         if isinstance(data, FilmData):
-            stay = len(find_rests(data).flight)
-            edged = [name for name in data.film.blocks_without_angle if not setup.blocks[name].smooth]
-        judged = check_impacts(impacts, impacts + stay, flying, edged, sanity)
-        if isinstance(data, FilmData) and not judged:
+            resting = len(find_rests(data).flight)
+            blocks_with_edges = [
+                name for name in data.film.blocks_without_angle if not setup.blocks[name].smooth
+            ]
+        judgeable = check_impacts(impacts, impacts + resting, flying, blocks_with_edges, sanity)
+        if isinstance(data, FilmData) and not judgeable:
             data = data.flights_alone()
     return sanity, None if sanity.faults else data
 
 
 def _check_and_segment_film(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | None]:
-    """What the sanity checks found in a film, and its flights and impacts; None instead if there is a fault."""
+    """Result of the sanity checks of a film, and its flights and impacts; None for the latter if there is a fault."""
     film = load_film(experiment)
     sanity = check_film(experiment, film)
     return sanity, None if sanity.faults else FilmData.of(film, sanity.registered or setup)
@@ -203,7 +213,8 @@ def _check_and_segment_film(experiment: Experiment, setup: World) -> tuple[Sanit
 def findings_of_film(
     experiment: Experiment, setup: World, sanity: Sanity, data: FilmData | TableData | None
 ) -> FilmFindings | None:
-    """What a film says of itself, also if it is too poor to diagnose; None of impacts and of unreadable films."""
+    """What a film says of itself, even if it is too poor to diagnose; None for an impact table and an unreadable
+    film."""
     if experiment.trajectories is None or any(
         fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults
     ):
@@ -218,12 +229,12 @@ def findings_of_film(
 def locate_gap(
     experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
 ) -> list[Cell]:
-    """Where the gap lies. A flight belongs to the zone below its middle, a rest to the zone below its end."""
+    """The places of the gap. A flight belongs to the zone below its middle, a rest to the zone below its end."""
     cross_section, blocks = experiment.cross_section, list(experiment.blocks)
     bare = None
     if found.verdict == found.best and not found.chain[0].effect.camera:
         # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
-        # found with the effect, in the air found with it, shows where the ground is wrong.
+        # that was fitted with the effect, with its air forces, shows where the ground is wrong.
         model, p = found.final.fit.model, found.final.fit.p
         law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
@@ -233,7 +244,7 @@ def locate_gap(
     if isinstance(data, FilmData):
         flights = data.segmentation.flights
         best = found.final.fit
-        # the stated set-up would put a mirrored film on the wrong side
+        # with the stated set-up, a mirrored film would be on the wrong side
         fitted = best.model.world(best.p, data.impact_order)
         below = zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))

@@ -1,4 +1,4 @@
-"""The content of diagnosis.json: what a diagnosis found, as plain numbers and words."""
+"""The content of diagnosis.json: the results of a diagnosis as numbers and words."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
 Array = np.ndarray
 
-LEAST_LISTED_PROBABILITY = 0.05  # probability from which on a cause that is not named is listed
+LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
 # relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
 # measured on films whose effects are known (`blind.size_errors`)
 MODEL_ERROR = 0.01
@@ -48,14 +48,14 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 low, high = value - half, value + half
             if parameter.choices:
                 low = high = value
-            if parameter.low == parameter.neutral:  # it has one sign, as a standard deviation has
+            if parameter.low == parameter.neutral:  # one-sided, such as a standard deviation
                 low = max(low, min(parameter.low, value))
             entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
             if (name := parameter.called(float(value))) is not None:
                 entries[-1]["choice"] = name
         size = len(effect.parameters)
         out[effect.name] = {
-            parameter.name: _of_blocks(model, effect, entries[j::size])
+            parameter.name: _mean_and_blocks(model, effect, entries[j::size])
             if model.has_own_parameters(effect)
             else entries[j]
             for j, parameter in enumerate(effect.parameters)
@@ -63,8 +63,8 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     return out
 
 
-def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """A parameter that each block has of its own: the mean, and that of each block that flew."""
+def _mean_and_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """A parameter with a value for each block: the mean, and the values of all blocks that flew."""
     each = {
         name: {key: own[key] for key in ("value", "ci95")}
         for name, own in zip(model.flown, entries, strict=True)
@@ -86,7 +86,7 @@ def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) 
 
 
 def base_values(fit: Fit) -> dict[str, float]:
-    """The base law's parameters by their names."""
+    """Parameter of the base law -> value."""
     k_l, k_ul, k_t, mu, k_r = fit.model.law(fit.p)
     return dict(zip(BASE_NAMES, map(float, (k_l, k_ul, k_t, np.rad2deg(np.arctan(mu)), k_r)), strict=True))
 
@@ -107,35 +107,35 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
 
 
 def film_sentences(result: Diagnosis) -> list[str]:
-    """What the film says of itself, and whether the diagnosis agrees: the film alone knows neither the spin nor the
+    """What the film says of itself, and whether the diagnosis agrees. The film alone shows neither the spin nor the
     forces in flight nor the contacts."""
     film, found = result.film, result.found
     if film is None:
         return []
-    said = film.sentences()
+    sentences = film.sentences()
     if found is None:
-        return said
-    names = {own for name in found.named for own in (name, *found.group(name))}
+        return sentences
+    names = {effect for name in found.named for effect in (name, *found.group(name))}
     if not ((film.off and not TWINS.keys() & names) or (film.turned and "camera_tilt" not in names)):
-        return said
+        return sentences
     phases = {name: catalogue()[name].phase for name in [*sorted(found.named), *found.uncertain]}
     acting = [name for name, phase in phases.items() if phase != "impact"]
     learnt = [change.name for change in found.learnt.changes if change.lever == FLIGHT]
     if acting or learnt:
         return [
-            *said,
+            *sentences,
             f"the diagnosis, which knows more, explains gravity in the flights by {', '.join([*acting, *learnt])}",
         ]
-    return [*said, "the diagnosis, which knows more, finds nothing that explains gravity in the flights"]
+    return [*sentences, "the diagnosis, which knows more, finds nothing that explains gravity in the flights"]
 
 
 def _faulty_json(result: Diagnosis) -> dict[str, Any]:
-    """What diagnosis.json holds of an experiment that could not be diagnosed."""
+    """The content for an experiment that could not be diagnosed."""
     names = list(catalogue())
     film = result.film.suspects if result.film is not None else []
     suspects = film or result.sanity.suspects or ["none", *names]
     probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
-    for name in suspects:  # nothing was tried, so all are equally likely
+    for name in suspects:  # no effect was tried, so all are equally probable
         probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
     gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
     return {
@@ -146,7 +146,7 @@ def _faulty_json(result: Diagnosis) -> dict[str, Any]:
 
 
 def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> list[dict[str, Any]]:
-    """The effects of which gravity in the flights says that one acts, each with the size that it has alone."""
+    """The effects that gravity in the flights suggests, each with the size that it would have alone."""
     known, film = catalogue(), result.film
     if film is None:
         return []
@@ -165,7 +165,7 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
 
 
 def _found_json(result: Diagnosis) -> dict[str, Any]:
-    """What diagnosis.json holds of an experiment that was diagnosed."""
+    """The content for an experiment that was diagnosed."""
     names, found, data = list(catalogue()), result.found, result.data
     assert found is not None and data is not None and result.gaps is not None and result.cells is not None
     assert result.budget is not None
@@ -235,34 +235,37 @@ def _share_json(share: Share) -> dict[str, Any]:
 
 
 def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) -> list[dict[str, Any]]:
-    """The causes, most probable first: effects of the model with the share that each closes, and others that are
-    possible, with the parameters that they have alone."""
-    known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
-    chances = inclusion_probabilities(found.evidence)
+    """The causes, most probable first: effects of the model with the share that each closes, and other possible effects
+    with their parameters as a single effect."""
+    effects, joint_values = catalogue(), effect_values(found.final.fit) if found.named else {}
+    probabilities = inclusion_probabilities(found.evidence)
     out = []
-    for name in sorted(chances, key=lambda n: -chances[n]):
-        if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:
+    for name in sorted(probabilities, key=lambda n: -probabilities[n]):
+        if name not in found.named and probabilities[name] < LEAST_LISTED_PROBABILITY:
             continue
-        own = joint[name] if name in joint else effect_values(found.candidates[name].fit)[name]
+        values = (
+            joint_values[name] if name in joint_values else effect_values(found.candidates[name].fit)[name]
+        )
         share = _share_json(budget.causes[name]) if name in budget.causes else NO_SHARE
         out.append(
             {
                 "effect": name,
-                "p": chances[name],
-                "parameters": own,
-                "origin": known[name].origin,
+                "p": probabilities[name],
+                "parameters": values,
+                "origin": effects[name].origin,
                 "group": found.group(name)
                 + [other for other, twin in SPIN_TWINS.items() if twin == name and other in unseen],
                 "named": name in found.named,
-                "common": _common(name, own) if TWINS.get(name) in found.group(name) else None,
+                "common": _common_quantity(name, values) if TWINS.get(name) in found.group(name) else None,
             }
             | share
         )
     return out
 
 
-def _common(name: str, parameters: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """What a wrong scale and a wrong frame rate have in common: gravity in flights over gravity as stated."""
+def _common_quantity(name: str, parameters: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """The quantity that an error of scale and an error of frame rate change alike: gravity in flights over stated
+    gravity."""
     key, power = ("scale", 1) if name == "scale_error" else ("time_scale", 2)
     low, high = parameters[key]["ci95"]
     return {
@@ -274,7 +277,7 @@ def _common(name: str, parameters: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
-    """What depends on something, but has no name."""
+    """The part of the gap that depends on measured quantities, but has no named cause."""
     changes = found.learnt.changes
     names = [change.basis.name for change in changes] + [d.basis.name for d in found.unexplained]
     return {
@@ -300,11 +303,11 @@ def reported_effect(found: Attribution) -> str:
 
 
 def reading_sentence(base: Fit) -> str:
-    """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
+    """A sentence on the reading of the paper's rolling resistance that fits the data better."""
     if not len(base.residuals.impacts):
         return (
             "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the "
-            "blocks; nothing of it was fitted."
+            "blocks; it was not fitted."
         )
     if base.model.setup.contact[..., ROLLING_IN_INDENTATION].any():
         return (
@@ -318,8 +321,8 @@ def reading_sentence(base: Fit) -> str:
 
 
 def _model_json(found: Attribution) -> dict[str, Any] | None:
-    """All causes, with the base law that was fitted with them; and the same with the learnt changes, for predictions of
-    this set-up. None without any."""
+    """The base law fitted with all causes; and the same with the learnt changes, for predictions of this set-up. None
+    without causes and learnt changes."""
     learnt = found.learnt
     if not (found.named or learnt.changes):
         return None
@@ -334,12 +337,12 @@ def _model_json(found: Attribution) -> dict[str, Any] | None:
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:
-    """The effects beside the verdict, each with the parameters of all effects."""
+    """The other effects of the chain, each with the parameters of all effects."""
     return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in found.chain[1:]]
 
 
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
-    """Median misses of held-out releases: velocity after an impact, place and angle at the end of a segment."""
+    """Median errors for held-out releases: velocity after an impact, position and angle at the end of a segment."""
     assert result.found is not None
     after = (result.found.base_held_out, result.found.learnt.held_out)
     every = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]
@@ -355,7 +358,7 @@ def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
 
 
 def _series(result: Diagnosis) -> dict[str, int]:
-    """Releases of each block that were filmed, for effects that change from release to release."""
+    """Block -> number of filmed releases, for effects that change from release to release."""
     data = result.data
     assert data is not None
     blocks = data.film.release_block if isinstance(data, FilmData) else data.release_block

@@ -1,9 +1,9 @@
-"""Discrepancies: dependences in the residuals of a model that no effect of the catalogue may explain.
+"""Discrepancies: dependences of the residuals of a model on measured quantities, which effects need not explain.
 
 A regression without mechanics (`residual_regression`) needs many impacts to find a pattern in six channels. Here the
-search uses *levers*, a few numbers that move all channels together (`levers`). Each may follow a smooth function of one
-group of measured quantities (place, orientation, number of the impact, ...). One Newton step gives for each pair of
-lever and group the gain on held-out releases. The model's own parameters stay free in it.
+search uses *levers*, a few numbers that change all channels together (`levers`). Each may be a smooth function of a
+group of measured quantities (place, orientation, number of the impact, ...). For each pair of lever and group, one
+Newton step with free parameters of the model gives the gain on held-out releases.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rock2d.diagnosis.significance import SummedGain
 
 Array = np.ndarray
 
-# standard deviations of the coefficients that are tried, in the natural units of `Levers.units`
+# tried standard deviations of the coefficients, in the natural units of `Levers.units`
 WIDTHS = {
     LAW: (0.02, 0.1, 0.4),
     STATE: (0.02, 0.1, 0.4),
@@ -39,12 +39,12 @@ CHANCE_PENALTY = 2.0  # log likelihood for each factor of e in the number of bas
 
 @dataclass
 class Discrepancy(SummedGain):
-    """A dependence of a lever on measured quantities, and what it gains.
+    """A dependence of a lever on measured quantities, and its gain.
 
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
-    width : standard deviation of its coefficients that gains most
+    width : standard deviation of its coefficients with the largest gain
     """
 
     lever: str
@@ -58,13 +58,13 @@ class Discrepancy(SummedGain):
 
 
 def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[Discrepancy]:
-    """Every dependence of these levers that was tried, the one that gains most first."""
+    """All tried dependences of the levers `only`, the one with the largest gain first."""
     levers, linear = Levers(fit, data), LinearModel(fit, data)
     found = []
     for lever, bases in levers.bases.items():
         if lever not in only:
             continue
-        chances = Counter(basis.name for basis in bases)
+        bases_of_name = Counter(basis.name for basis in bases)
         for basis in bases:
             if basis.name == CONSTANT and lever in (LAW, OUTCOME):
                 # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
@@ -72,7 +72,7 @@ def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[
             columns = levers.columns(levers.response(lever, basis))
             count = columns.impacts.shape[-1]
             best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
-            # the best of many bases of the same name gains by chance
-            penalty = CHANCE_PENALTY * np.log(chances[basis.name]) / len(data.order)
+            # the best of many bases of the same name has a gain by chance
+            penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
             found.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
     return sorted(found, key=lambda d: -d.total)

@@ -1,7 +1,7 @@
-"""Fits of effects beside a fit that is known: where they start, and how far they are taken.
+"""Fits of a model with one more effect than a known fit: their start, and when they end.
 
-An effect can be so strong that the residuals of the fit before have no useful slope towards it. Grids of its parameters
-are tried first, on some of the releases.
+An effect can be so strong that the residuals of the known fit have no useful slope towards it. So grids of its
+parameters are tried first, on some of the releases.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions, to_scal
 Array = np.ndarray
 
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
-SCAN_VALUES = 9  # values of a parameter that a scan tries
+SCAN_VALUES = 9  # tried values of a parameter in a scan
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
-# gain in log likelihood of a step below which a fit has converged whose effect gained nothing on some releases
+# gain in log likelihood of a step below which a fit has converged if its effect gained nothing on some releases
 COARSE_CONVERGED_GAIN = 8.0
 EXPLORED_GAIN = 1.0  # log likelihood of an effect on some releases for the fit to start from there
-REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are searched again
-LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the known fit that follows a step of the scan
+REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are scanned again
+LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the base law with a step of a scan
 
 
 def fit_to_some(base: Fit, data: Data) -> float:
@@ -39,13 +39,13 @@ def fit_to_some(base: Fit, data: Data) -> float:
 
 
 class Explored(NamedTuple):
-    """What exploring an effect found on some releases.
+    """Result of exploring an effect on some releases.
 
     Attributes
     ----------
     p : parameters from which the fit to all releases starts
-    gain : log likelihood of these releases that the effect gains
-    useful : whether that is enough to start there; else p is the known fit, with a neutral effect
+    gain : gain in log likelihood of the effect on these releases
+    useful : whether the fit starts at the explored parameters; if not, p is the known fit with a neutral effect
     """
 
     p: Array
@@ -56,7 +56,7 @@ class Explored(NamedTuple):
 def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
     """Explore a model with more effects than `base` has (which come first), on some releases.
 
-    `on_some`: log likelihood that `fit_to_some` returns. The base gains, too, if it is fitted to a few releases.
+    `on_some`: log likelihood that `fit_to_some` returns, because the base gains, too, if it is fitted to some releases.
     """
     some = some_releases(data)
     if some.all():
@@ -70,7 +70,7 @@ def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
 
 
 def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: float = -np.inf) -> Fit:
-    """Fit a model with more effects than `base` has (which come first) to all releases, from where it was explored.
+    """Fit a model with more effects than `base` has (which come first) to all releases, from the explored parameters.
 
     `rival`: log likelihood that another effect will reach, see `Convergence`.
     """
@@ -79,7 +79,7 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: flo
         model, data, found.p, old=base, convergence=Convergence(rival=rival) if found.useful else coarse
     )
     if fitted.total() < base.total():
-        # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
+        # parameters that fit some releases need not fit all; a fit that starts at the base cannot end below it
         other = fit(model, data, extended(base, model), old=base, convergence=coarse)
         fitted = max((fitted, other), key=Fit.total)
     return fitted
@@ -87,10 +87,10 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: flo
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. For an effect that must choose, one more starts from the law that is stated: `base` has
-    adapted to a film in which the choice was made. If the best fit gains enough, scans around it follow.
+    reacts to large residuals. For an effect with a compulsory choice, one more fit starts from the stated law, because
+    `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.
 
-    The fits keep the derivatives of `base`: they show where a fit should start, not where it ends.
+    The fits keep the derivatives of `base`: they only provide a start.
     """
     start, cached = extended(base, model), CachedResiduals(model, data)
     starts = [start]
@@ -119,14 +119,14 @@ def _short_fit(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
 
 
 class CachedResiduals:
-    """Residuals of a model: simulated once at each p, and kept."""
+    """Residuals of a model, simulated once at each p."""
 
     def __init__(self, model: Model, data: Data) -> None:
         self.model, self.data = model, data
         self._known: dict[bytes, Residuals] = {}
 
     def residuals(self, p: Array) -> Residuals:
-        """At parameters p."""
+        """Residuals at parameters p."""
         key = p.tobytes()
         if key not in self._known:
             self._known[key] = self.model.residuals(p, self.data)
@@ -136,8 +136,8 @@ class CachedResiduals:
 def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobian | None) -> Array:
     """Best parameters of a grid search over the effects' parameters, one after another.
 
-    With the `jacobian` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
-    which value would then be best, and a simulation checks it.
+    With the `jacobian` of a fit nearby, the base parameters are adapted at each point of the grid by the linear model.
+    The point that is then expected to be best is checked by a simulation.
     """
     model = cached.model
     low, high = model.bounds()
@@ -155,34 +155,34 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
         choices = [to_scale(parameter, v) for v in parameter.choices]
         grid = choices or np.linspace(low[k], high[k], SCAN_VALUES)
         trials = [np.where(np.arange(model.size) == k, z, p) for z in grid]
-        followed: list[tuple[float, Array]] = []
+        adapted: list[tuple[float, Array]] = []
         for trial in trials:
             residuals = cached.residuals(trial)
-            own = value(residuals)
-            if own > best:
-                best, p = own, trial
+            total = value(residuals)
+            if total > best:
+                best, p = total, trial
             if jacobian is not None:
                 step, after = _base_step(model, trial, residuals, jacobian, covariance)
-                followed.append((value(after), np.clip(trial - step, low, high)))
-        expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
-        if expected > best and (own := value(cached.residuals(other))) > best:
-            best, p = own, other
+                adapted.append((value(after), np.clip(trial - step, low, high)))
+        expected, other = max(adapted, key=lambda pair: pair[0], default=(-np.inf, p))
+        if expected > best and (total := value(cached.residuals(other))) > best:
+            best, p = total, other
     return p
 
 
 def _base_step(
     model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array
 ) -> tuple[Array, Residuals]:
-    """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""
+    """(P,) step of the parameters of the base law, to subtract, and the residuals expected after it."""
     n = len(BASE_WIDTH)
     centre, prior_precision = prior(model)
-    own = jacobian.only(slice(n))
-    curvature, grad = normal_equations(residuals, own, covariance)
+    of_base = jacobian.only(slice(n))
+    curvature, grad = normal_equations(residuals, of_base, covariance)
     grad += prior_precision[:n] * (p[:n] - centre[:n])
     step = np.zeros(model.size)
     step[:n] = np.linalg.solve(curvature + np.diag(prior_precision[:n]), grad).clip(
         -LARGEST_BASE_STEP, LARGEST_BASE_STEP
     )
     return step, Residuals(
-        residuals.impacts - own.impacts @ step[:n], residuals.flights - own.flights @ step[:n]
+        residuals.impacts - of_base.impacts @ step[:n], residuals.flights - of_base.flights @ step[:n]
     )

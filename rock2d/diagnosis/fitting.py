@@ -1,4 +1,4 @@
-"""Models fitted to the segments of an experiment: maximum likelihood over flights and impacts at once."""
+"""Fits of models to the segments of an experiment: maximum likelihood over flights and impacts together."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Array = np.ndarray
 
 MOST_ITERATIONS = 30
 START_DAMPING = 1e-3
-MOST_DAMPINGS = 5  # dampings that are tried until a step gains
+MOST_DAMPINGS = 5  # tried dampings of a step
 START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 MOST_UPDATES = 4  # updates of the derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
-BEHIND_SHARE = 0.02  # the same, of the log likelihood by which a rival is ahead
+CONVERGED_LEAD_SHARE = 0.02  # the same for a fit behind a rival, as a share of the rival's lead
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 # largest change of the parameters for which the derivatives at the start are used
 DERIVATIVES_REUSE_CHANGE = 0.03
@@ -44,7 +44,7 @@ class Fit:
     p, p_covariance : (P,) parameters on the scale of `Model`, (P, P) their covariance
     scatter : (k,) standard deviations of the soil
     jacobian : derivatives of the residuals at p
-    residuals : at p
+    residuals : residuals at p
     free : whether the parameters were fitted to this model; False where they were taken from another one
     """
 
@@ -57,6 +57,7 @@ class Fit:
     free: bool = True
 
     def covariance(self) -> Array:
+        """(n, d, d) covariances of the residuals of impacts, from noise and the soil's scatter."""
         return residual_covariance(self.jacobian, self.scatter)
 
     def scores(self) -> tuple[Array, Array]:
@@ -65,12 +66,12 @@ class Fit:
         return log_likelihood(self.residuals.impacts, self.covariance()), flights
 
     def total(self) -> float:
-        """Log likelihood of everything."""
+        """Log likelihood of all impacts and flights."""
         impacts, flights = self.scores()
         return float(impacts.sum() + flights.sum())
 
     def only(self, impacts: Array, flights: Array) -> Fit:
-        """The fit as it is on some impacts and flights, given as masks."""
+        """The fit restricted to some impacts and flights, given as masks (n,) and (m,)."""
         s = self.jacobian
         jacobian = Jacobian(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
@@ -83,8 +84,8 @@ def some_releases(data: Data) -> Array:
 
 
 class Convergence(NamedTuple):
-    """When a fit ends: after so many `rounds`, or at a `gain` in log likelihood of an iteration, a larger one where the
-    fit is far behind a `rival` (a log likelihood): what is far behind needs no further digit."""
+    """When a fit ends: after `rounds` iterations, or if an iteration gains less log likelihood than `gain`. A fit far
+    behind the log likelihood `rival` ends at a larger gain, because its exact value does not matter."""
 
     gain: float = CONVERGED_GAIN
     rival: float = -np.inf
@@ -92,7 +93,7 @@ class Convergence(NamedTuple):
 
     def at(self, total: float) -> float:
         """Gain at which a fit with this log likelihood has converged."""
-        return max(self.gain, BEHIND_SHARE * (self.rival - total))
+        return max(self.gain, CONVERGED_LEAD_SHARE * (self.rival - total))
 
 
 FEW_ROUNDS = Convergence(rounds=5)  # of fits that only explore
@@ -109,8 +110,8 @@ def fit(
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
-    Between steps the derivatives follow by Broyden's (1965) update, which costs no simulation. They are computed again
-    when a step gains nothing with them, so a fit ends where it would with derivatives that are always exact.
+    Between steps the derivatives are updated by Broyden's (1965) formula, which needs no simulation. They are computed
+    again when a step gains nothing, so a fit ends where it would end with exact derivatives.
 
     Parameters
     ----------
@@ -150,7 +151,7 @@ def fit(
         least = convergence.at(-now)
         at, damping, gain = _advance(posterior, at, now, covariance, curvature, grad, damping, least)
         if gain >= least and updates < MOST_UPDATES:
-            jacobian, updates = _updated(jacobian, before, at), updates + 1
+            jacobian, updates = _broyden_update(jacobian, before, at), updates + 1
         elif gain >= least or updates > 0:
             updates, damping = None, START_DAMPING
         else:
@@ -169,7 +170,7 @@ def fit(
 
 
 class _Point(NamedTuple):
-    """Parameters and the residuals there."""
+    """Parameters (P,) and the residuals at them."""
 
     p: Array
     residuals: Residuals
@@ -184,7 +185,7 @@ class _Posterior(NamedTuple):
     prior_precision: Array
 
     def cost(self, at: _Point, covariance: Array) -> float:
-        """Minus the log posterior, to a constant."""
+        """Minus the log posterior, up to a constant."""
         return float(
             -log_likelihood(at.residuals.impacts, covariance).sum()
             - flight_log_likelihood(at.residuals.flights).sum()
@@ -202,17 +203,17 @@ def _advance(
     damping: float,
     least_gain: float,
 ) -> tuple[_Point, float, float]:
-    """One damped Newton step from a point whose cost is `now`: (point, damping, gain). The damping grows until the step
-    gains; the gain is not positive where none does."""
+    """One damped Newton step from a point with the cost `now`: (point, damping, gain). The damping grows until the step
+    gains; if no step gains, the gain is not positive."""
     model, data, _, prior_precision = posterior
     low, high = model.bounds()
     gain = 0.0
     for _ in range(MOST_DAMPINGS):
         regular = curvature + np.diag(prior_precision + damping * np.diag(curvature))
-        ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
-        if grad @ (at.p - ahead) < 0.2 * least_gain:  # the gain of a parabola is half of it
+        candidate = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
+        if grad @ (at.p - candidate) < 0.2 * least_gain:  # the gain of a parabola is half of it
             break
-        trial = _Point(ahead, model.residuals(ahead, data))
+        trial = _Point(candidate, model.residuals(candidate, data))
         gain = now - posterior.cost(trial, covariance)
         if gain > 0.0:
             return trial, max(damping / 10, 1e-6), gain
@@ -220,9 +221,9 @@ def _advance(
     return at, damping, gain
 
 
-def _updated(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:
-    """Derivatives after a step, so that they give the change that the step made: Broyden (1965, Math. Comput. 19(92),
-    577-593)."""
+def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:
+    """Derivatives updated so that they reproduce the change of the residuals by a step: Broyden (1965, Math. Comput.
+    19(92), 577-593)."""
     step = after.p - before.p
     along = step / (step @ step)
     impacts, flights = (
@@ -236,7 +237,7 @@ def _updated(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:
 
 
 def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
-    """Scatter of the soil, of the effects that scatter, and of the noise that is fitted, from which a fit starts."""
+    """Scatter at the start of a fit: of the soil, of effects that widen the scatter, and of fitted noise."""
     own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
     scatter = np.full(own + extra, START_SCATTER)
     if old is not None:
@@ -247,5 +248,5 @@ def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
 
 
 def extended(fit: Fit, model: Model) -> Array:
-    """Parameters of a model with more effects than `fit` has (which come first): the further ones are neutral."""
+    """Parameters of a model with more effects than `fit` has (which come first), with the further effects neutral."""
     return np.concatenate([fit.p, model.start()[len(fit.p) :]])

@@ -1,7 +1,7 @@
-"""How flights respond to a small acceleration that depends on where and how the block flies.
+"""Response of flights to a small acceleration that depends on the position and motion of the block.
 
-An acceleration a(t) along the measured path moves the block by its double integral. The polynomials of degree 0 and 1
-of a flight take a part of that as another state; the rest is left in the residuals. Both are linear in the
+An acceleration a(t) along the measured path displaces the block by its double integral. The polynomials of degree 0 and
+1 of a flight absorb a part of that as another state; the rest remains in the residuals. Both are linear in the
 acceleration, so no simulation is needed.
 """
 
@@ -29,7 +29,7 @@ class FlightPaths:
     ----------
     start : (m + 1,) index of the first frame of each flight
     t_s : (frames,) true time from the middle of the flight
-    quantities : name -> (frames,)
+    quantities : name -> (frames,) values of what an acceleration may depend on
     """
 
     start: Array
@@ -60,7 +60,7 @@ def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
 
 
 def path_quantities(world: World, states: Array) -> dict[str, Array]:
-    """What an acceleration may depend on, of states (n, 6)."""
+    """Name -> (n,): what an acceleration may depend on, from states (n, 6)."""
     points = world.cross_section.points_m
     vx, vy, omega = states[:, VX], states[:, VY], states[:, OMEGA]
     speed = np.hypot(vx, vy)
@@ -86,7 +86,8 @@ class FlightResponse:
     Attributes
     ----------
     residuals : (m, degrees, k) change of the coefficients of degree 2 and higher, in m for 1 m/s² (or rad for 1 rad/s²)
-    place, rate : (m, k) change of the fitted state at the middle
+    place, rate : (m, k) change of the fitted position and velocity at the middle
+    paths : the measured paths
     moved, moving : (frames, k) displacement and its rate along the paths
     """
 
@@ -98,7 +99,7 @@ class FlightResponse:
     moving: Array
 
     def state_change(self, flight: Array, dt: Array) -> tuple[Array, Array]:
-        """(n, k) change of the position and of the velocity that a flight gives at dt (n,) from its middle."""
+        """(n, k) changes of position and velocity of a `flight` (n,) at the time `dt` (n,) in s from its middle."""
         start, t = self.paths.start, self.paths.t_s
         ends = zip(start[flight], start[flight + 1], dt, strict=True)
         row = np.array([min(a + np.searchsorted(t[a:b], at), b - 1) for a, b, at in ends], np.int64)
@@ -128,8 +129,8 @@ def flight_response(data: FilmSegments, world: World, paths: FlightPaths, basis:
 
 
 def integral(t: Array, values: Array, begin: Array | int = 0) -> Array:
-    """(n, k) integral of values (n, k) over t (n,), by the trapezoidal rule: from the first instant of each of several
-    paths, one after the other, that begin at the rows `begin`."""
+    """(n, k) cumulative integral of values (n, k) over t (n,) by the trapezoidal rule. Several paths follow each other;
+    the integral starts anew at the rows `begin`."""
     begin = np.atleast_1d(begin)
     steps = np.zeros_like(values)
     steps[1:] = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]

@@ -1,7 +1,7 @@
 """Impact prediction: every impact simulated from the measured flight before it.
 
-The simulation starts from the state of the flight before, a little above the ground. It is compared with the flight
-after: differences of pose and velocity at the instant where that flight begins, along the ground and across it.
+The simulation starts from the state of the previous flight, a little above the ground. It is compared with the next
+flight by the differences of pose and velocity at the beginning of that flight, along the ground and across it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def simulate(
 ) -> Array:
     """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
 
-    NaN where a start is not finite, which happens when a flight is traced back with an impossible drag.
+    NaN where a start is not finite, as after extrapolating a flight back with an impossible drag.
     """
     possible = np.isfinite(starts).all(axis=1)
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
@@ -48,8 +48,9 @@ def outcomes(
     shift: Array | None = None,
     step_fraction: float = BATCH_STEP_FRACTION,
 ) -> Array:
-    """(n, 6) simulated - measured where the flight after begins: along the ground, across it (m), angle (rad), then
-    their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see `run_batch`."""
+    """(n, 6) simulated - measured at the beginning of the next flight: along the ground, across it (m), angle (rad),
+    then their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see
+    `run_batch`."""
     scale = world.view.time_scale
     starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
     if shift is not None:
@@ -57,7 +58,7 @@ def outcomes(
     moments = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
     pivot = None
     if world.slope_rad.any():
-        # a ground with this excess slope is the same as the stated ground with everything else turned the other way
+        # a ground with this additional slope is equivalent to the stated ground with the motion turned the other way
         after = move_freely(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
         pivot = after[:, POSITION]
         starts = turned(starts, pivot, -world.slope_rad)
@@ -70,11 +71,11 @@ def outcomes(
         np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),
         ((impacts.begin_s[:, None] + moments) * scale).ravel(),
     )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, POSE_SIZE)
-    gap = simulated - measured
-    u = moments * scale
-    centred = u - u.mean(axis=1, keepdims=True)
-    rate = (centred[..., None] * gap).sum(axis=1) / (centred**2).sum(axis=1)[:, None]
-    level = gap.mean(axis=1) - rate * u.mean(axis=1)[:, None]
+    difference = simulated - measured
+    t = moments * scale
+    centred = t - t.mean(axis=1, keepdims=True)
+    rate = (centred[..., None] * difference).sum(axis=1) / (centred**2).sum(axis=1)[:, None]
+    level = difference.mean(axis=1) - rate * t.mean(axis=1)[:, None]
     return np.column_stack([
         *ground_axes(impacts.tangent, level[:, POSITION]), level[:, THETA],
         *ground_axes(impacts.tangent, rate[:, POSITION]), rate[:, THETA],

@@ -1,4 +1,4 @@
-"""A known cause of known size beside a fitted model: the parameters of the model with it."""
+"""A known cause of known size in a fitted model: the parameters of the model with the cause."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ Array = np.ndarray
 
 
 def size_parameter(effect: Effect, world: World) -> Parameter | None:
-    """The parameter that is the size of an effect: the first one, with its range at the scale of `world`; None of an
-    effect that can only be chosen."""
-    own = effect.parameters[0]
-    return None if own.choices else own.at(world.mean_size_m, world.gravity_m_s2)
+    """The parameter that is the size of an effect: the first one, with its range at the scale of `world`; None for an
+    effect that is a choice."""
+    first = effect.parameters[0]
+    return None if first.choices else first.at(world.mean_size_m, world.gravity_m_s2)
 
 
 def effects_of_size(names: str) -> list[str]:
-    """The effects "a,b,..." of the catalogue, or all that have a size. Raises InputError for others."""
+    """The effects in the list "a,b,...", or all effects with a size if it is empty. Raises InputError for an effect
+    that is not in the catalogue or has no size."""
     known = {name: e for name, e in catalogue().items() if not e.parameters[0].choices}
     chosen = names.split(",") if names else list(known)
     for name in chosen:
@@ -36,26 +37,27 @@ def effects_of_size(names: str) -> list[str]:
 
 
 def values_of_size(effect: Effect, size: float, world: World, below: bool = False) -> dict[str, float]:
-    """Parameter -> value of an effect that is `size` above its neutral value; below it if its range ends there, or if
-    that is wanted and possible. All others are neutral; the first is chosen where none is."""
-    own = size_parameter(effect, world)
-    assert own is not None
-    down = own.high <= own.neutral or (below and two_sided(own))
-    values = {own.name: own.neutral + (-size if down else size)}
+    """Parameter -> value of an effect of this size: the first parameter is `size` above its neutral value, or below it
+    if only that is possible, or if `below` is set and possible. Compulsory choices take their first value; other
+    parameters are left out and stay neutral."""
+    first = size_parameter(effect, world)
+    assert first is not None
+    down = first.high <= first.neutral or (below and two_sided(first))
+    values = {first.name: first.neutral + (-size if down else size)}
     return values | {q.name: q.choices[0] for q in effect.parameters[1:] if q.must_choose}
 
 
 def two_sided(parameter: Parameter) -> bool:
-    """Whether it may be above and below its neutral value."""
+    """Whether a parameter may be above and below its neutral value."""
     return parameter.low < parameter.neutral < parameter.high
 
 
 def with_cause(
     model: Model, p: Array, effect: Effect, values: Mapping[str, float]
 ) -> tuple[Model, Array, Array]:
-    """A model that has the effect, its parameters without the cause (P,), and with it.
+    """A model with the effect, and its parameters (P,) without and with the cause.
 
-    What the effect already has in the model adds up with the cause; factors multiply. A scatter is left as it is.
+    If the model already has the effect, the values add up; factors multiply. A scatter is not changed.
     """
     if effect.name not in model.places:
         model = replace(model, effects=[*model.effects, effect])
@@ -73,7 +75,7 @@ def largest_size(parameter: Parameter) -> float:
 
 
 def distance_from_neutral(parameter: Parameter, low: float, high: float) -> float:
-    """How far the farther end of an interval is from the neutral value; of a factor below 1, as if it were above."""
+    """Distance of the farther end of an interval from the neutral value; a factor below 1 counts as its inverse."""
     ends = [low, high]
     if is_factor(parameter):
         return max(max(v, 1.0 / v) for v in ends) - 1.0

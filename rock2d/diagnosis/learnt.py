@@ -1,7 +1,7 @@
-"""Learnt changes: what depends on something, but has no name, becomes a part of the model.
+"""Learnt changes: dependences without a named cause become a part of the model.
 
-Where a dependence is found in the residuals (`discrepancy`), its lever follows a smooth function of few coefficients.
-They are fitted together with all parameters of the model, and kept only if held-out releases gain.
+For a dependence that is found in the residuals (`discrepancy`), the lever becomes a smooth function with a few
+coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rock2d.diagnosis.significance import Gain, SummedGain
 
 Array = np.ndarray
 
-MOST_LEARNT = 3  # changes
-TRIED_AT_ONCE = 2  # dependences that are fitted before the best is kept
-# log likelihood that the linear model must expect; it expects too little where the scatter has swallowed a dependence
+MOST_LEARNT = 3  # number of learnt changes
+TRIED_AT_ONCE = 2  # dependences that are fitted, of which the best is kept
+# log likelihood that the linear model must expect; it expects too little if a dependence was fitted as scatter
 LEAST_EXPECTED_GAIN = 3.0
 LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
 CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
@@ -33,11 +33,11 @@ CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
 
 @dataclass
 class Change(KnownChange, SummedGain):
-    """A learnt change, with its coefficients in SI, or for the law of the logarithm.
+    """A learnt change, with its coefficients in SI; those of the law are logarithmic.
 
     Attributes
     ----------
-    gain : (releases,) log likelihood on held-out releases that it adds
+    gain : (releases,) gain in log likelihood on held-out releases
     units : (numbers of the lever,) natural units, in which its coefficients are fitted
     """
 
@@ -47,8 +47,10 @@ class Change(KnownChange, SummedGain):
 
 @dataclass
 class Learnt:
-    """A fit with all changes that were kept, and its residuals and scores on held-out releases; `before`: the same
-    without the last change, if there is one."""
+    """A fit with learnt changes, and its residuals and scores on held-out releases.
+
+    `before`: the same without the last change, if there is one.
+    """
 
     fit: Fit
     held_out: HeldOut
@@ -65,7 +67,7 @@ class Learnt:
 
 
 def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learnt:
-    """Learn what a model leaves unexplained, beside what it has learnt already, as changes of some levers."""
+    """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly."""
     state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
     for _ in range(MOST_LEARNT if start.fit.free else 0):
         found = discrepancies(state.fit, data, only)
@@ -94,12 +96,12 @@ def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learn
 
 
 def best_predicting(data: Data, learnt: Learnt, other: Learnt) -> Learnt:
-    """What was learnt, or another with changes if that predicts held-out releases significantly better."""
+    """`other` if it has learnt changes and predicts held-out releases significantly better, else `learnt`."""
     return other if other.changes and held_out_gain(data, other, learnt).significant else learnt
 
 
 def residuals_on(data: Data, learnt: Learnt) -> Residuals:
-    """Residuals that the model with its learnt changes leaves in other data of the same set-up."""
+    """Residuals of the model with its learnt changes for other data of the same set-up."""
     found, changes = learnt.fit, learnt.changes
     if not changes:
         return found.model.residuals(found.p, data)

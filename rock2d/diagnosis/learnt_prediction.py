@@ -1,11 +1,11 @@
 """Prediction of every segment of another film, from one flight to the next, with learnt changes.
 
-A learnt change needs to know where the block will touch the ground. So the segment is simulated once without it; that
-gives the place. Then the segment is simulated with the changed law and the changed state before the impact.
+A learnt change depends on the place where the block touches the ground. So the segment is simulated first without the
+change to find this place, and then with the changed law and the changed state before the impact.
 
-The changes after an impact were learnt from blocks that fly on. They act where a flight follows that a film would show:
-the state in which the block leaves changes, learnt accelerations act until it touches the ground again, and the engine
-simulates the rest. A block that rolls, slides or lies still moves as the engine says.
+Changes after an impact were learnt from blocks that fly on. They act only if a flight follows that is long enough for a
+film: the state at lift-off changes, learnt accelerations act until the block touches the ground again, and the engine
+simulates the rest. For a block that rolls, slides or lies still the engine alone determines the motion.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-COUNTED_IMPACTS = 16  # impacts of a segment among which a flight is looked for
-STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
-LONGEST_STEP_RADII = 0.25  # in radii of the smallest block: no step leads through an edge of the ground
+COUNTED_IMPACTS = 16  # impacts of a segment that are searched for a flight after them
+STEPS_OF_LEAST_FLIGHT = 8  # time steps in the shortest flight
+# in radii of the smallest block, so that no step passes through an edge of the ground
+LONGEST_STEP_RADII = 0.25
 
 
 @dataclass
@@ -59,16 +60,16 @@ class KnownChange:
 
     @property
     def name(self) -> str:
-        """Lever and what it depends on."""
+        """Name of the lever and of its dependence."""
         return f"{self.lever} of {self.basis.name}"
 
     def of(self, quantities: Mapping[str, Array]) -> Array:
-        """(n, numbers of the lever) change at quantities (n,)."""
+        """(n, numbers of the lever) change for quantities, name -> (n,)."""
         return np.asarray(self.basis.features(quantities) @ self.coefficients.T)
 
 
 def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
-    """The changes that a diagnosis holds."""
+    """The learnt changes of a diagnosis, from the key `changes`."""
     return [KnownChange(c["lever"], q.read_basis(c), np.array(c["coefficients"], float)) for c in content]
 
 
@@ -79,7 +80,8 @@ def predicted_poses(
     changes: Sequence[KnownChange] = (),
     shift: Array | float = 0.0,
 ) -> Array:
-    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
+    """(n, k, 3) predicted poses of the segments as the camera records them; the rows of `world` are those of the
+    segments.
 
     `shift` (n, 6) is added to the states at the starts.
     """
@@ -94,12 +96,12 @@ def predicted_poses(
 
 
 class _FlightsAfter(NamedTuple):
-    """Flights after impacts, without the changes after them.
+    """m flights after impacts, without the changes after the impacts.
 
-    segment : (m,) their segments
-    left_s, clear_s : (m,) instants, from the start of the segment, at which the impact ends and at which the block is
-        clear of the ground
-    state : (m, 6) when clear
+    segment : (m,) index of the segment
+    left_s, clear_s : (m,) time from the start of the segment to the end of the impact, and until the block is clear of
+        the ground
+    state : (m, 6) state when clear
     """
 
     segment: Array
@@ -113,7 +115,7 @@ class _FlightsAfter(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """Paths of m flights in steps, with all changes.
+    """Paths of m flights in time steps, with all changes.
 
     states, accelerations : (steps, m, 6), (steps, m, 3)
     step_s : duration of a step
@@ -135,7 +137,7 @@ class LearntMotion:
     ) -> None:  # fmt: skip
         self._changes, self._segments, self._world, self._limit_s = changes, segments, world, limit_s
         self._begin_s = segments.began_s * world.view.time_scale
-        # from which on a film shows a flight
+        # shortest flight that a film shows
         self._least_flight_s = FEWEST_FLIGHT_FRAMES * segments.frame_s * world.view.time_scale
         touch = self._run(world, start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
@@ -179,7 +181,7 @@ class LearntMotion:
         )  # fmt: skip
 
     def _change_of_starts(self, change: KnownChange, data: FilmSegments) -> Array:
-        """(n, 6) what an acceleration changes in the states at the starts."""
+        """(n, 6) change of the states at the starts by a learnt acceleration."""
         flight = self._segments.flight
         response = flight_response(data, self._world, flight_paths(data, self._world), change.basis)
         place, rate = response.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
@@ -190,26 +192,26 @@ class LearntMotion:
 
         NaN where the block has left the cross-section.
         """
-        plain = self._run(self._world, self._start, times_s=t_s).samples
+        poses = self._run(self._world, self._start, times_s=t_s).samples
         if not any(change.lever in (SLOPE, OUTCOME, FRAME, FLIGHT) for change in self._changes):
-            return plain
-        # a slope of the ground is the same as the stated ground with the motion turned the other way
+            return poses
+        # a ground with another slope is equivalent to the stated ground with the motion turned the other way
         begins = turned(self._start + self._frame, self._pivot, -self._slope)
         flights = self._flights_after(begins)
-        own = flights.segment
-        if not len(own):
-            return plain
-        before = self._run(self._world, begins[own], own, times_s=t_s[own]).samples
-        before = turned(before, self._pivot[own, None], self._slope[own, None])
-        before[..., THETA] -= self._frame[own, None, THETA]
-        since_s = t_s[own] - flights.clear_s[:, None]
-        plain[own] = np.where(since_s[..., None] > 0.0, self._poses_when_clear(flights, since_s), before)
-        return plain
+        segment = flights.segment
+        if not len(segment):
+            return poses
+        before = self._run(self._world, begins[segment], segment, times_s=t_s[segment]).samples
+        before = turned(before, self._pivot[segment, None], self._slope[segment, None])
+        before[..., THETA] -= self._frame[segment, None, THETA]
+        since_s = t_s[segment] - flights.clear_s[:, None]
+        poses[segment] = np.where(since_s[..., None] > 0.0, self._poses_when_clear(flights, since_s), before)
+        return poses
 
     def _flights_after(self, begins: Array) -> _FlightsAfter:
-        """The first flight of each segment after an impact that a film shows, from the states `begins` (n, 6)."""
+        """The first flight after an impact that a film would show, for each segment from the states `begins` (n, 6)."""
         least = self._least_flight_s
-        longer = self._limit_s + least  # only then it shows whether a flight follows
+        longer = self._limit_s + least  # needed to tell whether a flight follows
         found = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
         impacts = found.impacts
         following = np.append(impacts[:, 1:, I_TIME], np.full((len(impacts), 1), np.nan), axis=1)
@@ -235,7 +237,7 @@ class LearntMotion:
         return flights.only(np.asarray(clear.any(axis=1)))
 
     def _states_when_clear(self, flights: _FlightsAfter) -> Array:
-        """(m, 6) the states in which the blocks are clear of the ground, with the changes of the impact."""
+        """(m, 6) states of the blocks when clear of the ground, with the changes of the impact."""
         own = flights.segment
         left = flights.state[:, RATES]
         change = turned(flights.state, self._pivot[own], self._slope[own]) - flights.state
@@ -254,7 +256,7 @@ class LearntMotion:
                 known = {name: values[own] for name, values in self._history.items()}
                 change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
         change[:, POSE] += (flights.clear_s - flights.left_s)[:, None] * change[:, RATES]
-        # the change of a pose could put the block into the ground, where it cannot be
+        # a changed pose must not put the block into the ground
         change[~self._clear(own, flights.state + change), POSE] = 0.0
         return np.asarray(flights.state + change)
 
@@ -282,7 +284,7 @@ class LearntMotion:
 
     def _poses_when_clear(self, flights: _FlightsAfter, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
-        the last clear state on as the engine says."""
+        the last clear state on simulated by the engine."""
         own, path = flights.segment, self._path(flights)
         m, resumed_s = np.arange(len(own)), path.last * path.step_s
         rest = self._run(
@@ -304,7 +306,8 @@ class LearntMotion:
         return heights(self._world, self._segments.block[own], states[:, POSE]) > 0.0
 
     def _acceleration(self, flights: _FlightsAfter, states: Array, since_s: float) -> Array:
-        """(m, 3) learnt accelerations of blocks in these states (m, 6), a time after they are clear."""
+        """(m, 3) learnt accelerations of blocks in these states (m, 6), `since_s` after they are clear of the
+        ground."""
         s, own = self._segments, flights.segment
         found = np.zeros((len(own), POSE_SIZE))
         changes = [change for change in self._changes if change.lever == FLIGHT]

@@ -1,9 +1,9 @@
-"""Levers: the few numbers of a model that a change without a name can move, and how all residuals respond to them.
+"""Levers: the few numbers of a model that a learnt change may change, and the response of all residuals to them.
 
 The levers of an impact are the parameters of the law, the slope of the ground, the state before it, its outcome, and
-what camera or ground add to the motion before and after it alike (the frame). That of a flight is its acceleration.
-Each may follow a basis (`quantities.Basis`). The responses to all coefficients follow from a few
-simulations by the chain rule.
+the frame: what camera or ground add equally to the motion before and after it. The lever of a flight is its
+acceleration. Each may be a function on a basis (`quantities.Basis`). The responses to all coefficients follow from a
+few simulations by the chain rule.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Array = np.ndarray
 LAW, SLOPE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
     "law", "slope", "incident state", "outcome", "frame", "flight",
 )  # fmt: skip
-# how many numbers each has; outcomes are those of a film or of an impact table
+# number of components of each; an outcome has 6 in a film and 3 in an impact table
 LEVER_SIZES = {LAW: (5,), SLOPE: (1,), STATE: (6,), OUTCOME: (6, 3), FRAME: (4,), FLIGHT: (3,)}
 # what a change of each may depend on
 DEPENDENCES = {
@@ -43,7 +43,7 @@ DEPENDENCES = {
     FRAME: FRAME_DEPENDENCES, FLIGHT: FLIGHT_DEPENDENCES,
 }  # fmt: skip
 LEVER_QUANTITIES = {
-    lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # what the ground does has waves, too
+    lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # the ground may oscillate
     for lever, own in DEPENDENCES.items()
 }
 FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
@@ -102,22 +102,24 @@ class Levers:
         }
 
     def response(self, lever: str, basis: Basis, units: Array | None = None) -> LeverResponse:
-        """What a basis with one lever changes, in natural units or in others."""
+        """Response of the data to a lever on a basis, with coefficients in natural units or in `units`."""
         units = self.units[lever] if units is None else units
         if lever == FLIGHT:
-            return self._of_flights(basis, units)
-        each = _spread_out(basis.features(self.impact_quantities), units)
+            return self._flight_response(basis, units)
+        each = _coefficient_columns(basis.features(self.impact_quantities), units)
         size = each.shape[-1]
         if lever == LAW:
             return LeverResponse(size, law=each)
         if lever == SLOPE:
             return LeverResponse(size, slope=each[:, 0])
         if lever == FRAME:
-            return self._of_frame(each, _spread_out(basis.features(self._outcome_quantities), units))
+            return self._frame_response(
+                each, _coefficient_columns(basis.features(self._outcome_quantities), units)
+            )
         return LeverResponse(size, shift=each) if lever == STATE else LeverResponse(size, impacts=each)
 
-    def _of_frame(self, before: Array, after: Array) -> LeverResponse:
-        """What is added to the motion `before` and `after` the impacts (n, 4, c)."""
+    def _frame_response(self, before: Array, after: Array) -> LeverResponse:
+        """Response to what is added to the motion `before` and `after` the impacts (n, 4, c)."""
         n, _, c = before.shape
         shift, measured = np.zeros((2, n, STATE_SIZE, c))
         shift[:, FRAME_COLUMNS], measured[:, FRAME_COLUMNS] = before, after
@@ -125,7 +127,7 @@ class Levers:
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
     def columns(self, response: LeverResponse) -> Residuals:
-        """The derivatives of all residuals by the coefficients."""
+        """Derivatives of all residuals by the coefficients."""
         return self._derivatives.by_coefficients(response)
 
     @cached_property
@@ -135,7 +137,7 @@ class Levers:
             own.model, own.p, self._data, own.residuals, own.jacobian.impacts[..., : len(BASE_WIDTH)]
         )
 
-    def _of_flights(self, basis: Basis, units: Array) -> LeverResponse:
+    def _flight_response(self, basis: Basis, units: Array) -> LeverResponse:
         data = self._data
         assert isinstance(data, FilmData) and self._paths is not None
         found, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
@@ -155,14 +157,14 @@ class Levers:
         return LeverResponse(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
 
 
-def _spread_out(features: Array, units: Array) -> Array:
+def _coefficient_columns(features: Array, units: Array) -> Array:
     """(n, numbers, coefficients) change of each number by its own coefficients, from features (n, k)."""
     turns = np.eye(len(units))[:, :, None] * units[:, None, None]
     return np.asarray((turns[None] * features[:, None, None, :]).reshape(len(features), len(units), -1))
 
 
 def _along_ground(tangent: Array, states: Array) -> Array:
-    """States (n, 6, c) as the residuals of impacts have them: along the ground, across it, angle, and their rates."""
+    """(n, 6, c) states in the axes of the residuals of impacts: along the ground, across it, angle, and their rates."""
     out = np.empty_like(states)
     for first in (X, RATES.start):
         x, y = states[:, first], states[:, first + 1]

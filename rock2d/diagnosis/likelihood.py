@@ -3,7 +3,7 @@
 The residual of an impact has three sources: the noise of the measured flights on both sides, the soil, which varies
 from impact to impact (each parameter of the law by a fitted standard deviation), and the model's error. The first two
 make the covariance of the impact. A Student distribution allows for the few impacts that fall on the other side of an
-edge. The coefficients of flights are independent of it and have unit variance.
+edge. The coefficients of flights are independent and have unit variance.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model
 Array = np.ndarray
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
-FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
-LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
+FLIGHT_STUDENT_DF = 8.0  # degrees of freedom for a coefficient of a flight
+LARGEST_BEND = 2.0 / 3.0  # largest share by which large residuals reduce the curvature
 ROUNDING = 1e-15  # relative addition to the curvature, which is singular if no data tell two parameters apart
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 
 
 def log_likelihood(r: Array, covariance: Array) -> Array:
-    """(n,) log likelihood of the residuals r (n, d) of impacts, to a constant: Student with a covariance (n, d, d).
+    """(n,) log likelihood of the residuals r (n, d) of impacts, up to a constant: Student with a covariance (n, d, d).
 
     Rows with NaN count as very improbable.
     """
@@ -43,12 +43,12 @@ def chi_square(r: Array, covariance: Array) -> Array:
 
 
 def flight_log_likelihood(r: Array) -> Array:
-    """(m,) log likelihood of the residuals r (m, 3, degrees) of flights, to a constant."""
+    """(m,) log likelihood of the residuals r (m, 3, degrees) of flights, up to a constant."""
     return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
 
 
 def newton_step(curvature: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
-    """(P,) step to subtract from `p`. A parameter at its bound that would pass it stays; the others step without it."""
+    """(P,) Newton step, to subtract from `p`. A parameter at a bound that the step would cross stays fixed."""
     free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
     step = np.zeros_like(p)
     step[free] = np.linalg.solve(curvature[np.ix_(free, free)], grad[free])
@@ -102,11 +102,11 @@ def clustered_covariance(
     release: tuple[Array, Array],
     count: int,
 ) -> Array:
-    """(P, P) covariance of fitted parameters that holds where the residuals of a release depend on each other, or are
-    larger than the model says: the sandwich of White (1982), with releases as clusters (Liang and Zeger 1986,
-    Biometrika 73(1), 13-22). No variance is smaller than the inverse of `curvature` (P, P) says.
+    """(P, P) covariance of fitted parameters, valid also if the residuals of a release are correlated or larger than
+    the model assumes: the sandwich estimator of White (1982), with releases as clusters (Liang and Zeger 1986,
+    Biometrika 73(1), 13-22). No variance is smaller than that of the inverse `curvature` (P, P).
 
-    `curvature`: that of `normal_equations` and the prior; `release`: index for each impact and each flight; `count`:
+    `curvature`: of `normal_equations` and the prior; `release`: release of each impact and of each flight; `count`:
     number of releases.
     """
     scores = np.zeros((count, len(curvature)))
@@ -127,7 +127,7 @@ def clustered_covariance(
     plain = np.linalg.inv(curvature / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (
         unit * unit[:, None]
     )
-    # as a mean share over all directions: in a single one a few outliers can take all curvature away
+    # mean share over all directions: in a single direction a few outliers can cancel the curvature
     bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curvature), LARGEST_BEND))
     spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
     wider = np.sqrt(np.maximum(np.diag(spread) / np.diag(plain), 1.0))

@@ -1,7 +1,7 @@
-"""The linear model around a fit: what further columns beside its parameters would gain on held-out releases.
+"""The linear model around a fit: the expected gain of further parameters on held-out releases.
 
-A column says how all residuals change with one further parameter. One Newton step with these columns, and without them,
-gives the expected gain; the parameters of the fit stay free in both. No simulation is needed.
+A column is the derivative of all residuals by a further parameter. The expected gain is the difference between one
+Newton step with these columns and one without; the parameters of the fit are free in both. No simulation is needed.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ CHANCE_DRAWS, CHANCE_SEED = 100, 0
 
 @dataclass
 class Step:
-    """What a linear model expects of further columns.
+    """Result of a Newton step with further columns.
 
     Attributes
     ----------
-    gain : (releases,) log likelihood on held-out releases
-    step : (k,) to subtract from the further parameters
-    choice : position of the width that gains most
+    gain : (releases,) gain in log likelihood on held-out releases
+    step : (k,) step of the further parameters, to subtract
+    choice : index of the width with the largest gain
     """
 
     gain: Array
@@ -64,23 +64,23 @@ class LinearModel:
         self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]
 
     def expected(self, columns: Residuals, widths: Sequence[Array]) -> Step:
-        """With columns (n, d, k) of impacts and (m, 3, degrees, k) of flights; with the best of the `widths`, each
-        (k,) standard deviations of the prior of the coefficients."""
+        """Step with columns (n, d, k) of impacts and (m, 3, degrees, k) of flights, for the best of the `widths`: (k,)
+        standard deviations of the prior of the further parameters."""
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = self._fit.jacobian.flights
-        if columns.flights.any():  # most levers change no flight
+        if columns.flights.any():  # most levers do not change flights
             flights = np.concatenate([flights, columns.flights], axis=-1)
         parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
         curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
         found = []
         for i, width in enumerate(widths):
-            gain = self._held_out(impacts, flights, parts, width) - self._before
+            gain = self._held_out(impacts, flights, parts, width) - self._score_before
             found.append(Step(gain, self._newton(curvature, grad, width)[1], i))
         return max(found, key=lambda step: float(step.gain.sum()))
 
     def chance_gains(self, columns: Residuals) -> Array:
-        """(CHANCE_DRAWS,) what the columns would gain by chance: the residuals of each release have a random sign. That
-        keeps their sizes, and what is alike within a release, and breaks what is alike in many releases."""
+        """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
+        their sizes and correlations within a release, and removes what is common to many releases."""
         own = self._chance_totals(self._own, self._fit.jacobian.flights)
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = np.concatenate([self._fit.jacobian.flights, columns.flights], axis=-1)
@@ -108,13 +108,14 @@ class LinearModel:
         return total
 
     @cached_property
-    def _before(self) -> Array:
+    def _score_before(self) -> Array:
         """(releases,) log likelihood on held-out releases without further columns."""
         own, flights = self._own, self._fit.jacobian.flights
         return self._held_out(own, flights, [self._moments(own, flights, k) for k in range(FOLDS)])
 
     def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
-        """Newton step to subtract, of all parameters and of the further ones; without a `width` there are none."""
+        """Newton step, to subtract, of all parameters and of the further ones; without a `width` there are no further
+        ones."""
         model, own = self._fit.model, self._fit.p
         centre, prior_precision = prior(model)
         further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
@@ -153,8 +154,8 @@ class LinearModel:
     def _held_out(
         self, impacts: Array, flights: Array, parts: Sequence[tuple[Array, Array]], width: Array | None = None
     ) -> Array:
-        """(releases,) log likelihood to a constant, each fold after the step that the moments `parts` of the others
-        say."""
+        """(releases,) log likelihood up to a constant, each fold after the step from the moments `parts` of the other
+        folds."""
         curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
         z, after = np.empty_like(self._z), np.empty_like(self._flights)
         for k, (c, g) in enumerate(parts):

@@ -1,5 +1,5 @@
-"""A model to be fitted: the base law with some effects and learnt changes, its parameters on dimensionless scales of
-similar size."""
+"""A model to be fitted: the base law with effects and learnt changes, and parameters on dimensionless scales of similar
+size."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ Array = np.ndarray
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
 # positions of the base parameters: k_l, k_ul / k_l, k_t, tan phi, k_r
 BASE_K_L, BASE_RATIO, BASE_K_T, BASE_MU, BASE_K_R = range(5)
-# plausible logarithmic width of the base parameters about their start
+# logarithmic standard deviation of the prior of the base parameters
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
-LARGEST_LOG_K_L = 4.5  # logarithm of k_l / start; stiffer ground takes long to simulate and looks the same
+LARGEST_LOG_K_L = (
+    4.5  # logarithm of k_l / start; stiffer ground takes longer to simulate and gives the same motion
+)
 STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
-STIFFNESS_HEADROOM = 2.0  # logarithmic, by which effects may raise them
+STIFFNESS_HEADROOM = 2.0  # logarithm of the factor by which they may grow in a fit with effects
 SMALLEST_STIFFNESS_RATIO = 1.02  # least ratio of unloading to loading stiffness
 LARGEST_COEFFICIENT = 10.0  # of a learnt change, in units of its prior's standard deviation
 SLOPE_STEP_RAD = 0.003  # for differences
@@ -34,17 +36,17 @@ STATE_STEP = 0.003  # for differences, in units of the block's size and √(grav
 
 @dataclass
 class LeverResponse:
-    """What a basis with one lever changes in the data. A coefficient is (number of the lever, function of the basis),
-    the functions of one number side by side.
+    """Change of the data with the coefficients of a lever on a basis. There is a coefficient for each component of the
+    lever and function of the basis; the functions of a component are adjacent.
 
     Attributes
     ----------
-    size : c, number of the coefficients
-    law : (n, 5, c) logarithms of the law's parameters, as in `Model`; None if they do not change
-    slope : (n, c) slope of the ground in rad; None likewise
-    shift : (n, 6, c) the states before the impacts; None likewise
-    impacts : (n, d, c) the residuals of impacts apart from that; None likewise
-    flights : (m, 3, degrees, c) the residuals of flights; None likewise
+    size : c, number of coefficients
+    law : (n, 5, c) change of the logarithms of the law's parameters, as in `Model`; None if there is no change
+    slope : (n, c) change of the slope of the ground in rad, or None
+    shift : (n, 6, c) change of the states before the impacts, or None
+    impacts : (n, d, c) direct change of the residuals of impacts, or None
+    flights : (m, 3, degrees, c) change of the residuals of flights, or None
     """
 
     size: int
@@ -59,12 +61,13 @@ class LeverResponse:
 class Model:
     """Base law, effects and learnt changes; `world(p)` is the world at parameters p, without the learnt changes.
 
-    p: first the five of the base, then the effects', then the coefficients of the learnt changes. It is dimensionless:
+    p: first the five of the base, then those of the effects, then the coefficients of the learnt changes. They are
+    dimensionless:
     logarithms relative to `base`, effect parameters in units of their plausible range, coefficients in units of
     `widths` (c,).
     `known_p`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
-    `flown`: blocks of which each has its own parameters of what the air does, on the scale of its size; without any,
-    all blocks share them.
+    `flown`: blocks with parameters of their own for effects in flight, on the scale of their size; if empty, all blocks
+    share the parameters.
     """
 
     setup: World
@@ -94,16 +97,16 @@ class Model:
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Effect -> where its parameters are among all."""
+        """Effect -> positions of its parameters in p."""
         ends = np.cumsum([len(BASE_WIDTH), *map(len, self.parameters)]).tolist()
         return {e.name: slice(*own) for e, own in zip(self.effects, pairwise(ends), strict=True)}
 
     def parameters_of(self, name: str) -> list[Parameter]:
-        """Those of one of its effects, as in `parameters`."""
+        """Parameters of one effect, as in `parameters`."""
         return self.parameters[list(self.places).index(name)]
 
     def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
-        """The world with an effect at its `values`."""
+        """The world with an effect whose parameters have these `values`."""
         if not self.has_own_parameters(effect):
             return effect.apply(world, values)
         each = np.reshape(values, (len(self.flown), -1))
@@ -122,6 +125,7 @@ class Model:
 
     @property
     def scatter_effects(self) -> list[Effect]:
+        """Effects that only widen the scatter."""
         return [e for e in self.effects if e.scatter]
 
     def start(self) -> Array:
@@ -130,13 +134,13 @@ class Model:
         return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral, np.zeros(len(self.widths))])
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lowest and highest parameters."""
+        """(P,) lowest and highest parameters."""
         low = [to_scale(p, p.low) for own in self.parameters for p in own]
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
         most = 3 * BASE_WIDTH
         most[BASE_K_L] = LARGEST_LOG_K_L
         if self.known_p is not None:
-            # a useless effect could drift to a rigid ground, whose simulation takes very long
+            # a fit with a useless effect could drift to a rigid ground, which takes very long to simulate
             known = np.maximum(self.known_p[STIFFNESS_PARAMETERS], 0.0)
             most[STIFFNESS_PARAMETERS] = np.minimum(most[STIFFNESS_PARAMETERS], known + STIFFNESS_HEADROOM)
         learnt = np.full(len(self.widths), LARGEST_COEFFICIENT)
@@ -155,7 +159,8 @@ class Model:
         ]
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
-        """The world at p for releases at these places in their series; `amounts` replace the values of the effects."""
+        """The world at p for releases with these positions `order` in their series; `amounts` replace the values of the
+        effects."""
         rows = self.setup.contact.copy()
         rows[..., [K_L, K_UL, K_T, MU, K_R]] = self.law(p)
         world = replace(self.setup, contact=rows, order=order)
@@ -171,7 +176,7 @@ class Model:
         shift: Array | None = None,
         amounts: Sequence[Sequence[float]] | None = None,
     ) -> Residuals:
-        """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts` as above."""
+        """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
         world, coefficients = self.world(p, data.impact_order, amounts), self.coefficients(p)
         for response, own in zip(self.responses, coefficients, strict=True):
             if response.law is not None:
@@ -194,10 +199,10 @@ class Model:
         return np.split(p[self.named_size :] * self.widths, ends) if self.responses else []
 
     def derivatives_by_coefficients(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """Derivatives of the residuals by the coefficients of the learnt changes, of which there is one at least.
+        """Derivatives of the residuals by the coefficients of the learnt changes, of which there must be at least one.
 
-        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law. By the chain
-        rule: a change of many coefficients moves few numbers.
+        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law. The chain
+        rule saves simulations: many coefficients change few components of a lever.
         """
         derivatives = LeverDerivatives(self, p, data, at, by_law)
         found = [derivatives.by_coefficients(response) for response in self.responses]
@@ -208,9 +213,9 @@ class Model:
 
 
 class LeverDerivatives:
-    """How the residuals of a model at parameters p respond to a change of the levers of every impact.
+    """Derivatives of the residuals of a model at parameters p by the levers of every impact.
 
-    `at`: residuals there; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
+    `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
     """
 
     def __init__(self, model: Model, p: Array, data: Data, at: Residuals, by_law: Array) -> None:
@@ -256,7 +261,7 @@ def state_units(world: World) -> Array:
 
 
 def with_changed_law(world: World, change: Array) -> World:
-    """The world with another soil for each of n releases; `change` (n, 5): logarithms, as in the parameters of
+    """The world with a changed soil for each of n releases; `change` (n, 5): logarithms, as in the parameters of
     `Model`."""
     n = len(change)
     rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
@@ -267,7 +272,7 @@ def with_changed_law(world: World, change: Array) -> World:
 
 
 def is_factor(p: Parameter) -> bool:
-    """Whether a parameter is a factor, which has a logarithmic scale."""
+    """Whether a parameter is a factor: it then has a logarithmic scale."""
     return p.neutral == 1.0 and p.low > 0.0
 
 
@@ -286,11 +291,11 @@ def from_scale(p: Parameter, z: float) -> float:
 
 
 def choice_positions(model: Model) -> list[int]:
-    """Positions of the parameters that can only be chosen from a list."""
+    """Positions in p of the parameters with a list of choices."""
     parameters = [q for own in model.parameters for q in own]
     return [len(BASE_WIDTH) + i for i, q in enumerate(parameters) if q.choices]
 
 
 def scatter_positions(model: Model) -> list[int]:
-    """Positions of the parameters that are standard deviations of what varies from impact to impact."""
+    """Positions in p of the parameters that are standard deviations from impact to impact."""
     return [model.places[e.name].start for e in model.scatter_effects]

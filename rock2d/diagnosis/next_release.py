@@ -15,7 +15,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-FEWEST_IMPACTS_OF_A_KIND = 3  # impacts on which a proposal must rest
+FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
 # releases that differ from the filmed ones: text, factor on speed, spin added in √(g / size)
 VARIANTS = (
     ("as filmed", 1.0, 0.0),
@@ -29,9 +29,9 @@ VARIANTS = (
 def next_release(
     data: Data, setup: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
 ) -> str:
-    """Sentence that says what to film next to separate the best effect from its closest rival."""
+    """A sentence: what to film next to separate the best effect from its closest rival."""
     if not len(data.impact_release):
-        return "A film that goes on after the blocks strike the ground: nothing is known of impacts."
+        return "A film that continues after the blocks strike the ground: this one shows no impacts."
     if found.verdict == "unknown":
         if not cells:
             return "More releases of every block: these data cannot separate the gap from noise."
@@ -77,7 +77,7 @@ def _place(cell: Cell) -> str:
 def _distance(
     data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float
 ) -> Array:
-    """(n,) standard deviations between what two models predict of each impact."""
+    """(n,) distance between the predictions of two models for each impact, in standard deviations."""
     size = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
     shift = np.zeros((len(size), STATE_SIZE))
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]

@@ -1,6 +1,6 @@
-"""Films without noise, as a simulation writes them: they get the noise of a camera before they are diagnosed.
+"""Films without noise, as written by a simulation: they get the noise of a camera before the diagnosis.
 
-A diagnosis weighs all residuals against noise, and no simulation is exact: the steps of the law change the velocity
+A diagnosis compares all residuals with noise, and no simulation is exact: the steps of the law change the velocity
 after an impact by up to 0.002 √(g × radius) and the spin by 0.005 √(g / radius) (99 % of the impacts, steps of 0.2 rad
 against 0.0125 rad). Without noise such errors would count as causes. `CAMERA_NOISE` hides them.
 """
@@ -17,27 +17,28 @@ from rock2d.records.columns import POSITION, THETA
 
 Array = np.ndarray
 
-FAINTEST_NOISE = 5.0e-5  # in block sizes and rad; a film with less noise has none
+FAINTEST_NOISE = 5.0e-5  # in block sizes and rad; less noise counts as none
 CAMERA_NOISE = 2.0e-2  # in the same units
 NOISE_SEED = 1
 
 
 def with_camera_noise(experiment: Experiment, film: Film) -> tuple[Experiment, list[str]]:
-    """The experiment with noise in what has none in its segmented `film`, and a remark; as it is if all has noise.
+    """Add noise to positions or angles that have none in the segmented `film`.
 
-    An angle that was not measured, that of a circle without marks, stays constant.
+    Returns the experiment and remarks; the same experiment and none if both have noise. An angle that was not measured,
+    as for a circle without marks, stays constant.
     """
     assert experiment.trajectories is not None
     size = min(block.size_m for block in experiment.blocks.values())
-    seen = film.measured & (film.noise > FAINTEST_NOISE * np.array([size, size, 1.0]))
-    added, parts = np.zeros(3), []
-    if not seen[POSITION].any():
+    noisy_channels = film.measured & (film.noise > FAINTEST_NOISE * np.array([size, size, 1.0]))
+    added, additions = np.zeros(3), []
+    if not noisy_channels[POSITION].any():
         added[POSITION] = CAMERA_NOISE * size
-        parts.append(f"{CAMERA_NOISE * size:.2g} m in positions")
-    if not seen[THETA] and film.angle_known.any():
+        additions.append(f"{CAMERA_NOISE * size:.2g} m in positions")
+    if not noisy_channels[THETA] and film.angle_known.any():
         added[THETA] = CAMERA_NOISE
-        parts.append(f"{CAMERA_NOISE:.2g} rad in angles")
-    if not parts:
+        additions.append(f"{CAMERA_NOISE:.2g} rad in angles")
+    if not additions:
         return experiment, []
     table = experiment.trajectories.copy()
     noise = np.random.default_rng(NOISE_SEED).normal(size=(len(table), 3)) * added
@@ -48,7 +49,7 @@ def with_camera_noise(experiment: Experiment, film: Film) -> tuple[Experiment, l
         angle_noise_rad=max(experiment.angle_noise_rad, added[THETA]),
     )  # fmt: skip
     return noisy, [
-        f"The film shows no noise, as a simulation does, and no simulation is exact. It was diagnosed with the noise "
-        f"of a camera, 1 sigma: {' and '.join(parts)}. For another noise, set outputs.position_noise_m and "
+        f"The film shows no noise, like the output of a simulation, and no simulation is exact. It was diagnosed with "
+        f"added camera noise, 1 sigma: {' and '.join(additions)}. For another noise, set outputs.position_noise_m and "
         "outputs.angle_noise_rad in the scenario and simulate again"
     ]

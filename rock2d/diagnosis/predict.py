@@ -1,4 +1,4 @@
-"""Prediction with a diagnosed model of another experiment with the same set-up: every segment of its film."""
+"""Prediction of another experiment with the same set-up by a diagnosed model: every segment of its film."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
-# faults of films that cannot be read; any other film is predicted
-UNREADABLE = {
+# faults with which a film cannot be predicted
+UNREADABLE_FAULTS = {
     sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,
     sanity.WRONG_GRAVITY, sanity.UPWARD_GRAVITY,
 }  # fmt: skip
@@ -44,16 +44,19 @@ COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
 def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:
-    """The world of a diagnosis: the base law, or the law with all effects that were found."""
+    """The world of a diagnosis: with all effects that were found, or `base_only` with the base law.
+
+    `order`: positions of the releases in their series, counted from 0.
+    """
     known = catalogue()
-    law, effects = (content["base"], {}) if base_only else _found(content)
+    law, effects = (content["base"], {}) if base_only else _law_and_effects(content)
     rows = setup.contact.copy()
     columns = [K_L, K_UL, K_T, MU, K_R, ROLLING_IN_INDENTATION]
     reading = content.get("law", {}).get("rolling_in_indentation", False)
     rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
     world = replace(setup, contact=rows, order=order)
     for name, own in effects.items():
-        if not known[name].scatter:  # a scatter shifts no mean
+        if not known[name].scatter:  # a scatter does not shift means
             values = [
                 q.neutral if q.may_be_missing and q.name not in own else own[q.name]["value"]
                 for q in known[name].parameters
@@ -65,19 +68,19 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     return world
 
 
-def _found(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Base law and effects of a diagnosis: those of its joint model, or if that lacks the verdict, of the verdict."""
-    verdict, model = content["verdict"], _joint(content)
+def _law_and_effects(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Base law and effects of a diagnosis: of its joint model, or if that lacks the verdict, of the verdict alone."""
+    verdict, model = content["verdict"], _joint_model(content)
     if model:
         return model["base"], model["parameters"]
     if verdict in ("none", "unknown"):
         return content["base"], {}
-    if content.get("beside"):  # a diagnosis without the key model
+    if content.get("beside"):  # a diagnosis without the key `model`
         return content["beside"][-1]["base"], content["beside"][-1]["parameters"]
     return content["effects"][verdict]["base"], {verdict: content["effects"][verdict]["parameters"]}
 
 
-def _joint(content: dict[str, Any]) -> dict[str, Any] | None:
+def _joint_model(content: dict[str, Any]) -> dict[str, Any] | None:
     """The joint model with its learnt changes; None if there is none, or if it lacks the effect of the verdict."""
     model = content.get("model")
     if not model or content["verdict"] not in (*model["parameters"], "none", "unknown"):
@@ -87,7 +90,7 @@ def _joint(content: dict[str, Any]) -> dict[str, Any] | None:
 
 def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
     """The learnt changes of a diagnosis, if its joint model is used."""
-    return read_changes((_joint(content) or {}).get("changes", []))
+    return read_changes((_joint_model(content) or {}).get("changes", []))
 
 
 def read_for_prediction(path: str | Path) -> dict[str, Any]:
@@ -103,7 +106,8 @@ def read_for_prediction(path: str | Path) -> dict[str, Any]:
 
 
 def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
-    """Refuse a learnt change whose coefficients do not fit its curves, or whose quantities its lever does not have."""
+    """Raise InputError for a learnt change whose coefficients do not fit its curves, or whose lever lacks its
+    quantities."""
 
     def wrong(message: str, *place: str | int, **fields: Any) -> InputError:
         return document.error(message, "model", "learnt", "changes", i, *place, **fields)
@@ -127,10 +131,11 @@ def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
 def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:
     """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
 
-    A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
-    recorded. Where the angle was not measured, no spin is assumed, and theta_rad is NaN. The film is judged and divided
-    with the camera and on the ground that the diagnosis found.
-    Of an impact table the velocities after each impact are predicted: `TABLE_COLUMNS`.
+    A segment runs from the end of one flight to the end of the next, or of the film; its rows are the recorded frames.
+    Where the angle was not measured, zero spin is assumed, and theta_rad is NaN. The film is checked and segmented with
+    the camera and the ground of the diagnosis. For an impact table, the velocities after each impact are predicted:
+    `TABLE_COLUMNS`.
+
     Raises InputError for a film that cannot be read or shows no flight with a frame after it, and for a diagnosis
     without a fitted law.
     """
@@ -139,12 +144,12 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     if not content["base"]:
         raise InputError(no_fitted_law(content.get("sanity", {}).get("faults", [])))
     if experiment.trajectories is None:
-        return _impacts(experiment, content, base_only)
+        return _predict_impacts(experiment, content, base_only)
     setup, film = setup_world(experiment), load_film(experiment)
     diagnosed = diagnosed_world(content, setup, setup.order, base_only=False)
     as_recorded = replace(setup, view=diagnosed.view, cross_section=diagnosed.cross_section)
-    data = FilmSegments.of(film, _world_to_divide_in(experiment, film, as_recorded))
-    order = _places(content, film.block_names, film.release_block, data.order)
+    data = FilmSegments.of(film, _world_for_segmentation(experiment, film, as_recorded))
+    order = _series_positions(content, film.block_names, film.release_block, data.order)
     if not np.isfinite(data.start_s).any():
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
     segments = Segments.of(data)
@@ -162,23 +167,22 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     return pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
 
 
-def _places(content: dict[str, Any], names: Sequence[str], block: Array, order: Array) -> Array:
-    """(releases,) places in the diagnosed series of releases with this `block` and `order` in their own: both are
-    assumed to cover the same series."""
+def _series_positions(content: dict[str, Any], names: Sequence[str], block: Array, order: Array) -> Array:
+    """(releases,) positions in the diagnosed series, for releases with this `block` and position `order` in their own
+    series; both series are assumed to cover the same range."""
     series = content.get("series", {})
     lengths = np.bincount(block, minlength=len(names))
     known = np.array([series.get(name, n) for name, n in zip(names, lengths, strict=True)])
     return np.asarray((order + 0.5) / lengths[block] * known[block] - 0.5)
 
 
-def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -> pd.DataFrame:
-    """Predicted velocities after the impacts of a table; rows without a state before are left out."""
-
+def _predict_impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -> pd.DataFrame:
+    """Predicted velocities after the impacts of a table; rows without a state before the impact are left out."""
     assert experiment.impacts is not None
     given = experiment.impacts.dropna(subset=list(BEFORE_COLUMNS)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
     given = given.sort_values("release", kind="stable")
     data = TableData.of(replace(experiment, impacts=given))
-    places = _places(content, list(experiment.blocks), data.release_block, data.order)
+    places = _series_positions(content, list(experiment.blocks), data.release_block, data.order)
     data.impact_order = places[data.impact_release]
     world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
     changes = [] if base_only else learnt_changes(content)
@@ -219,16 +223,16 @@ def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -
     return data.after + np.column_stack([tx * along - ty * across, ty * along + tx * across, spin]) - unframed
 
 
-def _world_to_divide_in(experiment: Experiment, film: Film, world: World) -> World:
-    """The world in which a film is divided: that of the diagnosis, or if its camera is perfect, the one that the sanity
-    checks find. Raises InputError for a film that cannot be read; warns of other faults."""
+def _world_for_segmentation(experiment: Experiment, film: Film, world: World) -> World:
+    """The world in which a film is segmented: that of the diagnosis, or if its camera is perfect, the one that the
+    sanity checks find. Raises InputError for a film that cannot be read; warns of other faults."""
     view = world.view
     true = replace(film, t_s=film.t_s * view.time_scale, pose=view.true(film.pose))
     true.noise = film.noise / [view.scale, view.scale, 1.0]
     stated = replace(experiment, fps=experiment.fps / view.time_scale, cross_section=world.cross_section)
     found = sanity.check_film(stated, true)
     for fault in found.faults:
-        if fault.code in UNREADABLE:
+        if fault.code in UNREADABLE_FAULTS:
             raise InputError(fault.message, experiment.folder)
         if fault.code != sanity.FEW_RELEASES:
             warnings.warn(fault.message, stacklevel=3)

@@ -1,7 +1,7 @@
-"""The gap as predictions meet it: how far whole segments of held-out releases miss the film, with and without causes.
+"""The gap of predictions: the errors of whole segments of held-out releases, with and without causes.
 
-A segment goes on beyond the first instants after an impact, which fits compare: blocks bounce again, roll and come to
-rest. So this is what `rock2d predict` reaches on another film of the set-up.
+Fits compare only the first instants after an impact. A segment continues: blocks bounce again, roll and come to rest.
+So these are the errors to expect of `rock2d predict` for another film of the set-up.
 """
 
 from __future__ import annotations
@@ -22,27 +22,28 @@ from rock2d.records.columns import THETA
 
 Array = np.ndarray
 
-TAIL_PERCENTILE = 95.0  # percentile of the misses
+TAIL_PERCENTILE = 95.0  # percentile of the errors that is their tail
 REPLICATES = 4  # replicates of each segment, for the floor
 DRAWS = 400  # bootstrap draws of the releases
-# times the tail without a change: more than the tail of other draws of the releases differs
+# ratio to the tail without a change from which on the change is harmful; bootstrap draws of the releases differ less
 HARMFUL_TAIL = 1.02
 SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
 
 
 @dataclass
 class PredictedGap:
-    """Misses of the n segments of a film, root mean square over frames and channels in units of the camera's noise.
+    """Prediction errors (misses) of the n segments of a film: root mean square over frames and channels, in units of
+    the camera's noise.
 
     Attributes
     ----------
     release : (n,) index of the release
     base, augmented : (n,) misses of the base law and of the diagnosed model, each fitted to other releases
-    floor : (REPLICATES, n) misses of an exact diagnosed model: from the noise of the measured state before the
+    floor : (REPLICATES, n) misses if the diagnosed model were exact: from the noise of the measured state before the
         segment, the scatter of the soil, and the noise of the frames
     noise : (3,) noise of a frame, in m, m, rad
-    ends : median distance in mm and turn in degrees of both models from the film at the ends of the segments; NaN
-        where no angle was measured
+    ends : for both models, median errors at the ends of the segments: position in mm, angle in degrees (NaN if no angle
+        was measured)
     """
 
     release: Array
@@ -73,7 +74,7 @@ class PredictedGap:
         }  # fmt: skip
 
     def _over_draws(self, values: Array, of: Callable[[Array], Any], seed: int) -> Array:
-        """(1 + DRAWS,) a statistic of `values` (n, ...): as they are, and of drawn releases."""
+        """(1 + DRAWS,) statistic `of` the `values` (n, ...): of all releases, and of bootstrap draws of them."""
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         rows = [np.flatnonzero(self.release == r) for r in np.unique(self.release)]
         found = [of(values)]
@@ -98,9 +99,9 @@ def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) ->
     )  # fmt: skip
 
 
-def end_misses(segments: Segments, apart: Array) -> tuple[float, float]:
-    """Median distance in mm and turn in degrees at the last frames, of differences of poses (n, k, 3)."""
-    last = apart[np.arange(len(apart)), [len(rows) - 1 for rows in segments.frames]]
+def end_misses(segments: Segments, difference: Array) -> tuple[float, float]:
+    """Median distance in mm and angle in degrees at the last frames, from differences of poses (n, k, 3)."""
+    last = difference[np.arange(len(difference)), [len(rows) - 1 for rows in segments.frames]]
     turn = np.abs(last[:, THETA])
     turn = turn[np.isfinite(turn)]
     distance = np.hypot(*last[:, :THETA].T)
@@ -108,8 +109,8 @@ def end_misses(segments: Segments, apart: Array) -> tuple[float, float]:
 
 
 def without_harmful_changes(data: FilmData, learnt: Learnt, base: Validated) -> Learnt:
-    """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse,
-    or the worst segments worse than both the base law and the model without the change."""
+    """Remove the last learnt changes as long as they are harmful: they increase the median error of held-out segments,
+    or the tail above those of the base law and of the model without the change."""
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt
@@ -154,12 +155,12 @@ def measured(data: FilmData, segments: Segments) -> Array:
 
 
 def misses(data: FilmData, poses: Array, other: Array) -> Array:
-    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `other` is known."""
+    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `other` is not NaN."""
     return np.sqrt(np.nanmean(((poses - other) / data.film.noise) ** 2, axis=(1, 2)))
 
 
 def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:
-    """(REPLICATES, n) by which segments of the model itself miss what it predicts."""
+    """(REPLICATES, n) misses of the model for segments drawn from the model itself."""
     fit, order = learnt.fit, data.order[segments.release]
     world, changes = fit.model.world(fit.p, order), learnt.changes
     expected = predicted_poses(data, segments, world, changes)

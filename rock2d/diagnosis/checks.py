@@ -1,14 +1,14 @@
 """Predictive checks: would the diagnosed model have made this film?
 
-Each check looks for a pattern in what the model leaves, in the film and in replicates of it (Gelman, Meng and Stern
-1996, Statistica Sinica 6, 733-807). A replicate gives all that is left of a release the same random sign. That keeps
-sizes, tails and how the impacts of a release depend on each other, and breaks what is systematic. What the fitted
-parameters can absorb is first taken out of each pattern (Hemerik, Goeman and Finos 2020, J. R. Stat. Soc. B 82(3),
-841-864). So nothing is simulated, and no distribution is assumed.
+Each check looks for a pattern in the residuals of the film, compared with replicates of it (Gelman, Meng and Stern
+1996, Statistica Sinica 6, 733-807). In a replicate, all residuals of a release have the same random sign. That keeps
+sizes, tails and correlations within a release, and removes what is systematic. The part of each pattern that the fitted
+parameters can absorb is subtracted first (Hemerik, Goeman and Finos 2020, J. R. Stat. Soc. B 82(3), 841-864). So no
+simulation and no assumption on distributions is needed.
 
-A check holds several patterns, for example one for each zone and channel. Its value is the largest of them, in standard
-deviations of the replicates. The smallest p value of all checks has its own place among the same replicates (Westfall
-and Young 1993, Resampling-Based Multiple Testing), so that many checks fail no more often than one.
+A check contains several patterns, for example one for each zone and channel. Its value is the largest of them, in
+standard deviations of the replicates. The smallest p value of all checks is compared with that of the same replicates
+(Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one.
 """
 
 from __future__ import annotations
@@ -42,14 +42,18 @@ from rock2d.kinematics.impacts import ground_axes
 
 Array = np.ndarray
 
-FALSE_ALARMS = 0.03  # chance that any check of means fails although the model is right; the same for spreads
+FALSE_ALARMS = (
+    0.03  # probability that any check of means fails although the model is right; the same for spreads
+)
 REPLICATES = 5000
-LEAST_UNABSORBED_SHARE = 0.05  # share of its variance that the fitted parameters must leave of a pattern
+LEAST_UNABSORBED_SHARE = (
+    0.05  # least share of the variance of a pattern that fitted parameters must not absorb
+)
 DEPENDENCE_WORDS = {
     "series": "release",
     "orientation to the ground": "orientation",
 }  # dependences in plain words
-# name of a check -> the dependences that it looks at
+# name of a check -> the dependences that it tests
 IMPACT_MEANS = {
     "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
     "impacts with speed": ("normal speed", "sliding speed"), "impacts with spin": ("spin",),
@@ -69,13 +73,17 @@ VELOCITIES = "what is left of velocities after impacts"
 
 @dataclass(frozen=True)
 class Check:
-    """A check of the film among replicates of the diagnosed model.
+    """A check of the film against replicates of the diagnosed model.
 
     Attributes
     ----------
-    name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
-    value : that of the film, in standard deviations of replicates; `percentiles`: (101,) those of the replicates
-    p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
+    name : what is tested
+    compared : the compared quantity
+    largest : name of the largest pattern
+    value : value of the film, in standard deviations of the replicates
+    percentiles : (101,) percentiles 0 to 100 of the values of the replicates
+    p : share of the replicates with at least this value
+    p_of_all : share of the replicates in which any check is at least as improbable
     """
 
     name: str
@@ -98,25 +106,25 @@ class Check:
 
     @property
     def fails(self) -> bool:
-        """Whether the model would hardly have made this."""
+        """Whether the data are improbable under the model."""
         return self.p_of_all < FALSE_ALARMS
 
 
 @dataclass(frozen=True)
 class Checks:
-    """The checks of a model: of what it leaves on the mean, and of how that spreads."""
+    """The checks of a model: of means of residuals, and of their spreads."""
 
     means: list[Check]
     spreads: list[Check]
 
     @property
     def all(self) -> list[Check]:
-        """First the means."""
+        """All checks, those of means first."""
         return [*self.means, *self.spreads]
 
     @property
     def p(self) -> float:
-        """Probability that a true model would look this bad: have a mean as improbable as the most improbable one."""
+        """Probability that a true model has a check of means at least as improbable as the most improbable one."""
         return min((check.p_of_all for check in self.means), default=1.0)
 
     def content(self) -> list[dict[str, Any]]:
@@ -145,37 +153,37 @@ class _Patterns(NamedTuple):
     values: Array
 
 
-def _rank_checks(found: Sequence[_Patterns]) -> list[Check]:
-    """Each check with its place among the replicates."""
-    if not found:
+def _rank_checks(checks: Sequence[_Patterns]) -> list[Check]:
+    """Each check with its rank among the replicates."""
+    if not checks:
         return []
-    z = [np.abs(own.values) / np.maximum(own.values[1:].std(axis=0), 1e-300) for own in found]
-    largest = np.array([own.max(axis=1) for own in z])
+    z = [np.abs(patterns.values) / np.maximum(patterns.values[1:].std(axis=0), 1e-300) for patterns in checks]
+    largest = np.array([patterns.max(axis=1) for patterns in z])
     count = largest.shape[1]
     # share of all rows, its own included, that are as far out
     p = np.array([(count - np.searchsorted(np.sort(row), row)) / count for row in largest])
     least = p.min(axis=0)
     return [
         Check(
-            own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
+            patterns.name, patterns.compared, patterns.parts[int(sizes[0].argmax())], float(row[0]),
             np.quantile(row[1:], np.linspace(0.0, 1.0, 101)), float(rank[0]),
             float((least <= rank[0]).mean()),
         )
-        for own, sizes, row, rank in zip(found, z, largest, p, strict=True)
+        for patterns, sizes, row, rank in zip(checks, z, largest, p, strict=True)
     ]  # fmt: skip
 
 
 class _Residuals(NamedTuple):
-    """What is left of n impacts, or of n flights.
+    """Residuals of n impacts or n flights.
 
     Attributes
     ----------
     release : (n,)
     z, weight, jacobian : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their
         derivatives
-    names, channels : names of what the checks look at, and (n, 3, d) what each is of z, in standard deviations
-    quantities : name -> (n,)
-    lever : (n,) by which a pattern acts
+    names, channels : names of the three tested channels, and (n, 3, d) their weights on z, in standard deviations
+    quantities : name -> (n,) measured quantities
+    lever : (n,) factors on a pattern
     """
 
     release: Array
@@ -189,7 +197,7 @@ class _Residuals(NamedTuple):
 
 
 class _RemainingPatterns:
-    """What a fit leaves of impacts and flights, what its parameters could still absorb, and the signs of replicates."""
+    """Patterns in the residuals of a fit that its parameters cannot absorb, for the data and for replicates."""
 
     def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
         self._data, self._signs = data, signs
@@ -223,7 +231,7 @@ class _RemainingPatterns:
 
     @cached_property
     def _parameter_shifts(self) -> Array:
-        """(releases, P) by which the signs of the releases move the parameters."""
+        """(releases, P) shift of the parameters by the residuals of each release, for the sign +1."""
         count = self._impacts.jacobian.shape[-1]
         pull, curvature = np.zeros((len(self._data.order), count)), np.zeros((count, count))
         for own in (self._impacts, self._flights):
@@ -250,20 +258,23 @@ class _RemainingPatterns:
             functions, parts = [], list[str]()
             for name in filter(known.__contains__, names):
                 curves, f = known[name].curves, known[name].features(side.quantities)
-                said = [f" with {DEPENDENCE_WORDS.get(name, name)}"] * f.shape[1] if curves else [""]
+                words = [f" with {DEPENDENCE_WORDS.get(name, name)}"] * f.shape[1] if curves else [""]
                 if curves and curves[0].kind == KINDS:
-                    own = members.get(curves[0].quantity)
-                    said = [f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]
+                    labels = members.get(curves[0].quantity)
+                    words = [
+                        f" in {labels[int(i)] if labels else f'impact {i + 1:.0f}'}"
+                        for i in curves[0].numbers
+                    ]
                 functions.append(f - f.mean(axis=0) if curves else f)
-                parts += [channel + part for part in said for channel in side.names]
+                parts += [channel + part for part in words for channel in side.names]
             if functions:
                 yield check, np.concatenate(functions, axis=1), parts
 
     def _unabsorbed(
         self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
-        """A check from what each release adds, `sums` (releases, k), and what of it the parameters absorb; none where
-        they absorb all."""
+        """A check from the contributions of the releases, `sums` (releases, k), and the part that the parameters
+        absorb; no check if they absorb all."""
         left = sums - absorbed
         kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * (sums**2).sum(axis=0)).tolist()
         own = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
@@ -279,7 +290,7 @@ class _RemainingPatterns:
         return self._unabsorbed(name, compared, parts, sums, self._parameter_shifts @ moved)
 
     def means(self) -> list[_Patterns]:
-        """What is left of impacts and flights on the mean."""
+        """Patterns of the means of residuals of impacts and flights."""
         found = list[_Patterns]()
         for compared, table, dependences, side in (
             (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
@@ -291,7 +302,7 @@ class _RemainingPatterns:
         return found + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
 
     def _energy(self) -> list[_Patterns]:
-        """The energy after impacts, in its standard deviations."""
+        """Pattern of the energy after impacts, in standard deviations."""
         after = self._data.outcome_quantities(self._world)
         blocks = np.array([(b.mass_kg, b.inertia_kg_m2) for b in self._world.blocks.values()])
         mass, inertia = blocks[self._data.impact_block].T
@@ -305,7 +316,7 @@ class _RemainingPatterns:
         )
 
     def _near_replicates(self) -> list[_Patterns]:
-        """Whether impacts of different releases from nearly the same state miss in the same direction."""
+        """Pattern: residuals of impacts from nearly the same state in different releases have the same direction."""
         own, pairs = self._impacts, near_pairs(self._data, self._world)
         if not pairs:
             return []
@@ -319,7 +330,8 @@ class _RemainingPatterns:
         return [_Patterns("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
 
     def spreads(self) -> list[_Patterns]:
-        """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""
+        """Patterns of the sizes of residuals of impacts: channels compared with each other, and each by zone, block and
+        release."""
         from scipy.special import ndtri
         from scipy.stats import rankdata
 

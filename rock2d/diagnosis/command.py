@@ -38,14 +38,14 @@ def run_diagnosis(
     progress: bool,
     report: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first.
+    """Diagnose an experiment folder. Writes diagnosis.json and report.html, and returns the content of the former.
 
-    `limits` : folder of a study of known causes, whose limits the report shows; Path(): those that are expected
+    `limits`: folder of a study of known causes, whose limits the report shows; Path(): the expected limits
     """
     from rock2d.diagnosis.report.page import write_report
     from rock2d.graphics.rendering import page_date
 
-    page_date()  # an invalid date is refused before the work starts
+    page_date()  # raises for an invalid date before the work starts
     read = load_experiment(experiment)
     _refuse_foreign(out)
     studied = read_limits(limits, read.name) if limits not in (None, Path()) else None
@@ -83,7 +83,7 @@ def run_diagnosis(
 
 
 def _refuse_foreign(out: Path) -> None:
-    """Raise InputError for a folder that holds files, but neither a diagnosis nor the fits of an interrupted one."""
+    """Raise InputError for a folder with files that are neither a diagnosis nor the fits of an interrupted one."""
     if not out.is_dir() or not any(out.iterdir()) or (out / FITS).is_dir():
         return
     try:
@@ -91,7 +91,7 @@ def _refuse_foreign(out: Path) -> None:
     except InputError:
         content = None
     if not is_diagnosis(content):
-        message = "exists and is no diagnosis; choose another output folder"
+        message = "exists and is not a diagnosis; choose another output folder"
         raise InputError(message, out, code="not_a_result")
 
 
@@ -174,7 +174,7 @@ def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[st
 def run_prediction(
     experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, report: Callable[[str], None]
 ) -> None:
-    """Predict an experiment folder with a diagnosis; writes a CSV."""
+    """Predict the film or impact table of an experiment folder with a diagnosis; writes a CSV file."""
     read, content = load_experiment(experiment), read_for_prediction(diagnosis)
     check_file(out)
     table = predict(read, content, base_only=base_only)

@@ -1,4 +1,4 @@
-"""Two diagnoses side by side: what they agree on, where they differ, and what of them can be compared at all."""
+"""Comparison of two diagnoses: what agrees, what differs, and what cannot be compared."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from rock2d.files.diagnosis_keys import DiagnosisFile
 from rock2d.files.fitted_keys import FittedParameter
 
 FEWEST_PROBABILITY = 0.05  # probability from which on the parameters of an effect are of interest
-AGREEMENT = 1.0  # largest difference over the half width of its 95 % interval
+AGREEMENT = 1.0  # largest difference of equal values, over the half width of its 95 % interval
 PLACE_KEYS = ("phase", "zone", "block", "channel")
 
 
 def agree(a: FittedParameter, b: FittedParameter) -> bool | None:
-    """Whether two values differ by no more than their 95 % intervals allow; None where no interval is stated.
+    """Whether two values differ by no more than their 95 % intervals allow; None if both have no interval.
 
-    The sides of the intervals that face each other are added as independent errors.
+    The half intervals that face each other are added as independent errors.
     """
     if a.value == b.value:
         return True
-    sides = [abs(own.ci95[own.value < other.value] - own.value) for own, other in ((a, b), (b, a))]
-    half = hypot(sides[0], sides[1])
+    halves = [abs(own.ci95[own.value < other.value] - own.value) for own, other in ((a, b), (b, a))]
+    half = hypot(halves[0], halves[1])
     return abs(a.value - b.value) <= AGREEMENT * half if half > 0 else None
 
 
 def comparison(a: DiagnosisFile, b: DiagnosisFile) -> dict[str, Any]:
-    """The content of comparison.json; A and B are told apart by the keys "a" and "b"."""
+    """The content of comparison.json, with the keys "a" and "b" for the diagnoses A and B."""
     both = {"a": a, "b": b}
 
     def each(value: Callable[[DiagnosisFile], Any]) -> dict[str, Any]:
@@ -59,56 +59,58 @@ def _law(own: DiagnosisFile) -> dict[str, float]:
 
 
 def diagnosed(own: DiagnosisFile) -> bool:
-    """Whether effects were tried: its film passed the sanity checks."""
+    """Whether effects were tried: the experiment passed the sanity checks."""
     return not own.sanity.faults and own.gap.base is not None
 
 
 def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
-    """What can be compared and what cannot, in sentences."""
-    said = []
-    for name, own in (("A", a), ("B", b)):
-        if not diagnosed(own):
-            reason = f" ({'; '.join(own.sanity.faults)})" if own.sanity.faults else ""
-            said.append(
-                f"{name} could not be diagnosed{reason}. Its probabilities rest on no fit: compare nothing with them."
+    """Sentences on what can be compared and what cannot."""
+    sentences = []
+    for name, diagnosis in (("A", a), ("B", b)):
+        if not diagnosed(diagnosis):
+            reason = f" ({'; '.join(diagnosis.sanity.faults)})" if diagnosis.sanity.faults else ""
+            sentences.append(
+                f"{name} could not be diagnosed{reason}. Its probabilities are not based on a fit: do not compare them."
             )
     if a.experiment == b.experiment:
-        said.append(
-            "Both state the same name of the experiment. The files do not say whether they are of the same film: if "
-            "they are not, read them as different experiments."
+        sentences.append(
+            "Both files state the same name of the experiment. They do not show whether both are of the same film: if "
+            "not, read them as different experiments."
         )
     else:
-        said.append(
-            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its own "
+        sentences.append(
+            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its diagnosis "
             "film shows. Parameters need not agree: those of the camera belong to a set-up, those of the soil to "
-            "its state. Base, augmented and noise floor cannot be compared: each is in units of its own noise and "
+            "its state. Base, augmented and noise floor cannot be compared: each is in units of its diagnosis noise and "
             "scatter."
         )
     if a.schema_ != b.schema_:
-        said.append(
+        sentences.append(
             f"The files have different schemas, {a.schema_} and {b.schema_}. Only what both have is compared; "
             "causes, what lies outside the catalogue and the kinds of noise floor are left out."
         )
-    newer = [own.schema_ for own in (a, b) if own.schema_ not in KNOWN_SCHEMAS]
+    newer = [diagnosis.schema_ for diagnosis in (a, b) if diagnosis.schema_ not in KNOWN_SCHEMAS]
     if newer:
-        said.append(
+        sentences.append(
             f"Schema {max(newer)} is newer than this rock2d. Keys that it does not know are left out."
         )
     if a.beside or b.beside:
-        said.append(
+        sentences.append(
             "Where effects were found beside the verdict, the parameters compared here are still those of each "
             "effect alone."
         )
     if a.gap.unit != b.gap.unit:
-        said.append("The gaps have different units: compare only the share closed.")
-    said += _one_sided("effects", a.probabilities, b.probabilities, "were not in the catalogue of the other")
+        sentences.append("The gaps have different units: compare only the share closed.")
+    sentences += _one_sided(
+        "effects", a.probabilities, b.probabilities, "were not in the catalogue of the other"
+    )
     for key in ("zone", "block"):
-        in_a, in_b = ({getattr(place, key) for place in own.where} for own in (a, b))
+        in_a, in_b = ({getattr(place, key) for place in diagnosis.where} for diagnosis in (a, b))
         if in_a and in_b:
-            said += _one_sided(
+            sentences += _one_sided(
                 f"{key}s", in_a, in_b, "have no share of the gap in the other, or are not there"
             )
-    return said
+    return sentences
 
 
 def _one_sided(what: str, a: Iterable[str], b: Iterable[str], why: str) -> list[str]:
@@ -121,7 +123,7 @@ def _one_sided(what: str, a: Iterable[str], b: Iterable[str], why: str) -> list[
 
 
 def _paired(names: Iterable[str], a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A quantity of A and of B in each row; None where a diagnosis does not have it."""
+    """A row for each quantity, with its values in A and B; None if a diagnosis does not have it."""
     return [{"name": name, "a": a.get(name), "b": b.get(name)} for name in names]
 
 
@@ -132,7 +134,7 @@ def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     return sorted(pairs, key=lambda pair: -max(pair["a"] or 0.0, pair["b"] or 0.0))
 
 
-def _of_interest(own: DiagnosisFile) -> set[str]:
+def _effects_of_interest(own: DiagnosisFile) -> set[str]:
     likely = {name for name, p in own.probabilities.items() if p >= FEWEST_PROBABILITY}
     return {own.verdict, *own.group, *likely, *(found.effect for found in own.beside)}
 
@@ -140,7 +142,7 @@ def _of_interest(own: DiagnosisFile) -> set[str]:
 def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     """Parameters of every effect that was tried in both or in one; those of interest first."""
     ranks = {pair["name"]: i for i, pair in enumerate(_probabilities(a, b))}
-    wanted = _of_interest(a) | _of_interest(b)
+    wanted = _effects_of_interest(a) | _effects_of_interest(b)
     names = sorted({*a.effects, *b.effects}, key=lambda n: (n not in wanted, ranks.get(n, len(ranks)), n))
     rows = []
     for name in names:
@@ -172,7 +174,7 @@ def _closures(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
 
 
 def _places(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
-    """Share of the gap in every place of either, largest first; 0 where a diagnosis has none there."""
+    """Share of the gap in every place of A or B, largest first; 0 if a diagnosis has none there."""
     shares: dict[tuple[str, ...], dict[str, float]] = {}
     for side, own in (("a", a), ("b", b)):
         for place in own.where:

@@ -62,9 +62,8 @@ class Model:
     """Base law, effects and learnt changes; `world(p)` is the world at parameters p, without the learnt changes.
 
     p: first the five of the base, then those of the effects, then the coefficients of the learnt changes. They are
-    dimensionless:
-    logarithms relative to `base`, effect parameters in units of their plausible range, coefficients in units of
-    `widths` (c,).
+    dimensionless: logarithms relative to `base`, effect parameters in units of their plausible range, coefficients in
+    units of `widths` (c,).
     `known_p`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
     `flown`: blocks with parameters of their own for effects in flight, on the scale of their size; if empty, all blocks
     share the parameters.

@@ -19,12 +19,12 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-CONSTANT = "nothing"  # what a constant depends on
+CONSTANT = "nothing"  # name of the dependence of a constant
 SPLINE, FINE, HARMONICS, KINDS, LINE, WAVES = "spline", "fine", "harmonics", "kinds", "line", "waves"
 SPLINE_DEGREE = 2
 # number of pieces between quantiles of the measured values, for a usual and for a fine spline
 SPLINE_PIECES = {SPLINE: 5, FINE: 16}
-LEAST_VALUES_PER_PIECE = 6  # measured ones
+LEAST_VALUES_PER_PIECE = 6  # measured values
 SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
 WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
 FADE = 0.5  # share of the measured range over which a change fades to nothing beyond its ends
@@ -40,10 +40,10 @@ DRAG_X_M2_S2, DRAG_Y_M2_S2 = "speed_times_vx_m2_s2", "speed_times_vy_m2_s2"
 SPIN_VX_M_S2, SPIN_VY_M_S2 = "omega_times_vx_m_s2", "omega_times_vy_m_s2"
 
 MOST_COUNTED_IMPACTS = 2  # later impacts of a release count as one kind
-# the orientation at the touch is extrapolated over this time: radii over the normal velocity, which counts at least as
+# the orientation at the touch is extrapolated over TOUCH_RADII over the normal velocity, at least SLOWEST_TOUCH_M_S
 TOUCH_RADII, SLOWEST_TOUCH_M_S = 0.3, 0.1
 
-# name of a dependence -> its quantities and how they enter
+# name of a dependence -> (quantity, kind of curve) of each of its quantities
 Dependences = Mapping[str, tuple[tuple[str, str], ...]]
 IMPACT_DEPENDENCES: Dependences = {
     CONSTANT: (),
@@ -73,14 +73,14 @@ FLIGHT_DEPENDENCES: Dependences = {
     "series": ((SERIES, LINE),),
     "history": ((HISTORY, KINDS),),
 }
-# dependences of what the camera or the ground adds to the motion before and after an impact alike
+# dependences of what the camera or the ground adds equally to the motion before and after an impact
 FRAME_DEPENDENCES: Dependences = {
     CONSTANT: (),
     "spin": ((OMEGA_RAD_S, LINE),),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
     "series": ((SERIES, LINE),),
 }
-# dependences of a slope of the ground that the survey does not show
+# dependences of a slope of the ground that the survey missed
 SLOPE_DEPENDENCES: Dependences = {
     "zone": ((ZONE, KINDS),),
     "place": ((PLACE_M, SPLINE),),
@@ -92,7 +92,7 @@ HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of
 
 @dataclass(frozen=True)
 class Curve:
-    """Functions of one quantity.
+    """Functions of one quantity, with the name `quantity`; `kind`: SPLINE, HARMONICS, KINDS, LINE or WAVES.
 
     Attributes
     ----------
@@ -106,8 +106,9 @@ class Curve:
     numbers: tuple[float, ...]
     measured: tuple[float, float] | None = None
 
-    def known(self, values: Array) -> Array:
-        """(n,) 1 for values (n,) that were measured, falling to 0 at `FADE` times their range beyond them."""
+    def fade(self, values: Array) -> Array:
+        """(n,) weights: 1 within the range of measured values, falling to 0 at `FADE` times the range beyond its
+        ends."""
         ends = (self.numbers[0], self.numbers[-1]) if self.kind == SPLINE else self.measured
         if ends is None:
             return np.ones(len(values))
@@ -129,28 +130,28 @@ class Curve:
         knots = np.concatenate([[ends[0]] * SPLINE_DEGREE, ends, [ends[-1]] * SPLINE_DEGREE])
         inside = np.clip(values, ends[0], ends[-1])
         parts = BSpline.design_matrix(inside, knots, SPLINE_DEGREE).toarray()
-        # the line has a coefficient of its own: a plain trend then costs one, not one for each part
+        # the line has a coefficient of its own: a linear trend then needs only one coefficient
         return np.column_stack([(inside - ends.mean()) / ends.std(), parts])
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Functions of what a change depends on; without curves it is a constant."""
+    """Functions of the quantities on which a change depends; without curves a constant."""
 
     name: str
     curves: tuple[Curve, ...]
 
     def features(self, quantities: Mapping[str, Array]) -> Array:
-        """(n, k) functions of quantities (n,); they fade to 0 where these were never measured."""
+        """(n, k) functions of quantities, name -> (n,); they fade to 0 outside the measured range."""
         if not self.curves:
             return np.ones((len(next(iter(quantities.values()))), 1))
         each = [quantities[curve.quantity] for curve in self.curves]
-        known = np.prod([c.known(values) for c, values in zip(self.curves, each, strict=True)], axis=0)
+        known = np.prod([c.fade(values) for c, values in zip(self.curves, each, strict=True)], axis=0)
         parts = [c.features(values) for c, values in zip(self.curves, each, strict=True)]
         return np.concatenate(parts, axis=1) * known[:, None]
 
     def content(self) -> dict[str, Any]:
-        """For a JSON file."""
+        """The basis as in the key `changes` of diagnosis.json."""
         return {"depends_on": self.name, "curves": [asdict(curve) for curve in self.curves]}
 
 
@@ -170,7 +171,7 @@ def read_basis(content: Mapping[str, Any]) -> Basis:
 
 
 def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str, Basis]:
-    """The bases of dependences for measured quantities (n,), name -> basis. What does not vary is left out."""
+    """Name of a dependence -> basis for measured quantities (n,). Quantities that do not vary are left out."""
     found = {}
     for name, parts in dependences.items():
         curves = [
@@ -182,8 +183,8 @@ def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str
 
 
 def waves(times_s: Array, pace_s: float) -> list[Basis]:
-    """Bases of an oscillation in time, one for each frequency that times (n,) can tell from the next; `pace_s`:
-    √(size / g)."""
+    """Bases of an oscillation in time, one for each frequency that the times (n,) can resolve; `pace_s`: √(size /
+    g)."""
     step = 1.0 / (WAVES_PER_PHASE * max(float(np.ptp(times_s)), pace_s))
     rates = 2.0 * np.pi * np.arange(SLOWEST_WAVE / pace_s, FASTEST_WAVE / pace_s, step)
     ends = float(times_s.min()), float(times_s.max())
@@ -212,7 +213,7 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
 
 
 def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
-    """(n, features) of impacts from the states `before` them (n, 6)."""
+    """(n, features) of impacts, from the states `before` them (n, 6)."""
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
     spin = before[:, OMEGA] * size
@@ -228,7 +229,7 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
 def incident_quantities(
     world: World, block: Array, zone: Array, tangent: Array, before: Array
 ) -> dict[str, Array]:
-    """Name -> (n,): what the states `before` the impacts (n, 6) say."""
+    """Name -> (n,): quantities of impacts from the states `before` them (n, 6)."""
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
     spin = before[:, OMEGA] * size
@@ -259,7 +260,8 @@ def _lean(size: Array, tangent: Array, before: Array, across: Array) -> Array:
 
 
 def history_quantities(release: Array, order: Array, began: Array) -> dict[str, Array]:
-    """What happened before an impact: `order` of its release in the series, instant at which it `began`."""
+    """Name -> (n,): position `order` of the release in its series, and number of the impact in its release, from the
+    instants at which the impacts `began`."""
     number = np.zeros(len(release))
     for r in np.unique(release):
         own = release == r

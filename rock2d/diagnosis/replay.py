@@ -1,7 +1,7 @@
-"""Filmed releases simulated again: from a measured flight on, at the camera's instants and in its frame.
+"""Filmed releases simulated again: from a measured flight on, at the camera's instants and in its coordinates.
 
-Poses are those that the camera records, with the sign of a mirrored axis corrected, so that measured and simulated ones
-lie on the same cross-section.
+Poses are those that the camera records, with a mirrored axis corrected, so that measured and simulated poses belong to
+the same cross-section.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Releases:
 
 
 def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
-    """Every release that has a flight; if there are more frames in all than `most_frames`, every k-th of them."""
+    """Every release with a flight; every k-th frame if there are more than `most_frames` in total."""
     film, flights = data.film, data.segmentation.flights
     first = np.flatnonzero(flights.follows < 0)
     ends = np.searchsorted(film.release, flights.release[first], side="right")
@@ -81,7 +81,7 @@ def simulated_releases(
 
 
 def with_drawn_soils(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
-    """The world with another soil for each of n releases."""
+    """The world with a soil drawn from the fitted scatter for each of n releases."""
     return with_changed_law(world, rng.normal(size=(n, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)])
 
 
@@ -90,8 +90,8 @@ def recorded_simulation(
 ) -> Array:
     """Recorded poses (n, k, 3) at recorded instants `t_s` (n, k; NaN where there is none, at the end of a row).
 
-    The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). Where
-    a block has left the cross-section its last pose stays.
+    The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). After
+    a block has left the cross-section, its last pose is repeated.
     """
     block = data.segmentation.flights.block[flights]
     starts = data.states_at(world, flights, start_s - data.basis.middle[flights])

@@ -1,9 +1,9 @@
-"""A floor of the gap that no model enters: near-replicates.
+"""A floor of the gap that is independent of models: near-replicates.
 
-Two impacts of the same block in the same zone with nearly the same state before them differ by noise and by the soil
-only. So half the mean square difference of their residuals tells what noise and soil leave (the nugget of the
-variogram; Matheron 1963, Economic Geology 58(8), 1246-1266). Where it is smaller than the mean square of the residuals
-themselves, the model still misses something that depends on the state.
+Two impacts of the same block in the same zone with nearly the same state before them differ only by noise and soil. So
+half the mean square difference of their residuals estimates the variance of noise and soil (the nugget of the
+variogram; Matheron 1963, Economic Geology 58(8), 1246-1266). If it is smaller than the mean square of the residuals,
+the model misses something that depends on the state.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Array = np.ndarray
 NEAR_SHARE = 0.03  # share of all pairs that count as near-replicates
 FEWEST_NEAR_PAIRS = 20
 FEWEST_IN_CELL = 5  # impacts of a block in a zone
-MOST_IN_CELL = 700  # every k-th of more
+MOST_IN_CELL = 700  # if there are more, every k-th is used
 JACKKNIFE_GROUPS = 10  # groups of releases, for the standard error
 SMALLEST_RATIO = 0.02
 HARMONIC = 4  # order in the orientation: a square looks the same after a quarter of a turn
@@ -36,19 +36,19 @@ HARMONIC = 4  # order in the orientation: a square looks the same after a quarte
 
 @dataclass(frozen=True)
 class Ratio:
-    """Mean square that near-replicates leave over that of the residuals, with its standard error."""
+    """Half the mean square difference of near-replicates over the mean square of the residuals, with standard error."""
 
     value: float
     error: float
 
     @property
     def upper_bound(self) -> float:
-        """At most 1, and less only as far as the pairs surely say."""
+        """Value plus one standard error, at most 1."""
         return min(self.value + self.error, 1.0)
 
     @property
     def likely(self) -> float:
-        """The value, at most 1: no model can fit noise."""
+        """The value, at most 1."""
         return min(self.value, 1.0)
 
     def draws(self, rng: np.random.Generator, count: int) -> Array:
@@ -62,14 +62,14 @@ NO_PAIRS = Ratio(1.0, 0.0)
 def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
     """The ratio for the residuals z (n, d), in standard deviations, of a model's impacts.
 
-    Several ideas of "nearly the same state" are tried. The one that surely says least counts.
+    Several definitions of "nearly the same state" are tried. The one with the lowest upper bound counts.
     """
     found = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
     return min([NO_PAIRS, *found], key=lambda ratio: ratio.upper_bound)
 
 
 def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:
-    """Pairs of impacts (first, second) that are near-replicates, by each idea of nearness that has enough of them."""
+    """Pairs of impacts (first, second) that are near-replicates, for each definition of nearness with enough pairs."""
     if len(data.impact_release) < FEWEST_IN_CELL:
         return []
     q = data.impact_quantities(world)
@@ -86,7 +86,7 @@ def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:
 
 
 def _ratio(pairs: tuple[Array, Array], z: Array, release: Array) -> Ratio:
-    """The ratio of one idea of nearness."""
+    """The ratio for one definition of nearness."""
     first, second = pairs
     half = 0.5 * ((z[first] - z[second]) ** 2).mean(axis=1)
     size = (z**2).mean(axis=1)

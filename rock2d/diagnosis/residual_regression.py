@@ -1,8 +1,8 @@
-"""A flexible regression of the residuals on everything measured: what any model could still explain.
+"""A flexible regression of the residuals on all measured quantities: what any model could still explain.
 
-The residuals of the right effect cannot be predicted. A ridge regression on the terms that forces would cause, and then
+The residuals of the right model cannot be predicted. A ridge regression on the terms that forces would cause, and then
 extremely randomised trees on its residuals, are fitted on some releases and tested on others. They contain no
-mechanics, so the share of the gap that they close is a lower bound of what some cause would close.
+mechanics, so the share of the gap that they close is a lower bound for what a cause would close.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 TREES = 60
-LARGEST_RESIDUAL_SD = 5.0  # residuals in units of their standard deviation
+LARGEST_RESIDUAL_SD = 5.0  # limit of residuals in units of their standard deviation
 FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight, the effect of accelerations and of their change
 
 

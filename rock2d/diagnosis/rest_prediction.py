@@ -1,7 +1,7 @@
 """Rest prediction: the end of every film predicted from the last measured flight.
 
-Rests enter no fit, because a long roll on the ground depends little on impacts and much on chance. So they are always
-held out. They show where else the gap appears.
+Rests are not used in fits, because a long roll on the ground depends little on impacts and much on chance. So they are
+always held out. They show where else the gap appears.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ SCATTER_STEP = 0.02  # step of finite differences, as a share of a parameter's s
 
 @dataclass
 class Rests:
-    """Ends of the films: the last flight of each, when its film ends after it (recorded s), and the pose there."""
+    """Ends of the films: last flight of each, recorded time from its start to the end of the film in s, and final
+    pose."""
 
     flight: Array
     wait_s: Array
@@ -60,15 +61,15 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
     for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
         p = fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k)
-        ahead = _residuals(data, rests, _world(data, rests, fit, p))
-        variance += np.nan_to_num((ahead - at) * sigma / SCATTER_STEP) ** 2
+        stepped = _residuals(data, rests, _world(data, rests, fit, p))
+        variance += np.nan_to_num((stepped - at) * sigma / SCATTER_STEP) ** 2
     start = data.start_s[rests.flight]
     states = data.states_at(world, rests.flight, start)
     noise = data.true_covariance(world, rests.flight, start, states)
     for k in range(STATE_SIZE):
         sigma_state = np.sqrt(noise[:, k, k])
-        ahead = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
-        variance += np.nan_to_num(ahead - at) ** 2
+        stepped = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
+        variance += np.nan_to_num(stepped - at) ** 2
     variance[data.unknown_spin[rests.flight] > 0.0, THETA] = np.inf
     return variance
 

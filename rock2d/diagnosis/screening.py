@@ -1,9 +1,9 @@
-"""Which effect is worth a fit beside a model: the gain on held-out releases that a linear model expects.
+"""Screening of the effects that are worth a fit: the gain on held-out releases that a linear model expects.
 
 Around a fit, each effect adds one column for each of its parameters: how the residuals change. One Newton step in all
 parameters, fitted to the other folds, gives the expected gain of a fold. That takes a few simulations for each effect,
 where a fit takes a hundred. An effect that is strong, or whose first small step does nothing, has a second column: the
-change of the residuals from no effect to the size that it has alone.
+change of the residuals between no effect and its size as a single effect.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from rock2d.effects.effect import Effect, Parameter
 Array = np.ndarray
 
 LARGEST_STEP = 1.0  # largest step of an effect's parameter, on the scale of `Model`
-LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of the size that it has alone
+LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of its size as a single effect
 
 
 @dataclass
 class Expected(SummedGain):
-    """What a linear model expects of an effect beside a fit.
+    """Gain that a linear model expects of one more effect in a fit.
 
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
-    p : parameters of the model with the effect from which its fit may start
-    chance_gains : (draws,) what it would gain by chance, see `LinearModel.chance_gains`
+    p : start parameters for a fit of the model with the effect
+    chance_gains : (draws,) gains by chance, see `LinearModel.chance_gains`
     """
 
     gain: Array
@@ -44,7 +44,7 @@ class Expected(SummedGain):
 
 
 class Screening:
-    """Expected gains beside one fit."""
+    """Expected gains of effects in addition to a fit."""
 
     def __init__(self, fit: Fit, data: Data) -> None:
         self._fit, self._data, self._linear = fit, data, LinearModel(fit, data)
@@ -69,10 +69,10 @@ class Screening:
         base = len(BASE_WIDTH)
         at, whole = start.copy(), np.zeros(model.size)
         whole[first:] = alone[base:] - start[first:]
-        if must_choose:  # the base law has adapted to the choice that was made
+        if must_choose:  # the law was fitted with the choice
             whole[:base] = alone[:base] - start[:base]
         for k, q in enumerate(parameters, first):
-            if q.implied:
+            if q.has_neutral_choice:
                 at[k], whole[k] = start[k] + whole[k], 0.0
         if np.abs(whole).max(initial=0.0) > DIFFERENCE_STEP:
             columns = _stacked([self._change(model, at, whole)])
@@ -87,7 +87,7 @@ class Screening:
         return Expected(gain, np.clip(p, low, high), np.max(chance, axis=0))
 
     def all(self, effects: Mapping[str, Effect], alone: Mapping[str, Array]) -> dict[str, Expected]:
-        """Expected gain of every effect that shifts means and is not in the model."""
+        """Expected gain of every effect that is not in the model and does not only widen the scatter."""
         present = {effect.name for effect in self._fit.model.effects}
         return {
             name: self.expected(effect, alone[name])
@@ -96,15 +96,16 @@ class Screening:
         }
 
     def _change(self, model: Model, start: Array, step: Array) -> Residuals:
-        """How the residuals change with a step of the parameters."""
+        """Change of the residuals with a step of the parameters."""
         return model.residuals(start + step, self._data).minus(self._fit.residuals)
 
 
 def _starts(start: Array, first: int, parameters: Sequence[Parameter]) -> list[Array]:
-    """`start` with each choice of the parameters from position `first` on that have a neutral one."""
+    """`start` with each combination of the choices of parameters, from position `first` on, that have a neutral
+    choice."""
     places = [start]
     for k, parameter in enumerate(parameters, first):
-        if parameter.implied:
+        if parameter.has_neutral_choice:
             values = [to_scale(parameter, v) for v in parameter.choices]
             places = [np.where(np.arange(len(at)) == k, v, at) for at in places for v in values]
     return places
@@ -115,7 +116,7 @@ def _scaled(change: Residuals, factor: float) -> Residuals:
 
 
 def _stacked(changes: list[Residuals]) -> Residuals:
-    """Columns along a last axis."""
+    """Changes as columns along a new last axis."""
     return Residuals(
         np.stack([c.impacts for c in changes], axis=-1), np.stack([c.flights for c in changes], axis=-1)
     )

@@ -1,6 +1,6 @@
 """Segments of a film: each from the end of one flight to the end of the next, or of the film.
 
-The simulation of a segment starts in the flight before, from its measured state, a little above the ground.
+The simulation of a segment starts in the previous flight, from its measured state, a little above the ground.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-END_MARGIN_S = 1e-9  # the last frame is inside
+END_MARGIN_S = 1e-9  # so that the simulation includes the last frame
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Segments:
 
     Attributes
     ----------
-    flight : (n,) the flight before
+    flight : (n,) index of the previous flight
     block, release, number : (n,) index of the block; of the release; of the segment in its release
     frames : frames of each in the film
     instants_s : (n, k) recorded time of its frames from the start of the simulation, infinite beyond the last
@@ -44,7 +44,7 @@ class Segments:
 
     @classmethod
     def of(cls, data: FilmSegments) -> Segments:
-        """The segments of a film: from flights that a simulation can start from and that frames follow."""
+        """The segments of a film, after flights from which a simulation can start and that are followed by frames."""
         film, own = data.film, data.segmentation.flights
         ends = np.searchsorted(film.release, own.release, side="right")
         later = np.flatnonzero(own.follows >= 0)
@@ -76,9 +76,9 @@ class Segments:
 
 
 def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> Array:
-    """(n, k, 3) poses as the camera records them, of simulated ones (n, k, 3). Where a block has left the cross-section
-    its last pose stays; before the first one it is `last` (n, 3)."""
-    for k in range(samples.shape[1]):  # also of a block that starts deep in the ground
+    """(n, k, 3) poses as the camera records them, from simulated poses `samples` (n, k, 3). After a block has left the
+    cross-section, its last pose is repeated; `last` (n, 3): pose before the first instant."""
+    for k in range(samples.shape[1]):  # a block that starts deep in the ground has no pose at all
         gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = last[gone]
         last = samples[:, k]
@@ -86,9 +86,10 @@ def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> A
 
 
 def as_rows(data: FilmSegments, segments: Segments, poses: Array) -> tuple[Array, Array, Array]:
-    """Segment (m,), frame of the film (m,) and pose (m, 3) of all rows; an angle that was not measured is NaN."""
-    own = np.repeat(np.arange(len(segments)), list(map(len, segments.frames)))
+    """Index of the segment (m,), frame of the film (m,) and pose (m, 3) of all frames of all segments; an angle that
+    was not measured is NaN."""
+    segment = np.repeat(np.arange(len(segments)), list(map(len, segments.frames)))
     frame = np.concatenate(segments.frames)
     pose = np.concatenate([poses[i, : len(rows)] for i, rows in enumerate(segments.frames)])
-    pose[~data.film.angle_known[segments.release[own]], THETA] = np.nan
-    return own, frame, pose
+    pose[~data.film.angle_known[segments.release[segment]], THETA] = np.nan
+    return segment, frame, pose

@@ -1,4 +1,4 @@
-"""How significant a gain in log likelihood is that is summed over releases."""
+"""Significance of a gain in log likelihood that is summed over releases."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from rock2d.statistics import student
 
 Array = np.ndarray
 
-# log likelihood of one release; more counts as this: the releases that show an effect most would else make the spread
-# so large that the effect is lost in it
+# Limit of the gain in log likelihood of a release. Without it, the releases that show an effect most would increase the
+# spread so much that the effect is not significant.
 LARGEST_GAIN = 4.0
 SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
-LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, that are more than chance
+LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, of a significant gain
 
 
 class SummedGain:
-    """What is known of a gain (releases,) in log likelihood: its sum over all releases, and the standard error."""
+    """A gain (releases,) in log likelihood, with its sum over the releases, standard error and significance."""
 
     gain: Array
 
@@ -40,12 +40,12 @@ class SummedGain:
 
 @dataclass
 class Gain(SummedGain):
-    """How much better one model predicts held-out releases than another.
+    """Gain of one model over another in the prediction of held-out releases.
 
     Attributes
     ----------
-    gain : (releases,) log likelihood that it has more
-    by_means : (releases,) the same if both had the same covariances; None if that is not known, or says nothing
+    gain : (releases,) difference in log likelihood
+    by_means : (releases,) the same with equal covariances in both models; None if unknown or not meaningful
     """
 
     gain: Array
@@ -53,23 +53,24 @@ class Gain(SummedGain):
 
     @property
     def significance(self) -> float:
-        """In standard errors. By the means alone where that is known: the covariances that two fits find differ by
-        chance, and that adds more to the spread over releases than a weak effect does."""
+        """Significance of the gain, in standard errors; of `by_means` if it is known. The covariances of two fits
+        differ by chance, which adds more to the spread over releases than a weak effect.
+        """
         return significance(self.gain if self.by_means is None else self.by_means)
 
     def plus(self, further: Array) -> Gain:
-        """With a further gain (releases,), of the same covariances."""
+        """The gain plus a `further` gain (releases,) with equal covariances."""
         return Gain(self.gain + further, None if self.by_means is None else self.by_means + further)
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance gives."""
+        """Whether the gain is larger than expected by chance."""
         return self.total > LEAST_GAIN and self.significance > LEAST_GAIN_Z
 
 
 def significance(per_release: Array) -> float:
-    """Sum of gains, each between ±LARGEST_GAIN, in its standard errors; few releases make these larger by Student's
-    distribution."""
+    """Sum of the gains (releases,), each clipped to ±LARGEST_GAIN, in standard errors; for few releases these are
+    enlarged by Student's distribution."""
     gain = np.clip(per_release, -LARGEST_GAIN, LARGEST_GAIN)
     return float(gain.sum()) / (max(standard_error(gain), SMALLEST_ERROR) * student(len(gain) - 1))
 

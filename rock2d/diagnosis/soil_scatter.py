@@ -1,4 +1,4 @@
-"""The soil's scatter: how much each parameter of the law varies from impact to impact, fitted to residuals."""
+"""The soil's scatter: the variation of each parameter of the law from impact to impact, fitted to residuals."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
 
 Array = np.ndarray
 
-PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
+PRIOR_SCATTER = 0.3  # standard deviation of the Gaussian prior of the logarithmic standard deviations
 BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
-CONVERGED_GAIN = 1e-3  # log likelihood of a step
+CONVERGED_GAIN = 1e-3  # gain in log likelihood of a step below which the fit has converged
 MOST_STEPS = 30
 LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
@@ -27,17 +27,17 @@ def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     low, high = np.log(BOUNDS)
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_STEPS):
-        ahead = at
+        candidate = at
         step = newton_step(at.curvature, at.grad, at.logs, low, high)
         step /= max(1.0, np.abs(step).max() / LARGEST_STEP)
         for _ in range(MOST_STEPS):
-            ahead = cost.at(np.clip(at.logs - step, low, high))
-            if ahead.value < at.value or np.abs(step).max() < SMALLEST_STEP:
+            candidate = cost.at(np.clip(at.logs - step, low, high))
+            if candidate.value < at.value or np.abs(step).max() < SMALLEST_STEP:
                 break
             step /= 4.0
-        if ahead.value >= at.value:
+        if candidate.value >= at.value:
             break
-        gain, at = at.value - ahead.value, ahead
+        gain, at = at.value - candidate.value, candidate
         if gain < CONVERGED_GAIN:
             break
     return np.exp(at.logs)
@@ -72,7 +72,7 @@ class _Cost(NamedTuple):
         return cls(r[good], jacobian.scatter[good], jacobian.covariance[good])
 
     def at(self, logs: Array) -> _Point:
-        """At logarithms of the standard deviations."""
+        """Cost at logarithms (k,) of the standard deviations."""
         square = np.exp(2.0 * logs)
         covariance = self.covariance + (self.scatter * square) @ self.scatter.transpose(0, 2, 1)
         both = np.concatenate([self.scatter, self.r[..., None]], axis=-1)

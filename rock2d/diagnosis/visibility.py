@@ -1,7 +1,7 @@
-"""Which effects these data can show at all: those with which some residual changes by more than a trace of its noise.
+"""Effects that these data can show: those that change some residual by more than a small part of its noise.
 
-Flights alone show nothing of impacts, a table of impacts nothing of the air, a ball without marks nothing of its spin.
-Such effects are not tried: nothing is known of them but that they are possible.
+Flights alone do not show impacts, a table of impacts does not show the air, a ball without marks does not show its
+spin. Effects that the data cannot show are not tried: they remain possible.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
 
 Array = np.ndarray
 
-# effects that differ from another one only in the spin
+# effect -> the effect from which it differs only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}
-LARGEST_UNSEEN_CHANGE = 0.05  # change of a residual, in standard deviations, up to which it does not show
+LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
 
 
 def unseen(
     base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None = None
 ) -> dict[str, str]:
-    """Effect that these data cannot show -> why. `film`: what the film says of itself."""
+    """Effect that these data cannot show -> reason. `film`: what the film says of itself."""
     some = some_releases(data)
     part = base.only(some[data.impact_release], some[data.flight_release])
-    own = data.only(some).coarse()
-    at = base.model.residuals(base.p, own)
+    some_data = data.only(some).coarse()
+    at = base.model.residuals(base.p, some_data)
     sd = standard_deviations(part.covariance())
     found = _hidden_by_spin(data, film)
     found |= film.unjudged if film is not None else {}
@@ -40,13 +40,13 @@ def unseen(
         if name not in found:
             model = replace(base.model, effects=[effect])
             in_flight = len(data.flight_release) or effect.phase != "flight"
-            if not (in_flight and _changes_residuals(model, base.p, own, at, sd)):
-                found[name] = _why_unseen(data, effect)
-    return {name: why for name, why in found.items() if name in effects}
+            if not (in_flight and _changes_residuals(model, base.p, some_data, at, sd)):
+                found[name] = _reason_unseen(data, effect)
+    return {name: reason for name, reason in found.items() if name in effects}
 
 
 def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
-    """Effects that look like others as long as no spin was measured."""
+    """Effects that cannot be distinguished from others without a measured spin -> reason."""
     if not isinstance(data, FilmData) or data.film.angle_known.any():
         return {}
     found = {name: f"without the spin it cannot be told from {twin}" for name, twin in SPIN_TWINS.items()}
@@ -55,15 +55,15 @@ def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
     return found
 
 
-def _why_unseen(data: Data, effect: Effect) -> str:
-    """Why an effect changes nothing."""
+def _reason_unseen(data: Data, effect: Effect) -> str:
+    """Reason why an effect does not change the data."""
     if not len(data.impact_release) and effect.phase == "impact":
         return "no impact can be judged"
     if not len(data.flight_release) and effect.phase == "flight":
         return "no flight was recorded"
     if isinstance(data, FilmData) and not data.film.angle_known.any():
         return "the spin was not measured"
-    return "nothing that was measured changes with it"
+    return "it does not change what was measured"
 
 
 def _changes_residuals(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:
@@ -73,8 +73,8 @@ def _changes_residuals(model: Model, p: Array, data: Data, at: Residuals, sd: Ar
     for k, q in enumerate(parameters):
         for value in q.choices or (q.low, q.high):
             amounts = [[value if i == k else v for i, v in enumerate(model.values(start)[0])]]
-            ahead = model.residuals(start, data, amounts=amounts)
-            changes = ((ahead.impacts - at.impacts) / sd, ahead.flights - at.flights)
+            changed = model.residuals(start, data, amounts=amounts)
+            changes = ((changed.impacts - at.impacts) / sd, changed.flights - at.flights)
             if any(np.abs(c).max(initial=0.0) > LARGEST_UNSEEN_CHANGE or np.isnan(c).any() for c in changes):
                 return True
     return False

@@ -37,19 +37,19 @@ class Parameter:
     optional: bool = False
 
     @property
-    def implied(self) -> bool:
+    def has_neutral_choice(self) -> bool:
         """Whether it is a choice that has a neutral one."""
         return self.neutral in self.choices
 
     @property
     def may_be_missing(self) -> bool:
         """Whether a file may leave it out; then it is neutral."""
-        return self.optional or self.implied
+        return self.optional or self.has_neutral_choice
 
     @property
     def must_choose(self) -> bool:
         """Whether no choice is neutral, so that no small step leads from the law without the effect to one with it."""
-        return bool(self.choices) and not self.implied
+        return bool(self.choices) and not self.has_neutral_choice
 
     def called(self, value: float) -> str | None:
         """Name of a choice; None for a quantity."""

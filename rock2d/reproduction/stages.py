@@ -316,7 +316,7 @@ def _candidate_change(values: Values) -> WorldChange:
             return world
         effect, sizes = effects[name], []
         for k, parameter in enumerate(effect.parameters):
-            if parameter.implied:
+            if parameter.has_neutral_choice:
                 sizes.append(parameter.neutral)
                 continue
             own = parameter.at(world.mean_size_m, world.gravity_m_s2)

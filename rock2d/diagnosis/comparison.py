@@ -79,9 +79,9 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
         )
     else:
         sentences.append(
-            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its diagnosis "
+            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its own "
             "film shows. Parameters need not agree: those of the camera belong to a set-up, those of the soil to "
-            "its state. Base, augmented and noise floor cannot be compared: each is in units of its diagnosis noise and "
+            "its state. Base, augmented and noise floor cannot be compared: each is in units of its own noise and "
             "scatter."
         )
     if a.schema_ != b.schema_:

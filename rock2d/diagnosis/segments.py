@@ -78,7 +78,7 @@ class Segments:
 def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> Array:
     """(n, k, 3) poses as the camera records them, from simulated poses `samples` (n, k, 3). After a block has left the
     cross-section, its last pose is repeated; `last` (n, 3): pose before the first instant."""
-    for k in range(samples.shape[1]):  # a block that starts deep in the ground has no pose at all
+    for k in range(samples.shape[1]):  # the first pose is missing of a block that starts deep in the ground
         gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = last[gone]
         last = samples[:, k]

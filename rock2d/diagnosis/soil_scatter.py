@@ -11,7 +11,7 @@ from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
 
 Array = np.ndarray
 
-PRIOR_SCATTER = 0.3  # standard deviation of the Gaussian prior of the logarithmic standard deviations
+PRIOR_SCATTER = 0.3  # width of the half-normal prior of the soil's logarithmic standard deviations
 BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
 CONVERGED_GAIN = 1e-3  # gain in log likelihood of a step below which the fit has converged
 MOST_STEPS = 30

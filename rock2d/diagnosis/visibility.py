@@ -63,7 +63,7 @@ def _reason_unseen(data: Data, effect: Effect) -> str:
         return "no flight was recorded"
     if isinstance(data, FilmData) and not data.film.angle_known.any():
         return "the spin was not measured"
-    return "it does not change what was measured"
+    return "no measured quantity changes with it"
 
 
 def _changes_residuals(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:

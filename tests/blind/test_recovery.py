@@ -14,7 +14,7 @@ from rock2d.blind.recovery import Plan, read_sizes
 from rock2d.diagnosis.detection import ODDS_90, SHARED_SHIFT, Curve, corrected, detection_curves, read_limits
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.report.sections import HEAD, limit_lines, limit_rows
+from rock2d.diagnosis.report.sections import LIMIT_COLUMNS, limit_lines, limit_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
@@ -116,7 +116,7 @@ def test_limits_are_said_in_words():
         "camera_tilt": {"seen50": 0.01, "seen90": 0.02, "upper95": 0.03, "unit": "rad"},
         "scale_error": {"seen50": 0.01, "seen90": 0.02, "upper95": None, "unit": "1"},
     }
-    assert all(len(row) == len(HEAD) for row in limit_rows(limits))
+    assert all(len(row) == len(LIMIT_COLUMNS) for row in limit_rows(limits))
     tilt, scale = limit_lines(limits)
     assert "camera tilt of 1.1" in tilt and "°" in tilt and "none was found, so it is at most 1.7" in tilt
     assert "off 1" in scale and scale.endswith("it was found")

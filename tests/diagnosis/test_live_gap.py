@@ -17,7 +17,7 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import held_out_poses
 from rock2d.diagnosis.report import live_gap
-from rock2d.diagnosis.report.tables import misses_of, touch_places
+from rock2d.diagnosis.report.tables import impact_misses, touch_places
 from rock2d.diagnosis.report.text import share_closed
 from rock2d.diagnosis.segments import Segments
 from rock2d.records.columns import THETA
@@ -224,7 +224,7 @@ def test_zones_have_their_typical_residuals_and_can_be_chosen(page, diagnosed):
     rows = {row[0]: row[1:] for row in cells(page, "#live-zones tbody tr")}
     for z in np.unique(data.impact_zone):
         own = data.impact_zone == z
-        sizes = [np.exp(np.log(misses_of(diagnosed, out).sigma[own]).mean()) for out in models]
+        sizes = [np.exp(np.log(impact_misses(diagnosed, out).sigma[own]).mean()) for out in models]
         assert rows[spoken(zones[z])][:3] == [str(own.sum()), *(f"{size:.1f} σ" for size in sizes)]
     assert sum(int(row[0]) for row in rows.values()) == len(data.impacts)
     page.locator("#live-zones button", has_text="ditch").click()
@@ -240,13 +240,13 @@ def listed(page) -> list[str]:
 
 
 def test_the_list_has_the_sizes_of_the_impact_table_and_filters_choose_of_it(page, diagnosed):
-    sizes = misses_of(diagnosed, diagnosed.found.base_held_out).sigma
+    sizes = impact_misses(diagnosed, diagnosed.found.base_held_out).sigma
     page.locator("#live-phase").select_option("impacts")
     tick(page)
     said = listed(page)
     assert [own.split(":")[0] for own in said] == [f"{size:.1f} σ" for size in sorted(sizes, reverse=True)]
     tick(page, "camera_tilt", "inertia_error")
-    left = misses_of(diagnosed, diagnosed.found.sets[frozenset(EFFECTS)].held_out).sigma
+    left = impact_misses(diagnosed, diagnosed.found.sets[frozenset(EFFECTS)].held_out).sigma
     whole = picture(page, SECTION)
     page.locator("#live-size").select_option("1.5 σ and more")
     assert 0 < len(listed(page)) == (left.astype("<f4") >= 1.5).sum() < (sizes >= 1.5).sum()
@@ -362,7 +362,7 @@ def test_a_release_lists_its_impacts_and_flights_and_each_can_be_chosen(page, di
         for out, said in zip(models, row[3:], strict=True):
             size, mm, degrees = map(float, re.findall(r"[\d.]+", said))
             x, y, angle = out.residuals.impacts[i, :3]
-            assert size == pytest.approx(misses_of(diagnosed, out).sigma[i], abs=0.051)
+            assert size == pytest.approx(impact_misses(diagnosed, out).sigma[i], abs=0.051)
             assert mm == pytest.approx(1e3 * np.hypot(x, y), abs=0.0051)
             assert degrees == pytest.approx(abs(np.rad2deg(angle)), abs=0.0051)
     page.locator("#live-own button").nth(1).focus()
@@ -392,7 +392,7 @@ def test_it_plays_pauses_and_shows_the_whole_section(page):
 
 
 def test_the_view_opens_where_the_base_law_misses_most(page, diagnosed):
-    worst = misses_of(diagnosed, diagnosed.found.base_held_out).sigma.max()
+    worst = impact_misses(diagnosed, diagnosed.found.base_held_out).sigma.max()
     assert float(listed(page)[0].split(" σ")[0]) >= round(worst, 1)
     assert f"release {page.input_value('#live-release')}," in listed(page)[0]
     assert "segment" in frame_words(page) and "base law off by" in frame_words(page)
@@ -471,7 +471,7 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
     assert len(less.data) < 0.55 * len(whole.data)
     held, every = json.loads(less.data)["frames"]["release"], json.loads(whole.data)["frames"]["release"]
     assert f"holds {len(held)} of {len(every)} releases" in less.notes[0] and len(whole.notes) == 1
-    sizes = misses_of(diagnosed, found.base_held_out).sigma
+    sizes = impact_misses(diagnosed, found.base_held_out).sigma
     monkeypatch.setattr(live_gap, "MOST_NUMBERS", 8000)
     least = live_gap.live_gap(diagnosed, content, [], {})
     assert len(json.loads(least.data)["frames"]["release"]) < len(held)

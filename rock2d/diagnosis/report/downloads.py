@@ -1,4 +1,4 @@
-"""The data behind a figure as a link that downloads a CSV: the data are inside the page."""
+"""Links to download the data of figures as CSV; the data are inside the page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def section_data(misses: Misses, blocks: Sequence[str]) -> Download:
 
 
 def flights_data(flights: Sequence[Array]) -> Download:
-    """Points of the flights in that figure."""
+    """Points of the flights in the figure of the cross-section."""
     rows = [(i, *place) for i, path in enumerate(flights) for place in path]
     return download("flights.csv", ("flight", "x_m", "y_m"), rows)
 
@@ -51,7 +51,7 @@ def content_data(content: Mapping[str, Any]) -> dict[str, Download]:
 
 
 def parameters_data(content: Mapping[str, Any]) -> Download:
-    """The base law alone, and every effect with the law fitted together with it."""
+    """Parameters of the base law, and of every effect with the law fitted together with it."""
     rows: list[tuple[Any, ...]] = [
         ("base", key, value, None, None, "") for key, value in content["base"].items()
     ]
@@ -62,7 +62,7 @@ def parameters_data(content: Mapping[str, Any]) -> Download:
 
 
 def quantity_data(quantity: Quantity, labels: Mapping[str, str]) -> Download:
-    """A quantity of practice with its intervals."""
+    """A practical indicator with its intervals."""
     percentiles = quantity.percentiles or (None,)
     rows = [
         (row.block, row.place, labels[model], percentile, e.value, e.low, e.high, e.count)

@@ -1,5 +1,5 @@
-"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts before and after;
-and what they show, in words, for who cannot see them."""
+"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts; and their
+descriptions for readers who cannot see them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rock2d.wording import spoken
 Array = np.ndarray
 
 EFFECT_COLOUR = BLOCK_COLOURS[0]
-# colour, line and marker of each model, distinct also without colour
+# colour, line and marker of each model, distinguishable without colour
 MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
     "measured": (MEASURED_COLOUR, "-", "o"),
     "base": (SIMULATED_COLOUR, (0, (5, 1.6)), "D"),
@@ -37,11 +37,12 @@ OTHER_MARKER = "p"  # for all other shapes
 
 @dataclass
 class Misses:
-    """Place of each impact and size of the residuals of a model.
+    """Place of each impact, and size of its residuals.
 
     Attributes
     ----------
-    place_m : (n, 2) centroid at the touch; `block` (n,)
+    place_m : (n, 2) centroid at the touch
+    block : (n,) index of the block
     sigma : (n,) root mean square of the residuals in standard deviations
     """
 
@@ -174,7 +175,7 @@ class Segment:
 
 
 def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
-    """x-y with the block at the end, above the angle over time."""
+    """The path x-y with the block at its end, above the angle over time."""
     figure = blank_figure(3.35, 3.9)
     way, angle = figure.subplots(2, 1, height_ratios=(1.55, 1.0))
     every = np.vstack([segment.measured, *segment.models.values()])

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# lever -> its numbers: name, unit, and a typical size, as angles and lengths differ by orders of magnitude
-NUMBERS = {
+# lever -> its components: name, unit, and a typical size, because angles and lengths differ by orders of magnitude
+COMPONENTS = {
     LAW: (
         ("k_l", "factor", 1.0), ("k_ul / k_l", "factor", 1.0), ("k_t", "factor", 1.0), ("tan φ", "factor", 1.0),
         ("k_r", "factor", 1.0),
@@ -31,7 +31,7 @@ NUMBERS = {
         ("x", "m", 0.001), ("y", "m", 0.001), ("θ", "rad", 0.05), ("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1),
         ("ω", "rad/s", 5.0),
     ),
-    OUTCOME: (  # the last three alone in a table of impacts
+    OUTCOME: (  # a table of impacts has only the last three
         ("tangential", "m", 0.001), ("normal", "m", 0.001), ("θ", "rad", 0.05), ("tangential", "m/s", 0.1),
         ("normal", "m/s", 0.1), ("ω", "rad/s", 5.0),
     ),
@@ -45,8 +45,8 @@ LEVER_WORDS = {
 }  # fmt: skip
 UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m2_s2": "m²/s²", "m_s2": "m/s²", "s": "s"}
 POINTS = 200  # points of a curve
-LEAST_SWING = 0.2  # share of the largest change, in typical sizes; numbers that change less are left out
-MOST_DRAWN = 3  # numbers of a lever
+LEAST_SWING = 0.2  # share of the largest change, in typical sizes; components that change less are left out
+MOST_DRAWN = 3  # drawn components of a lever
 WIDE_IN, HIGH_IN = 4.6, 2.6
 
 
@@ -66,17 +66,17 @@ def learnt_figure(result: Diagnosis, change: Change) -> Figure:
     first = 0
     for axis, curve in zip(axes, change.basis.curves, strict=False):
         width = curve.features(np.array([0.0, 1.0])).shape[1]
-        _draw(axis, result, change.lever, curve, change.coefficients[:, first : first + width])
+        _draw_curves(axis, result, change.lever, curve, change.coefficients[:, first : first + width])
         first += width
     finish(figure)
     return figure
 
 
-def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients: Array) -> None:
-    """The numbers of a lever that change most, over one quantity."""
+def _draw_curves(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients: Array) -> None:
+    """Draw the components of a lever that change most, over one quantity."""
     at = _points(curve)
     values = curve.features(at) @ coefficients.T
-    numbers = NUMBERS[lever][-len(coefficients) :]
+    numbers = COMPONENTS[lever][-len(coefficients) :]
     values = np.exp(values - values.mean(axis=0)) if lever == LAW else values
     swing = np.ptp(values, axis=0) / [typical for _, _, typical in numbers]
     drawn = [k for k in np.argsort(-swing)[:MOST_DRAWN] if swing[k] >= LEAST_SWING * swing.max()]
@@ -88,7 +88,7 @@ def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients:
         else:
             axis.plot(at, values[:, k], linestyle=LINESTYLES[i], **style)
     if curve.kind == KINDS:
-        axis.set_xticks(np.arange(len(at)), _members(result, curve))
+        axis.set_xticks(np.arange(len(at)), _kind_labels(result, curve))
     elif curve.quantity == PLACE_M:
         points = result.experiment.cross_section.points_m
         ground = axis.twinx()
@@ -96,11 +96,11 @@ def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients:
         ground.set_yticks([])
         axis.set_xlim(at[0], at[-1])
     axis.axhline(1.0 if lever == LAW else 0.0, color="#999999", linewidth=0.8)
-    axis.set_xlabel(_labelled(curve.quantity))
+    axis.set_xlabel(_with_unit(curve.quantity))
     axis.legend(fontsize=SMALL_PT, frameon=False)
 
 
-def _labelled(quantity: str) -> str:
+def _with_unit(quantity: str) -> str:
     """A quantity with its unit in brackets."""
     for end in sorted(UNITS, key=len, reverse=True):
         if quantity.endswith(f"_{end}"):
@@ -121,8 +121,8 @@ def _points(curve: Curve) -> Array:
     return np.linspace(-np.pi, np.pi, POINTS)
 
 
-def _members(result: Diagnosis, curve: Curve) -> list[str]:
-    """Names of the members of a kind."""
+def _kind_labels(result: Diagnosis, curve: Curve) -> list[str]:
+    """Labels of blocks, zones or other kinds."""
     if curve.quantity == BLOCK:
         names = list(result.experiment.blocks)
         return [names[int(k)] for k in curve.numbers]

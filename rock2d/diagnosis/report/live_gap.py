@@ -33,7 +33,7 @@ from rock2d.diagnosis.report.live_items import (
     shown_releases,
 )
 from rock2d.diagnosis.report.practical_indicators import Row
-from rock2d.diagnosis.report.sections import cause_name, chance
+from rock2d.diagnosis.report.sections import cause_name, p_text
 from rock2d.diagnosis.segments import Segments
 from rock2d.graphics.bar_charts import Axis, Mark, chart
 from rock2d.graphics.canvas import motion_limits
@@ -119,7 +119,7 @@ def live_gap(
     segments = Segments.of(data)
     if not len(segments):
         return None
-    causes = sorted(text.acting(content), key=lambda cause: -cause["closes"])
+    causes = sorted(text.model_causes(content), key=lambda cause: -cause["closes"])
     models = _models(result, data, segments, [cause["effect"] for cause in causes])
     items = Items.of(result, data, [model.own for model in models])
     blocks, zones = list(result.experiment.blocks), result.experiment.cross_section.zone_names
@@ -289,7 +289,7 @@ def _check(check: Check) -> dict[str, Any]:
     far = round(check.p * (1 + REPLICATES)) - 1  # the film itself is counted
     said = (
         f"{check.name} ({spoken(check.largest)}): this film {check.value:.2f}; 90 % of the replicates are from "
-        f"{low:.2f} to {high:.2f}, {far} of {REPLICATES} are as far out (p {chance(check.p)})."
+        f"{low:.2f} to {high:.2f}, {far} of {REPLICATES} are as far out (p {p_text(check.p)})."
     )
     verdict = "The model would hardly have made this." if check.fails else "The model would make this."
     return {

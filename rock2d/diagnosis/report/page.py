@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one page that a browser opens without a network, and a video."""
+"""The report of a diagnosis: an HTML page that needs no network, and a video."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ Array = np.ndarray
 Progress = Callable[[str], None]
 
 PAGE = "report.html"
-FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
-SHOWN_CELLS = 8  # places; the others are folded away
+FOLDED_PROBABILITY = 0.005  # names with a smaller probability are folded away
+SHOWN_CELLS = 8  # shown places; the others are folded away
 MOST_REPORTED_FRAMES = 150_000  # frames of the film for the practical indicators
-MOST_REPORTED_RELEASES = 4_000  # simulated for them
-PARTS = 5  # parts of the page of a film, as its progress bar counts them
-LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
+MOST_REPORTED_RELEASES = 4_000  # simulated releases for the practical indicators
+PARTS = 5  # steps of the progress bar for the page of a film
+LINEAR_GAIN = 10.0  # log likelihood up to which the scale of gains is linear
 
 
 def write_report(
@@ -60,7 +60,7 @@ def write_report(
 ) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
-    `content` is that of diagnosis.json, `command` what the page says it was made with.
+    `content`: that of diagnosis.json; `command`: command line that the page shows.
     """
     made = Made.now(command, f"{result.seed} (of the bootstrap intervals)")
     with bars.stage(REPORT, PARTS, "parts") as bar:
@@ -84,7 +84,9 @@ def report_page(
     models = tables.compared_models(result) if result.found is not None else None
     effect = models.fits.get("effect") if models is not None else None
     chain = [e.name for e in effect.model.effects] if effect is not None else []
-    context |= _verdict(result, content, chain) | budget_section(content) | checks_section(result.checks)
+    context |= (
+        _verdict_section(result, content, chain) | budget_section(content) | checks_section(result.checks)
+    )
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
@@ -92,7 +94,7 @@ def report_page(
     return rendered("rock2d.diagnosis.report", "page.html.j2", context, text.FILTERS)
 
 
-def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
+def _verdict_section(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     effects = catalogue()
     name, sentence = text.verdict_sentence(content, effects)
     faulty = result.found is None
@@ -104,13 +106,13 @@ def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> di
         "sentence": sentence,
         "kind": kind,
         "key_figures": [] if faulty else text.key_figures(content, effects, chain),
-        "material": _material(result),
+        "material": _counts_sentence(result),
         "advice": what_to_do(content, result.experiment),
         "diagnosed": not faulty,
     }
 
 
-def _material(result: Diagnosis) -> str:
+def _counts_sentence(result: Diagnosis) -> str:
     """Numbers of releases, impacts and flights that were diagnosed."""
     experiment = result.experiment
     table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
@@ -144,14 +146,14 @@ def _sections(
         "models": list(models.fits),
         "shapes": SHAPES,
     }
-    context |= _where(result, content, models)
+    context |= _where_section(result, content, models)
     context["learnt"] = [
         {"name": described(change), "image": embedded(learnt_figure(result, change), "svg"),
          "gain": plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
     on_progress("where")
-    context |= _which(content) | _how_far(content, chain or [reported_effect(result.found)]) | {
+    context |= _which_section(content) | _gap_section(content, chain or [reported_effect(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
         "assumptions": text.assumptions(result, content, chain),
@@ -169,7 +171,7 @@ def _sections(
     if not len(result.data.impact_release):
         return context
     if isinstance(result.data, FilmData):
-        context |= _film(result, content, result.data, models, labels, folder, on_progress)
+        context |= _film_section(result, content, result.data, models, labels, folder, on_progress)
     else:
         residuals = {name: out.residuals.impacts for name, out in models.held_out.items()}
         quantities = table_quantities(result.experiment, result.data, residuals)
@@ -180,7 +182,7 @@ def _sections(
 # --- sections -----------------------------------------------------------------------------------------
 
 
-def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
+def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
     shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SIGNIFICANT_PLACE_Z]
@@ -189,7 +191,7 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     flights = []
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
-    misses = tables.misses_of(result, models.held_out["base"])
+    misses = tables.impact_misses(result, models.held_out["base"])
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
         "section": embedded(section_figure(*parts), "svg"),
@@ -203,7 +205,7 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     }
 
 
-def _which(content: dict[str, Any]) -> dict[str, Any]:
+def _which_section(content: dict[str, Any]) -> dict[str, Any]:
     chances = sorted(content["probabilities"].items(), key=lambda item: -item[1])
     axis = Axis(0.0, 1.0)
     bars = [
@@ -241,7 +243,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
+def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     gap, effects = content["gap"], catalogue()
     base, augmented, floor = gap["base"], gap["augmented"], gap["noise_floor"]
     low, high = (base - share * (base - floor) for share in reversed(gap["closure_ci95"]))
@@ -275,7 +277,7 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     }
 
 
-def _film(
+def _film_section(
     result: Diagnosis, content: dict[str, Any], data: FilmData, models: tables.Models, labels: Mapping[str, str],
     folder: Path, on_progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
@@ -293,7 +295,7 @@ def _film(
     on_progress("which")
     quantities = film_quantities(experiment, film, drawn, lines)
     improves = content["verdict"] not in ("none", "unknown")
-    segments = tables.segments_of(result, models, improves)
+    segments = tables.impact_segments(result, models, improves)
     on_progress("practice")
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
     context = {
@@ -321,20 +323,20 @@ def _film(
 
 
 def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> list[text.Tile]:
-    """The passing frequency that the base law misses most, in the film and by the models, in %."""
+    """The passing frequency with the largest error of the base law, in the film and of the models, in %."""
     rows = [row for q in quantities if q.title == PASSING for row in q.rows]
     if not rows:
         return []
     row = max(rows, key=lambda r: abs(r.models["base"][0].value - r.models["measured"][0].value))
-    said = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
-    return [text.Tile(PASSING, ", ".join(said), f"{spoken(row.block)} at {spoken(row.place)}")]
+    words = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
+    return [text.Tile(PASSING, ", ".join(words), f"{spoken(row.block)} at {spoken(row.place)}")]
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
     """A quantity as bar charts, one row for each block and place, and as a table of numbers."""
-    every = [e for row in quantity.rows for own in row.models.values() for e in own]
-    axis = axis_over([e.value for e in every]) if quantity.percentiles else Axis(0.0, 100.0)
-    rows, table, seen = [], [], set()
+    estimates = [e for row in quantity.rows for own in row.models.values() for e in own]
+    axis = axis_over([e.value for e in estimates]) if quantity.percentiles else Axis(0.0, 100.0)
+    rows, table, named_blocks = [], [], set()
     for row in quantity.rows:
         label = " · ".join(spoken(part) for part in (row.block, row.place) if part)
         short = spoken(row.place or row.block)
@@ -342,8 +344,8 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
         for model, own in row.models.items():
             if not own:
                 continue
-            said = ", ".join(f"{number(e.value)} ({interval(e.low, e.high)})" for e in own)
-            tip = f"{label}, {labels[model]}: {said} {quantity.unit}"
+            words = ", ".join(f"{number(e.value)} ({interval(e.low, e.high)})" for e in own)
+            tip = f"{label}, {labels[model]}: {words} {quantity.unit}"
             if quantity.percentiles:
                 marks.append(Mark(model, own[1].value, own[0].value, own[2].value, tip, "span"))
             else:
@@ -352,8 +354,8 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
                 (number(e.value), interval(e.low, e.high)) for e in own
             ], own[0].count))  # fmt: skip
         if marks:
-            head = spoken(row.block) if row.place and row.block not in seen else ""
-            seen.add(row.block)
+            head = spoken(row.block) if row.place and row.block not in named_blocks else ""
+            named_blocks.add(row.block)
             rows.append((head, short, chart(axis, marks)))
     return {
         "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": tick_labels(axis), "table": table,

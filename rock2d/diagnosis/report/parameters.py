@@ -18,7 +18,7 @@ from rock2d.wording import interval, number, spoken
 Array = np.ndarray
 
 UNDETERMINED_WIDTH = 0.7  # share of the prior's width: a parameter with a wider interval is undetermined
-EDGE_DISTANCE = 0.01  # share of the plausible range: a parameter nearer to an end was stopped there
+EDGE_DISTANCE = 0.01  # share of the plausible range; a parameter nearer to an end is at the end
 LAW = (
     ("k<sub>l</sub>", "loading stiffness", "N/m"),
     ("k<sub>ul</sub>", "unloading stiffness", "N/m"),
@@ -32,7 +32,7 @@ UNDETERMINED_TEXT = "not determined by these data"
 
 @dataclass(frozen=True)
 class Value:
-    """A number as it is printed, with its interval or a text in place of one."""
+    """A number as text, with its interval or another text in its place."""
 
     text: str
     interval: str
@@ -40,7 +40,7 @@ class Value:
 
 @dataclass(frozen=True)
 class LawRow:
-    """A parameter of the base law: model -> value, and model -> the soil's scatter of it."""
+    """A parameter of the base law; `values`: model -> value."""
 
     symbol: str
     meaning: str
@@ -83,7 +83,7 @@ def _law_values(fit: Fit) -> list[Value]:
 
 
 def scatter_rows(models: Models) -> list[tuple[str, dict[str, str]]]:
-    """How much each parameter of the soil varies from impact to impact (1 sigma), in %."""
+    """Symbol of each parameter, and model -> its scatter from impact to impact (1 sigma) in %."""
     return [
         (symbol, {name: f"{100 * fit.scatter[i]:.2g} %" for name, fit in models.fits.items()})
         for i, symbol in enumerate(SCATTER)
@@ -123,7 +123,7 @@ def effect_rows(models: Models) -> list[EffectRow]:
 
 
 def noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of the noise: stated and estimated of a film; fitted of an impact table."""
+    """Header and rows of the noise: stated and estimated for a film, fitted for an impact table."""
     data = result.data
     if isinstance(data, FilmData):
         film = data.film

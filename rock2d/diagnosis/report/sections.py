@@ -1,5 +1,5 @@
-"""Sections of the report: the budget of the gap, a waterfall from the base law to the floor; the predictive checks;
-and the limits, which sizes of each effect the film would have shown."""
+"""Sections of the report: the budget of the gap, from the base law to the floor; the predictive checks; and the limits,
+the sizes of each effect that the film would have shown."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, Mapping[str, Any]]
 
-LEAST_SHOWN = 0.005  # share of the gap
-HEAD = ("effect", "size", "seen in 5 of 10", "seen in 9 of 10", "at most (95 %)")
+LEAST_SHOWN = 0.005  # smallest share of the gap that is shown
+LIMIT_COLUMNS = ("effect", "size", "seen in 5 of 10", "seen in 9 of 10", "at most (95 %)")
 
 
 def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What the template shows of the budget; nothing where there is no gap to close."""
+    """Template variables of the budget; no rows if there is no gap to close."""
     gap, outside = content["gap"], content.get("outside")
     if outside is None or content["verdict"] == "none" or gap["noise_floor"] >= gap["base"]:
         return {"budget_rows": []}
@@ -38,7 +38,7 @@ def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
     table: list[tuple[str, str, float, float | None, float | None]] = []
     for name, origin, share, ci95, model in parts:
         end = at + share
-        rows.append((name, origin, _step(axis, at, end, model, name), _said(share, ci95)))
+        rows.append((name, origin, _step(axis, at, end, model, name), _share_text(share, ci95)))
         table.append((name, origin, share, *(ci95 or (None, None))))
         at = end
     return {
@@ -62,13 +62,13 @@ def _parts(
             tuple(cause["closes_ci95"]),
             "effect",
         )
-        for cause in sorted(text.acting(content), key=lambda cause: -cause["closes"])
+        for cause in sorted(text.model_causes(content), key=lambda cause: -cause["closes"])
     ]
     learnt = outside["learnt"]
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
         beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
         what = f"learnt: {listed(learnt['changes'])}{beside}"
-        found.append((what, "no name", learnt["closes"], _ends(learnt), "plain"))
+        found.append((what, "no name", learnt["closes"], _interval(learnt), "plain"))
     unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
     if unlearnt >= LEAST_SHOWN:
         found.append(("dependence without a name", "not learnt", unlearnt, None, "plain"))
@@ -79,19 +79,19 @@ def _parts(
 
 
 def cause_name(cause: Mapping[str, Any]) -> str:
-    """A cause with its size, and those that these data cannot tell from it."""
+    """A cause with its size, and the effects that these data cannot distinguish from it."""
     rivals = f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""
     return spoken(cause["effect"]) + _size(cause) + rivals
 
 
 def _size(cause: Mapping[str, Any]) -> str:
-    """Its first parameter, unless that is a pure number."""
+    """The first parameter of a cause in words; "" if it is a number without a unit."""
     first = catalogue()[cause["effect"]].parameters[0]
     pure = first.unit == "1" and not is_factor(first)
     return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
 
 
-def _ends(part: Mapping[str, Any]) -> tuple[float, float]:
+def _interval(part: Mapping[str, Any]) -> tuple[float, float]:
     low, high = part["closes_ci95"]
     return low, high
 
@@ -102,7 +102,7 @@ def _step(axis: Axis, start: float, end: float, model: str, name: str) -> Markup
     return chart(axis, [mark])
 
 
-def _said(share: float, ci95: tuple[float, float] | None) -> str:
+def _share_text(share: float, ci95: tuple[float, float] | None) -> str:
     return f"{round(100 * share)} %".replace("-", "−") if ci95 is None else text.share_closed(share, ci95)
 
 
@@ -118,42 +118,43 @@ def _sentence(content: Mapping[str, Any]) -> str:
 
 
 def checks_sentence(checks: Checks) -> str:
-    """How many checks are as the model would make them, and which are not."""
+    """The number of checks that agree with the model, and those that do not."""
     every = checks.all
-    failed = [f"{c.name} ({c.largest}, p {chance(c.p)})" for c in every if c.fails]
+    failed = [f"{c.name} ({c.largest}, p {p_text(c.p)})" for c in every if c.fails]
     rest = f"; not: {', '.join(failed)}" if failed else ""
     return f"{len(every) - len(failed)} of {len(every)} as the model would make them{rest}"
 
 
 def checks_section(checks: Checks | None) -> dict[str, Any]:
-    """What the template shows of the checks."""
+    """Template variables of the checks."""
     if checks is None or not checks.all:
         return {"check_rows": []}
     axis = axis_over([v for c in checks.all for v in (c.value, c.replicates[2])])
     rows = []
     for c in checks.all:
         low, _, high = c.replicates
-        said = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
-        mark = Mark("base" if c.fails else "measured", c.value, low, high, said, "span")
-        rows.append((c.name, c.largest, chart(axis, [mark]), chance(c.p), c.fails))
+        words = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
+        mark = Mark("base" if c.fails else "measured", c.value, low, high, words, "span")
+        rows.append((c.name, c.largest, chart(axis, [mark]), p_text(c.p), c.fails))
     columns = ("check", "compared", "film", "replicates_05", "replicates_50", "replicates_95", "p")
     table = [(c.name, c.words, c.value, *c.replicates, c.p) for c in checks.all]
     return {
         "check_rows": rows,
         "check_scale": tick_labels(axis),
         "check_sentence": checks_sentence(checks),
-        "check_chance": chance(checks.p),
+        "check_chance": p_text(checks.p),
         "false_alarms": f"{100 * FALSE_ALARMS:.0f} %",
         "checks_data": download("checks.csv", columns, table),
     }
 
 
-def chance(p: float) -> str:
+def p_text(p: float) -> str:
+    """A p value as text."""
     return f"{p:.4f}" if p < 0.01 else f"{p:.2f}"
 
 
 def limit_rows(limits: Limits) -> list[tuple[str, ...]]:
-    """A row `HEAD` of texts for each effect."""
+    """Texts for each effect, in the order of `LIMIT_COLUMNS`."""
     rows = []
     for name, limit in limits.items():
         own, cells = catalogue()[name].parameters[0], []
@@ -166,7 +167,7 @@ def limit_rows(limits: Limits) -> list[tuple[str, ...]]:
 
 
 def limit_lines(limits: Limits) -> list[str]:
-    """What the limits mean, for an engineer."""
+    """The limits in sentences."""
     return [
         f"{name} of {more} ({what}) would have been seen in 9 of 10 such films; "
         + ("it was found" if most == "found" else f"none was found, so it is at most {most}")
@@ -175,7 +176,7 @@ def limit_lines(limits: Limits) -> list[str]:
 
 
 def limits_figure(limits: Limits, world: World) -> Figure:
-    """Bars from the size that is seen in 5 of 10 films to that in 9 of 10, and a mark at the upper limit, all over the
+    """Bars from the size seen in 5 of 10 films to that seen in 9 of 10, and a mark at the upper limit, as shares of the
     largest plausible size."""
     figure, (axis,) = blank_axes(7.0, 0.8 + 0.24 * len(limits))
     for row, (name, limit) in enumerate(limits.items()):
@@ -201,11 +202,11 @@ def limits_figure(limits: Limits, world: World) -> Figure:
 
 
 def limits_section(content: Mapping[str, Any], world: World) -> dict[str, Any]:
-    """What the template shows of the limits of diagnosis.json."""
+    """Template variables of the limits in diagnosis.json."""
     own = content.get("limits") or {}
     return {
         "limit_lines": limit_lines(own),
-        "limit_head": HEAD,
+        "limit_head": LIMIT_COLUMNS,
         "limit_rows": limit_rows(own),
         "limits_figure": embedded(limits_figure(own, world), "svg") if own else "",
     }

@@ -1,4 +1,4 @@
-"""The video of a report: film and simulations side by side, with a still and a text that says what is seen."""
+"""The video of a report: film and simulations side by side, with a still picture and a description."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = np.ndarray
 
 VIDEO = "side_by_side.webm"
 VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
-HOLD_S = 0.8  # for which the end of a scene stays
+HOLD_S = 0.8  # pause at the end of a scene
 
 
 def video_section(
@@ -31,11 +31,11 @@ def video_section(
     improves: bool,
     folder: Path,
 ) -> dict[str, Any]:
-    """What the page says and shows of the video, which is written into `folder`."""
+    """Template variables of the video; the video is written into `folder`."""
     from rock2d.graphics.video import compare_video
     from rock2d.graphics.video_options import VideoOptions
 
-    scenes, titles = tables.scenes_of(result, film, poses, improves)
+    scenes, titles = tables.video_scenes(result, film, poses, improves)
     spans_s = [float(np.ptp(scene[0][0].t_s)) for scene in scenes]
     cross_section, blocks = result.experiment.cross_section, result.experiment.blocks
     pace = VIDEO_S / max(sum(spans_s), 1e-6)
@@ -70,19 +70,20 @@ def video_section(
 
 
 def scene_sentence(scene: Sequence[Sequence[Clip]], title: str, labels: Sequence[str]) -> str:
-    """How far the simulated blocks of a scene end from the filmed one."""
+    """A sentence on the final distances of the simulated blocks of a scene from the filmed one."""
     measured, *simulated = (panel[0] for panel in scene)
     parts = []
     for label, clip in zip(labels[1:], simulated, strict=True):
-        away = float(np.hypot(clip.x_m[-1] - measured.x_m[-1], clip.y_m[-1] - measured.y_m[-1]))
+        distance_m = float(np.hypot(clip.x_m[-1] - measured.x_m[-1], clip.y_m[-1] - measured.y_m[-1]))
         parts.append(
-            f"{text.length(away)} from the film {label if label.startswith('with') else f'in the {label}'}"
+            f"{text.length(distance_m)} from the film {label if label.startswith('with') else f'in the {label}'}"
         )
     return f"{title[0].upper()}{title[1:]}: the block ends {', '.join(parts)}."
 
 
 def still(path: Path, at_s: float) -> str:
-    """The picture of a video at an instant, or its last one before, as PNG in base64."""
+    """The picture of a video at an instant, or its last picture, as PNG in base64. Raises InputError if the video
+    cannot be read."""
     import cv2
 
     reader = cv2.VideoCapture(str(path))

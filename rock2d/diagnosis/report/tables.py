@@ -1,5 +1,5 @@
-"""Data for the report: residuals of each impact, the impacts that the effect improves most, the releases that the video
-shows side by side."""
+"""Data for the report: residuals of each impact, the impacts that the effect improves most, and the releases of the
+video."""
 
 from __future__ import annotations
 
@@ -37,17 +37,18 @@ MODEL_COLOURS = {"measured": MEASURED_COLOUR, "base": SIMULATED_COLOUR, "effect"
 
 @dataclass
 class Models:
-    """The models that a report compares: the law, "base", and with an "effect" if there is a gap to explain."""
+    """The models that a report compares: the "base" law, and if there is a gap to explain, the model with the
+    "effect"."""
 
     fits: dict[str, Fit]
     held_out: dict[str, HeldOut]
 
 
 def compared_models(result: Diagnosis) -> Models:
-    """Base and best model of a diagnosis, the one whose gap is reported; without an effect if there is no gap.
+    """The base law and the model whose gap is reported; only the base law if there is no gap.
 
     An effect that only widens the scatter predicts the same motion as the base. Unless it is the verdict, the best
-    effect that changes the motion takes its place.
+    effect that changes the motion is used instead.
     """
     found = result.found
     assert found is not None
@@ -60,7 +61,7 @@ def compared_models(result: Diagnosis) -> Models:
 
 
 def signs_of(result: Diagnosis) -> Signs:
-    """Signs that correct a mirrored axis."""
+    """Signs of x, y and theta that correct a mirrored axis."""
     return MIRRORED_SIGNS[result.sanity.mirror]
 
 
@@ -77,8 +78,8 @@ def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
     return (clipped(out.residuals.impacts / sd) ** 2).mean(axis=1)
 
 
-def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
-    """Place of every impact and size of its residuals."""
+def impact_misses(result: Diagnosis, out: HeldOut) -> Misses:
+    """Place of every impact, and size of its held-out residuals."""
     data = result.data
     assert data is not None
     sigma = np.sqrt(impact_squares(result, out))
@@ -100,7 +101,7 @@ def touch_places(result: Diagnosis, data: FilmData) -> Array:
 
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
-    """(k, 2) positions of a few frames of each measured flight; of at most MOST_FLIGHTS flights."""
+    """(k, 2) positions in a few frames of each measured flight, for at most MOST_FLIGHTS flights."""
     flights = data.segmentation.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
@@ -112,7 +113,7 @@ def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     return paths
 
 
-def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segment]:
+def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[Segment]:
     """The impacts that the effect improves most or, unless it `improves`, those with the largest residuals."""
     data = result.data
     assert isinstance(data, FilmData)
@@ -120,7 +121,7 @@ def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segme
     base, effect = squares["base"], squares.get("effect")
     chosen: list[int] = []
     for i in np.argsort(effect - base if improves and effect is not None else -base, kind="stable"):
-        if data.impacts.release[i] not in data.impacts.release[chosen]:  # different releases show more
+        if data.impacts.release[i] not in data.impacts.release[chosen]:  # one impact of a release
             chosen.append(int(i))
         if len(chosen) == SHOWN_SEGMENTS:
             break
@@ -155,7 +156,7 @@ def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segme
 
 
 def _sigma(square: float) -> str:
-    """Text of a residual; those of LARGEST_RESIDUAL_SD were clipped and may be larger."""
+    """Text of a residual; residuals of LARGEST_RESIDUAL_SD were clipped."""
     root = float(np.sqrt(square))
     return f"{root:.1f} σ" if root < 0.98 * LARGEST_RESIDUAL_SD else f"≥ {LARGEST_RESIDUAL_SD:g} σ"
 
@@ -166,16 +167,20 @@ def distances(film: Releases, poses: Array) -> Array:
     return np.sqrt(np.nanmean((gap**2).sum(axis=-1), axis=1))
 
 
-def scenes_of(
+def video_scenes(
     result: Diagnosis, film: Releases, models: dict[str, Array], improves: bool
 ) -> tuple[list[list[list[Clip]]], list[str]]:
     """Clips of one release of each block, measured and of every model (n, k, 3), and their titles.
 
-    It is the release that the effect brings nearest to the film or, unless it `improves`, the one with the median
+    If the effect `improves`, it is the release whose distance from the film falls most; else the one with the median
     distance between base and film.
     """
-    far = {name: distances(film, poses) for name, poses in models.items()}
-    gain = far["base"] - far["effect"] if improves else -np.abs(far["base"] - np.median(far["base"]))
+    distance = {name: distances(film, poses) for name, poses in models.items()}
+    gain = (
+        distance["base"] - distance["effect"]
+        if improves
+        else -np.abs(distance["base"] - np.median(distance["base"]))
+    )
     scenes, titles = [], []
     blocks = list(result.experiment.blocks)
     best_first = sorted(set(film.block.tolist()), key=lambda b: -float(np.median(gain[film.block == b])))
@@ -198,15 +203,16 @@ def scenes_of(
 
 
 def scenes_view(scenes: list[list[list[Clip]]], cross_section: CrossSection, radius_m: float) -> Limits:
-    """Limits of the video: the paths of the measured blocks with a margin of half their extent, and the ground."""
-    every = [clip for scene in scenes for panel in scene for clip in panel]
+    """Limits of the video: the paths of the measured blocks with a margin of half their extent, and the ground
+    below."""
+    clips = [clip for scene in scenes for panel in scene for clip in panel]
     filmed = [scene[0][0] for scene in scenes]
     limits = []
     for key in ("x_m", "y_m"):
         low, high = min(np.min(getattr(c, key)) for c in filmed), max(np.max(getattr(c, key)) for c in filmed)
         room = 0.5 * (high - low)
-        limits.append(max(low - room, min(np.min(getattr(c, key)) for c in every)) - 2.0 * radius_m)
-        limits.append(min(high + room, max(np.max(getattr(c, key)) for c in every)) + 2.0 * radius_m)
+        limits.append(max(low - room, min(np.min(getattr(c, key)) for c in clips)) - 2.0 * radius_m)
+        limits.append(min(high + room, max(np.max(getattr(c, key)) for c in clips)) + 2.0 * radius_m)
     left, right, low, high = map(float, limits)
     ground = cross_section.height_m(np.linspace(left, right, 50))
     low = min([low, *ground[np.isfinite(ground)]])
@@ -214,7 +220,7 @@ def scenes_view(scenes: list[list[list[Clip]]], cross_section: CrossSection, rad
 
 
 def _until_still(t: Array, pose: Array, radius_m: float) -> Array:
-    """Frames up to a little after the block last moved by a tenth of its radius."""
+    """Frames until shortly after the block comes within a tenth of its radius of its last position."""
     known = np.flatnonzero(np.isfinite(t))
     away = np.hypot(*(pose[known, :2] - pose[known[-1], :2]).T)
     moving = np.flatnonzero(away > 0.1 * radius_m)

@@ -1,4 +1,4 @@
-"""Texts of the report: what the numbers of a diagnosis mean, in plain sentences."""
+"""Texts of the report: the meaning of the numbers of a diagnosis in sentences."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
 from rock2d.wording import listed, number, percent, plus_minus, spoken
 
-MOST_POSSIBLE = 5  # causes that are listed, if none can be named
-LEAST_PART = 0.1  # share of the gap that an effect beside an unknown cause must close to be named
+MOST_POSSIBLE = 5  # listed causes if none can be named
+LEAST_PART = 0.1  # smallest share of the gap of an effect that is mentioned together with an unknown cause
 # effects that are hard to separate with such data
 LOOKALIKES = (
     ("scale_error", "frame_rate_error"),
@@ -52,7 +52,7 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
 
 
 def length(value_m: float) -> str:
-    """A length in the unit that suits it: "12.3 mm" or "1.23 m"."""
+    """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
     return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
 
 
@@ -64,36 +64,36 @@ def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
 
 
 class Tile(NamedTuple):
-    """A key figure beside the verdict: its name, its value, a note below it."""
+    """A key figure below the verdict: its name, its value, and a note."""
 
     what: str
     value: str
     note: str
 
 
-def acting(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The causes that are a part of the model."""
+def model_causes(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The causes in the model."""
     return [cause for cause in content.get("causes", []) if cause["closes"] is not None]
 
 
-def _beside(content: Mapping[str, Any], effect: str) -> list[Mapping[str, Any]]:
-    """The other causes that are a part of the model."""
-    return [cause for cause in acting(content) if cause["effect"] != effect]
+def _other_causes(content: Mapping[str, Any], effect: str) -> list[Mapping[str, Any]]:
+    """The causes in the model except `effect`."""
+    return [cause for cause in model_causes(content) if cause["effect"] != effect]
 
 
 def learnt(content: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """What was learnt without a name, if anything."""
+    """The learnt changes, or None."""
     return (content.get("outside") or {}).get("learnt")
 
 
 def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
-    """What the best model has that the base law has not: its effects and what was learnt."""
-    named = [cause["effect"] for cause in acting(content)]
+    """What the best model adds to the base law: effects and learnt changes, in words."""
+    named = [cause["effect"] for cause in model_causes(content)]
     return listed([*named, *["what was learnt"] * bool(learnt(content))] or chain)
 
 
 def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> tuple[str, str]:
-    """The name of the verdict as it is shown, and one or two sentences."""
+    """The title of the verdict, and one or two sentences."""
     verdict, faults = content["verdict"], content["sanity"]["faults"]
     if faults:
         film = content.get("film") or {}
@@ -105,41 +105,41 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
             "larger than the noise of the measurement and the scatter of the soil from impact to impact."
         )
     possible = [c["effect"] for c in content.get("causes", []) if not c.get("named")]
-    if verdict == "unknown" and not _outside(content) and possible:
+    if verdict == "unknown" and not _outside_sentence(content) and possible:
         return "Unknown cause", (
-            "Something acts that the base law has not, but these data cannot tell what. It may be "
-            f"{listed(possible[:MOST_POSSIBLE], 'or')}.{_parts(content)}"
+            "Something acts that the base law does not contain, but these data cannot show what. It may be "
+            f"{listed(possible[:MOST_POSSIBLE], 'or')}.{_explained_part_sentence(content)}"
         )
     if verdict == "unknown":
         return "Unknown cause", (
             "There is a gap between film and simulation, but no effect of the catalogue explains all of it. A cause "
-            f"lies outside the catalogue.{_parts(content)}{_hint(content)}"
+            f"lies outside the catalogue.{_explained_part_sentence(content)}{_strongest_dependence(content)}"
         )
     known = verdict in effects
     cause = effects[verdict].summary if known else "an effect outside the catalogue"
     origin = f" It comes from the {effects[verdict].origin}." if known else ""
-    beside = [cause["effect"] for cause in _beside(content, verdict)]
+    beside = [cause["effect"] for cause in _other_causes(content, verdict)]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
     others = f"{listed(rivals, 'or')}{common_words(content, verdict)}"
     doubt = f" These data cannot separate it from {others}." if rivals else ""
     return (
         spoken(verdict).capitalize(),
-        f"This explains {_share(content, verdict)}the gap between film and simulation: {cause}."
-        f"{origin}{together}{doubt}{_outside(content)}",
+        f"This explains {_share_words(content, verdict)}the gap between film and simulation: {cause}."
+        f"{origin}{together}{doubt}{_outside_sentence(content)}",
     )
 
 
-def _share(content: Mapping[str, Any], effect: str) -> str:
-    """How much of the gap an effect explains, as words before "the gap"; "" for all of it."""
-    own = next((cause["closes"] for cause in acting(content) if cause["effect"] == effect), None)
-    if own is not None and _beside(content, effect):
+def _share_words(content: Mapping[str, Any], effect: str) -> str:
+    """The share of the gap that an effect explains, as words before "the gap"; "" for all of it."""
+    own = next((cause["closes"] for cause in model_causes(content) if cause["effect"] == effect), None)
+    if own is not None and _other_causes(content, effect):
         return f"{round(100 * own)} % of "
-    return "most of " if _outside(content) else ""
+    return "most of " if _outside_sentence(content) else ""
 
 
 def common_words(content: Mapping[str, Any], effect: str) -> str:
-    """What an effect and those that it shares its name with have in common; "" without that."""
+    """The common quantity of effects that share a name, as words; "" if there is none."""
     own = next((c.get("common") for c in content.get("causes", []) if c["effect"] == effect), None)
     if own is None:
         return ""
@@ -147,8 +147,8 @@ def common_words(content: Mapping[str, Any], effect: str) -> str:
     return f"; both mean {own['name']} = {own['value']:.3f} ({low:.3f} to {high:.3f})"
 
 
-def _outside(content: Mapping[str, Any]) -> str:
-    """What acts beside named causes without a name; "" where probably nothing does."""
+def _outside_sentence(content: Mapping[str, Any]) -> str:
+    """A sentence on a cause outside the catalogue that acts together with the named ones; "" if that is improbable."""
     found = content.get("outside")
     if found is None or found["p"] < NAMED_PROBABILITY:
         return ""
@@ -160,23 +160,23 @@ def _outside(content: Mapping[str, Any]) -> str:
 
 
 def explained_part(content: Mapping[str, Any]) -> str:
-    """The effects that close a part worth naming of a gap whose cause is unknown, and their shares; "" where none
-    do."""
+    """The effects, with their shares, that close a considerable part of a gap with an unknown cause; "" if there are
+    none."""
     parts = [
         f"{spoken(cause['effect'])} ({share_closed(cause['closes'], cause['closes_ci95'])} of the gap)"
-        for cause in acting(content)
+        for cause in model_causes(content)
         if cause["closes_ci95"][0] >= LEAST_PART
     ]
     return listed(parts)
 
 
-def _parts(content: Mapping[str, Any]) -> str:
+def _explained_part_sentence(content: Mapping[str, Any]) -> str:
     part = explained_part(content)
     return f" Part of the gap closes with {part}." if part else ""
 
 
-def _hint(content: Mapping[str, Any]) -> str:
-    """What the strongest remaining dependence says about an unknown cause."""
+def _strongest_dependence(content: Mapping[str, Any]) -> str:
+    """A sentence on the strongest remaining dependence, as a hint to an unknown cause."""
     remaining = content.get("unexplained", [])
     if not remaining:
         return ""
@@ -188,13 +188,13 @@ def _hint(content: Mapping[str, Any]) -> str:
 def key_figures(
     content: Mapping[str, Any], effects: Mapping[str, Effect], chain: Sequence[str]
 ) -> list[Tile]:
-    """The key figures beside the verdict; `chain` are the effects of the best model."""
+    """The key figures below the verdict; `chain`: effects of the best model."""
     verdict, gap = content["verdict"], content["gap"]
     chance = percent(content["probabilities"][verdict])
     tiles = [Tile("Probability", chance, "among the effects of the catalogue, none and unknown")]
     ranked = [name for name in ranking(content, effects) if name != verdict]
     if verdict == "none":
-        gain = _gain(content["effects"][ranked[0]])
+        gain = _gain_words(content["effects"][ranked[0]])
         tiles.append(Tile("Gap", f"{gap['base']:.2f}", f"noise and soil alone give {gap['noise_floor']:.2f}"))
         tiles.append(Tile("Nearest to an effect", spoken(ranked[0]), f"{gain} on held-out releases"))
         return tiles
@@ -208,12 +208,12 @@ def key_figures(
     tiles.append(Tile("Gap closed", closed, f"on held-out releases; {remark}"))
     if len(chain) > 1:
         tiles.append(
-            Tile("By this effect alone", _closed(content, verdict), f"of the gap, by {spoken(verdict)}")
+            Tile("By this effect alone", _closed_by(content, verdict), f"of the gap, by {spoken(verdict)}")
         )
     second = next((name for name in ranked if not effects[name].scatter), None)
     if second is not None:
-        tiles.append(Tile("Runner-up", _closed(content, second), f"of the gap closed by {spoken(second)}"))
-    beside = _beside(content, verdict)
+        tiles.append(Tile("Runner-up", _closed_by(content, second), f"of the gap closed by {spoken(second)}"))
+    beside = _other_causes(content, verdict)
     if not beside:
         tiles.append(
             Tile("Second effect", "none needed", "no other effect gains significantly beside this one")
@@ -231,7 +231,7 @@ def key_figures(
 
 
 def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
-    """What predictions reach, of a film; and what that is in units of the bench."""
+    """The gap that predictions close, for a film; and errors in physical units."""
     tiles = []
     if (own := content.get("predicted")) is not None:
         closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
@@ -246,7 +246,7 @@ def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
 
 
 def physical_misses(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What the base law and the best model miss in units of the bench, and where."""
+    """Errors of the base law and the best model in physical units, and where they occur."""
     places = {
         "mm": (" mm", "at the end of a segment"),
         "deg": ("°", "there"),
@@ -261,7 +261,7 @@ def physical_misses(content: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def predicted_words(own: Mapping[str, Any]) -> str:
-    """What predictions of whole segments miss, with the key `predicted`."""
+    """Errors of predictions of whole segments in words, from the key `predicted`."""
     typical, tail, units = own["typical"], own["tail"], own["units"]
     return (
         f"from one flight to the next, held-out releases: they miss {typical['base']:.3g} σ without and "
@@ -271,12 +271,12 @@ def predicted_words(own: Mapping[str, Any]) -> str:
     )
 
 
-def _gain(scored: Mapping[str, Any]) -> str:
+def _gain_words(scored: Mapping[str, Any]) -> str:
     gain = plus_minus(scored["heldout_score_gain"], scored["heldout_score_gain_se"])
     return f"gains {gain} in log likelihood"
 
 
-def _closed(content: Mapping[str, Any], effect: str) -> str:
+def _closed_by(content: Mapping[str, Any], effect: str) -> str:
     own = content["effects"][effect]
     return share_closed(own["closure"], own["closure_ci95"])
 
@@ -293,7 +293,7 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
 
 
 def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
-    """A fitted parameter with its unit: a factor as the change that it makes, in %."""
+    """A fitted parameter with its unit; a factor as a change in %."""
     if parameter.choices:
         return parameter.called(own["value"]) or f"{own['value']:g}"
     value, unit = in_degrees(parameter, own["value"])
@@ -305,8 +305,8 @@ def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
 
 
 def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
-    """Where most of the gap lies."""
-    if not _located(content):
+    """The place with the largest share of the gap."""
+    if not _has_significant_place(content):
         return []
     zone, of_zone = largest_share(content["where"], "zone")
     phase, of_phase = largest_share(content["where"], "phase")
@@ -320,16 +320,16 @@ def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
 
 
 def ranking(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> list[str]:
-    """Effects that were tried, by probability, then by gain."""
+    """Tried effects, sorted by probability, then by gain."""
     tried = [name for name in content["effects"] if name in effects]
     gains, chances = content["effects"], content["probabilities"]
     return sorted(tried, key=lambda n: (-round(chances[n], 6), -gains[n]["heldout_score_gain"]))
 
 
 def where_sentence(content: Mapping[str, Any]) -> str:
-    """Where most of the gap lies."""
+    """A sentence: where most of the gap lies."""
     cells = content["where"]
-    if not _located(content):
+    if not _has_significant_place(content):
         return (
             "No place stands out: nowhere are the residuals significantly larger than noise and soil explain."
         )
@@ -343,7 +343,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
     return f"{text}."
 
 
-def _located(content: Mapping[str, Any]) -> bool:
+def _has_significant_place(content: Mapping[str, Any]) -> bool:
     """Whether the gap is significant in any place."""
     return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_PLACE_Z for cell in content["where"])
 
@@ -358,7 +358,7 @@ def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, fl
 
 
 def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[str]) -> list[str]:
-    """What the diagnosis assumes."""
+    """The assumptions of the diagnosis, in sentences."""
     cross_section = result.experiment.cross_section
     fitted = " It is refitted to these data before any effect is tried." if content["law"]["fitted"] else ""
     lines = [
@@ -408,13 +408,13 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
 
 
 def unseen_words(content: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Reasons why effects cannot be seen, and the effects of each."""
+    """Reason why effects cannot be seen -> the effects, as pairs."""
     unseen = content.get("unseen") or {}
     return [(why, [name for name in unseen if unseen[name] == why]) for why in dict.fromkeys(unseen.values())]
 
 
 def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:
-    """Groups of effects that are hard to separate, those that contain one of `names` first."""
+    """Groups of effects that are hard to separate, in words; first those with one of `names`."""
     groups = [[name for name in group if name in known] for group in LOOKALIKES]
     groups = [group for group in groups if len(group) > 1]
     return [listed(group) for group in sorted(groups, key=lambda g: not set(g) & set(names))]

@@ -17,7 +17,7 @@ from rock2d.kinematics import sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.wording import listed, number, percent, spoken
 
-LEAST_PROBABILITY = 0.5  # probability of a verdict from which on one should act on it
+LEAST_PROBABILITY = 0.5  # smallest probability of a verdict to act on
 MEASURE_SCALE_AND_RATE = (
     "Measure a length in the plane of motion, and film a clock: one of scale and frame rate is wrong"
 )
@@ -31,7 +31,7 @@ AXIS_FAULTS = {
 
 
 def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
-    """Sentences about the next step, from the content of diagnosis.json; the first one is the most important."""
+    """Sentences on the next steps, from the content of diagnosis.json, the most important first."""
     verdict = content["verdict"]
     if content["sanity"]["faults"]:
         return _after_faults(content)
@@ -60,7 +60,7 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
 
 
 def _learnt(content: Mapping[str, Any]) -> list[str]:
-    """What learnt changes are good for."""
+    """A sentence on the use of learnt changes, if there are any."""
     if not (learnt := text.learnt(content)):
         return []
     uncertain = listed(learnt["effects"])
@@ -76,7 +76,7 @@ def _learnt(content: Mapping[str, Any]) -> list[str]:
 
 
 def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
-    """For a verdict that is an effect: what to do about it, about those it is confused with, and beside it."""
+    """Advice for a verdict that is an effect: on the effect, its rivals, and further causes."""
     verdict, chance = content["verdict"], content["probabilities"][content["verdict"]]
     lines = []
     rivals = [name for name in content["group"] if name != verdict]
@@ -90,10 +90,10 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             "First film the next release, and diagnose again with it."
         )
         lines += [] if twins else _next_release(content)
-        lines += [f"If it is {spoken(name)}: {_alone(content, name, experiment)}" for name in (verdict, *rivals)
+        lines += [f"If it is {spoken(name)}: {_instruction_for(content, name, experiment)}" for name in (verdict, *rivals)
                   if name in content["effects"]]  # fmt: skip
     else:
-        lines.append(_alone(content, verdict, experiment))
+        lines.append(_instruction_for(content, verdict, experiment))
     beside = [entry["effect"] for entry in content.get("beside", [])]
     if beside:
         lines.append(
@@ -101,7 +101,8 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             "cause at a time, and diagnose again after each: these numbers hold only together."
         )
         lines += [
-            _doubt(content, name) + instruction(name, content["beside"][-1], experiment) for name in beside
+            _rivals_sentence(content, name) + instruction(name, content["beside"][-1], experiment)
+            for name in beside
         ]
     if not all(catalogue()[name].camera for name in (verdict, *beside)):
         lines.append(
@@ -111,8 +112,8 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
     return lines
 
 
-def _doubt(content: Mapping[str, Any], name: str) -> str:
-    """What comes before the instruction about a further cause, if these data cannot tell it from others."""
+def _rivals_sentence(content: Mapping[str, Any], name: str) -> str:
+    """Introduction to the instruction about a further cause, if these data cannot distinguish it from others."""
     rivals: list[str] = next((own["group"] for own in content.get("causes", []) if own["effect"] == name), [])
     if not rivals:
         return ""
@@ -120,8 +121,8 @@ def _doubt(content: Mapping[str, Any], name: str) -> str:
     return f"These data cannot tell {listed([name, *rivals])} apart.{measure} If it is {spoken(name)}: "
 
 
-def _alone(content: Mapping[str, Any], name: str, experiment: Experiment) -> str:
-    """The instruction about an effect of the content: with the effects beside it, if it is the verdict."""
+def _instruction_for(content: Mapping[str, Any], name: str, experiment: Experiment) -> str:
+    """The instruction about an effect; for the verdict, with the parameters of the joint fit."""
     if name == content["verdict"] and content.get("beside"):
         return instruction(name, content["beside"][-1], experiment)
     own = content["effects"][name]
@@ -140,7 +141,7 @@ def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> st
 
 
 def generic(fitted: FittedEffect) -> str:
-    """For an effect without an instruction of its own: what is missing, with the fitted values."""
+    """Instruction for an effect without one of its own: its summary and fitted values."""
     parts = []
     for parameter in fitted.effect.parameters:
         value, unit = text.in_degrees(parameter, fitted.values[parameter.name])

@@ -1,7 +1,7 @@
 """The catalogue of effects: every module of this folder that defines `EFFECT`.
 
-An effect is one file: its parameters, how it changes the world, and, where the engines must know of it, its compiled
-law (see `rock2d.effects.forces`). A file added here is found, given its columns and compiled into the engines.
+An effect is one file with its parameters, its change of the world, and, if the engines need it, its compiled law (see
+`rock2d.effects.forces`). A new file in this folder is found, gets its columns, and is compiled into the engines.
 """
 
 from __future__ import annotations
@@ -19,5 +19,5 @@ if TYPE_CHECKING:
 
 @cache
 def catalogue() -> Mapping[str, Effect]:
-    """Every effect by its name, in the order of the names. Raises ValueError if two effects share a name."""
+    """Name -> effect, in alphabetical order. Raises ValueError if two effects share a name."""
     return registered(__name__, __file__, "EFFECT")

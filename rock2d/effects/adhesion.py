@@ -10,22 +10,22 @@ from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
 from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
-ONSET_M_S = 0.02  # leaving speed up to which the pull grows: a sudden one would make a lying block chatter
-ONSET_WAY = 0.1  # share of the way out of the indentation over which the pull sets in
+ONSET_M_S = 0.02  # leaving speed up to which the pull grows: a sudden pull would make a block at rest vibrate
+ONSET_SHARE = 0.1  # share of the path out of the indentation over which the pull grows
 
 
 @kernel
 def normal(pull, depth, rate, peak, bottom, force_n):
     """F = -pull in N on a block that leaves (dδ/dt < 0), from the bottom of the indentation, where the ground stops
     pressing, to the original surface. The pull grows linearly with the distance and with the leaving speed. A block
-    that leaves faster than ONSET_M_S loses the energy pull × bottom × (1 - ONSET_WAY / 2)."""
+    that leaves faster than ONSET_M_S loses the energy pull × bottom × (1 - ONSET_SHARE / 2)."""
     if rate >= 0.0 or depth >= bottom or bottom <= 0.0:
         return 0.0
-    return -pull * min(1.0, -rate / ONSET_M_S) * min(1.0, (bottom - depth) / (ONSET_WAY * bottom))
+    return -pull * min(1.0, -rate / ONSET_M_S) * min(1.0, (bottom - depth) / (ONSET_SHARE * bottom))
 
 
 def damping(pull):
-    """The steepest part is the onset."""
+    """Largest derivative of the force by the speed in N s/m: at the onset."""
     return abs(pull) / ONSET_M_S
 
 
@@ -34,7 +34,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The pull in N."""
+    """Measure the pull in N."""
     pull = fitted.number("pull_per_weight", mean_mass_kg(fitted.setup) * STANDARD_GRAVITY_M_S2)
     return (
         "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "

@@ -25,7 +25,8 @@ def flight(c, vx, vy, omega, mass, inertia):
 
 
 def coefficient(block: Block, per_mass_1_m: float) -> float:
-    """C_d = 2 c / (ρ A) of a block with this c / m, A that of a body as deep as its profile is high."""
+    """Drag coefficient C_d = 2 c / (ρ A) of a block with this c / m in 1/m; A is the area of a circle with its size as
+    diameter."""
     return per_mass_1_m * block.mass_kg / (0.5 * AIR_DENSITY_KG_M3 * np.pi / 4.0 * block.size_m**2)
 
 
@@ -34,20 +35,20 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """c / m: the share of the speed that is lost on a metre."""
+    """Compare the drag coefficient with usual values."""
     value = fitted.values["drag_per_mass_1_m"]
-    blocks, each = fitted.setup.blocks, fitted.each.get("drag_per_mass_1_m", {})
+    blocks, by_block = fitted.setup.blocks, fitted.each.get("drag_per_mass_1_m", {})
     drag = {name: number(coefficient(block, value)) for name, block in blocks.items()}
-    differ = ""
-    if each:
-        found = {name: own["drag_coefficient"] for name, own in each.items()}
-        drag = {b: f"{number(c['value'])} ({interval(*c['ci95'])})" for b, c in found.items()}
-        low, high = np.array([c["ci95"] for c in found.values()]).T
-        differ = " (surely not the same)" if low.max() > high.min() else ""
+    comparison = ""
+    if by_block:
+        coefficients = {name: own["drag_coefficient"] for name, own in by_block.items()}
+        drag = {b: f"{number(c['value'])} ({interval(*c['ci95'])})" for b, c in coefficients.items()}
+        low, high = np.array([c["ci95"] for c in coefficients.values()]).T
+        comparison = " (significantly different)" if low.max() > high.min() else ""
     listed = ", ".join(f"{spoken(name)} {c}" for name, c in drag.items())
     return (
         f"Blocks lose {fitted.number('drag_per_mass_1_m', 100)} % of their speed on a metre of flight. In air this is "
-        f"a drag coefficient of {listed}{differ}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
+        f"a drag coefficient of {listed}{comparison}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
         "the model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
         "fall, and a heavier block of the same shape, which air slows less."
     )

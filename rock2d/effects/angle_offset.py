@@ -19,7 +19,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """θ recorded = θ true + offset."""
+    """Correct the angles."""
     value, half = fitted.values["offset_rad"], fitted.half["offset_rad"]
     degrees, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"

@@ -20,7 +20,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """θ recorded = θ + tilt; the tracker turns the picture back by `tilt_deg`."""
+    """Set `tilt_deg`, by which the tracker turns the picture back, or correct the record."""
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
     turn, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"
@@ -44,7 +44,7 @@ EFFECT = Effect(
     phase="all",
     origin="camera",
     parameters=(
-        Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "by how much the record is turned, counter-clockwise"),
+        Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "rotation of the record, counter-clockwise"),
         *AIM_PARAMETERS,
     ),
     apply=apply,

@@ -1,4 +1,4 @@
-"""What effects do to a world, each in one call; every function returns a changed copy."""
+"""Changes of a world that effects use; every function returns a changed copy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-# where the camera's axis meets the plane: nobody measures it, so every effect that turns about it has it as parameters
+# Point where the camera's axis meets the plane. It is rarely measured, so it is a parameter of every effect that
+# depends on it.
 AIM_PARAMETERS = (
     Parameter(
         "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"
@@ -25,15 +26,15 @@ AIM_PARAMETERS = (
 
 
 def mean_mass_kg(world: World) -> float:
-    """Mean mass of the world's blocks: what scales forces from the laboratory to the slope."""
+    """Mean mass of the world's blocks; it scales forces from the laboratory to the slope."""
     return float(np.mean([block.mass_kg for block in world.blocks.values()]))
 
 
 def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
-    """Where a camera aims, and the width of what it is about, in m: middle and width of the box that bounds embankment
-    and ditch, or the whole cross-section where there is no embankment."""
-    aim = embankment_facets(cross_section) | ditch_facets(cross_section)
-    facets = np.flatnonzero(aim) if aim.any() else np.arange(len(aim))
+    """Default aim (x, y) of a camera and width of its subject, in m: middle and width of the bounding box of embankment
+    and ditch, or of the whole cross-section if there is no embankment."""
+    subject = embankment_facets(cross_section) | ditch_facets(cross_section)
+    facets = np.flatnonzero(subject) if subject.any() else np.arange(len(subject))
     points = cross_section.points_m[np.union1d(facets, facets + 1)]
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
@@ -41,8 +42,11 @@ def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], flo
 
 
 def with_view(world: World, centre: Sequence[float] | None = None, **changes: Any) -> World:
-    """The world seen by another camera. Its axis lies `centre` × the width of `aim_and_width` beside where it was
-    before; a camera that nothing has aimed yet is aimed at the point there. Without `centre` the axis stays."""
+    """The world seen by another camera.
+
+    The axis of the camera moves by `centre` × the width of `aim_and_width`, from its previous aim or the default one.
+    Without `centre` it stays. `changes`: other fields of `World.view`.
+    """
     aim = world.view.centre_m
     if centre is not None:
         (x, y), width = aim_and_width(world.cross_section)
@@ -57,7 +61,7 @@ def with_blocks(world: World, change: Callable[[Block], Block]) -> World:
 
 
 def with_air(world: World, name: str, per_kg: float) -> World:
-    """The world with a column of every block's `air` set to `per_kg` × the block's mass."""
+    """The world with the column `name` of every block's `air` set to `per_kg` × the block's mass."""
     from rock2d.effects.columns import N_AIR, air_column
 
     def change(block: Block) -> Block:
@@ -69,24 +73,25 @@ def with_air(world: World, name: str, per_kg: float) -> World:
 
 
 def with_column(world: World, name: str, value: float | Array, zones: Array | None = None) -> World:
-    """The world with an effect's contact column set to `value` (a number, or one a zone) in `zones` (a mask)."""
+    """The world with an effect's contact column set to `value` (a number, or one for each zone) in `zones` (a mask)."""
     from rock2d.effects.columns import column, widened
 
     contact = widened(world.contact)
-    which = np.ones(contact.shape[1], bool) if zones is None else zones
-    contact[:, which, column(name)] = np.broadcast_to(value, contact.shape[:2])[:, which]
+    selected = np.ones(contact.shape[1], bool) if zones is None else zones
+    contact[:, selected, column(name)] = np.broadcast_to(value, contact.shape[:2])[:, selected]
     return replace(world, contact=contact)
 
 
 def with_scaled_columns(
     world: World, columns: Sequence[int], factor: float | Array, zones: Array | None = None
 ) -> World:
-    """The world with columns of the contact law times `factor` (a number, or one a release) in `zones` (a mask)."""
+    """The world with columns of the contact law multiplied by `factor` (a number, or one for each release) in `zones`
+    (a mask)."""
     factor = np.atleast_1d(np.asarray(factor, float))
     contact = (
         np.repeat(world.contact, len(factor), axis=0) if len(world.contact) == 1 else world.contact.copy()
     )
-    which = np.ones(contact.shape[1], bool) if zones is None else zones
+    selected = np.ones(contact.shape[1], bool) if zones is None else zones
     for column in columns:
-        contact[:, which, column] *= factor[:, None]
+        contact[:, selected, column] *= factor[:, None]
     return replace(world, contact=contact)

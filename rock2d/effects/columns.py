@@ -1,7 +1,7 @@
-"""Which column of a contact row, or of a block's `air`, belongs to which effect.
+"""Columns of effects in a contact row and in a block's `air`.
 
-A row of the contact law has the columns of `rock2d.laws.contact` and then those that effects ask for. 0 is always the
-world without the effect, so a table of the law's own columns means no effect.
+A contact row has the columns of `rock2d.laws.contact`, followed by those of the effects. 0 always means no effect, so a
+row with only the columns of the law has no effects.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Array = np.ndarray
 
 LAW_COLUMNS = 7
 _effects = catalogue().values()
-# an effect with a law for the flight reads columns of the block, any other one columns of the ground
+# an effect with a law for flight has columns of the block, any other effect columns of the ground
 CONTACT_NAMES = tuple(dict.fromkeys(c for e in _effects if e.flight is None for c in e.columns))
 AIR_NAMES = tuple(dict.fromkeys(c for e in _effects if e.flight is not None for c in e.columns))
 N_COLUMNS = LAW_COLUMNS + len(CONTACT_NAMES)
@@ -35,8 +35,8 @@ def air_column(name: str) -> int:
     return AIR_NAMES.index(name)
 
 
-def _acting() -> list[int]:
-    """Columns of the effects that act while a contact lasts."""
+def _contact_effect_columns() -> list[int]:
+    """Columns of the effects that act during a contact."""
     laws = [e for e in _effects if any((e.normal, e.friction, e.tangential, e.recoil))]
     return sorted({column(name) for e in laws for name in e.columns})
 
@@ -50,15 +50,16 @@ def widened(contact: Array) -> Array:
 
 
 def engine_rows(contact: Array) -> Array:
-    """Contact rows as the engines read them: every effect's column, and last whether any of them acts in contact."""
+    """Contact rows for the engines: with every effect's column, and a last column that is 1 if any effect acts in
+    contact."""
     wide = widened(contact)
-    acting = (wide[..., _ACTING] != 0.0).any(axis=-1, keepdims=True)
+    acting = (wide[..., _CONTACT_EFFECT_COLUMNS] != 0.0).any(axis=-1, keepdims=True)
     return np.concatenate([wide, acting], axis=-1)
 
 
 def damping_Ns_m(contact: Array) -> Array:
-    """(..., zones) by how much the effects' forces in N grow with the speed of a contact in m/s, at most: what limits
-    the engines' steps beside the stiffness."""
+    """(..., zones) largest derivative of the effects' forces by the speed of a contact in N s/m. It limits the time
+    steps of the engines, as the stiffness does."""
     total = np.zeros(contact.shape[:-1])
     for effect in _effects:
         if effect.damping is not None and contact.shape[-1] > LAW_COLUMNS:
@@ -66,4 +67,4 @@ def damping_Ns_m(contact: Array) -> Array:
     return total
 
 
-_ACTING = _acting()
+_CONTACT_EFFECT_COLUMNS = _contact_effect_columns()

@@ -1,4 +1,4 @@
-"""What an effect of the catalogue is: its parameters, and how it changes the world."""
+"""Effects of the catalogue and their parameters."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 
 from rock2d.scene.world import World
 
-LABORATORY_M = 0.02  # size of the blocks that plausible ranges are stated for
+LABORATORY_M = 0.02  # block size for which plausible ranges are stated
 STANDARD_GRAVITY_M_S2 = 9.80665
 CAMERA, FLIGHT, BLOCK, GROUND, IMPACT_LAW = ORIGINS = ("camera", "flight", "block", "ground", "impact law")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect. `neutral` is its value without the effect; `low` and `high` bound the plausible.
+    """A parameter of an effect. `neutral`: value without the effect; `low`, `high`: plausible range.
 
-    `choices`: the values it can take, if it is no continuous quantity, and `choice_names` what they are called.
-    `length`, `time`: the exponents of its unit; the range (and a neutral value that is not 0) is that of a laboratory,
-    and grows with the set-up, see `at`. `optional`: files may leave it out, as those of earlier versions do.
+    `choices`: possible values of a parameter that is not continuous, with the names `choice_names`. `length`, `time`:
+    exponents of its unit; the range (and a neutral value other than 0) is stated for a laboratory and scales with the
+    set-up, see `at`. `optional`: files may omit it, as those of earlier versions do.
     """
 
     name: str
@@ -38,17 +38,17 @@ class Parameter:
 
     @property
     def has_neutral_choice(self) -> bool:
-        """Whether it is a choice that has a neutral one."""
+        """Whether it is a choice, and one of the choices is neutral."""
         return self.neutral in self.choices
 
     @property
     def may_be_missing(self) -> bool:
-        """Whether a file may leave it out; then it is neutral."""
+        """Whether a file may omit it; it is then neutral."""
         return self.optional or self.has_neutral_choice
 
     @property
     def must_choose(self) -> bool:
-        """Whether no choice is neutral, so that no small step leads from the law without the effect to one with it."""
+        """Whether it is a choice without a neutral one: then no small step leads from no effect to the effect."""
         return bool(self.choices) and not self.has_neutral_choice
 
     def called(self, value: float) -> str | None:
@@ -56,8 +56,8 @@ class Parameter:
         return dict(zip(self.choices, self.choice_names, strict=False)).get(value)
 
     def at(self, size_m: float, gravity_m_s2: float) -> Parameter:
-        """The parameter with the range that it has for blocks of this mean size: lengths in units of the size L, times
-        of √(L / g)."""
+        """The parameter with its range for blocks of the mean size `size_m`: lengths scale with the size L, times with
+        √(L / g)."""
         if not (self.length or self.time):
             return self
         size = size_m / LABORATORY_M
@@ -69,24 +69,24 @@ class Parameter:
 
 @dataclass(frozen=True, repr=False)
 class Effect:
-    """One thing that the paper's model leaves out.
+    """A physical process or a recording error that the paper's model does not contain.
 
     Attributes
     ----------
     name : as in diagnosis.json
     summary : what is missing from the model, one line
-    source : where the law comes from
-    phase : where it shows: "flight", "impact" or "all"
-    origin : where it comes from, of `ORIGINS`
+    source : source of the law
+    phase : where it changes the motion: "flight", "impact" or "all"
+    origin : one of `ORIGINS`
     parameters : name, unit, neutral value and plausible range of each
     apply : (world, values in the order of `parameters`) -> the world with the effect
-    remedy : (`rock2d.effects.fitted_effect.FittedEffect`) -> what to do about it: what to correct, with sign and
-        number, to measure, or to add to the model. Keys of files stand in backticks
+    remedy : (`rock2d.effects.fitted_effect.FittedEffect`) -> advice: what to correct, with sign and number, to measure,
+        or to add to the model. Keys of files stand in backticks
     scatter : the (only) parameter is the standard deviation of a quantity that varies from impact to impact
         with mean zero; `apply` takes one value of that quantity
-    columns : names of the columns that its law reads of a contact row, or of a block's `air`
+    columns : names of the columns of a contact row, or of a block's `air`, that its law reads
     normal, friction, tangential, flight, recoil, departure : compiled laws, see `rock2d.effects.forces`
-    damping : (columns) -> greatest growth of its forces with the speed of a contact in N s/m, arrays of any shape
+    damping : (columns) -> largest derivative of its forces by the speed of a contact in N s/m, arrays of any shape
     """
 
     name: str
@@ -122,17 +122,18 @@ class Effect:
         return self.origin == CAMERA
 
     def on_each(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
-        """The world with the effect on some blocks, name -> its values there; of an effect that changes only blocks."""
+        """The world with the effect on some blocks; `values`: block -> values of the parameters. Only for an effect
+        that changes only blocks."""
         changed = {name: self.apply(world, own).blocks[name] for name, own in values.items()}
         return replace(world, blocks={**world.blocks, **changed})
 
     def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:
-        """Processes pass an effect on by its name: compiled laws do not travel."""
+        """Pickle an effect by its name, because compiled laws cannot be pickled."""
         return from_catalogue, (self.name,)
 
 
 def from_catalogue(name: str) -> Effect:
-    """The catalogue's effect of that name."""
+    """The effect of the catalogue with this name."""
     from rock2d.effects import catalogue
 
     return catalogue()[name]

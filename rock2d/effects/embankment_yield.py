@@ -1,4 +1,4 @@
-"""The embankment moves as a body while it is hit."""
+"""The embankment moves as a body during an impact."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from rock2d.wording import number
 
 @kernel
 def recoil(per_mass):
-    """1 / M in 1/kg of an embankment that slides on its base. In its frame the block is accelerated by F_x (1/m + 1/M);
-    when the impact ends it keeps the velocity J_x / M that the horizontal impulse J_x gave it, and friction at its base
-    stops it before the next. Its displacement meanwhile (J_x / M × milliseconds) is neglected."""
+    """1 / M in 1/kg of an embankment of mass M that slides on its base. In its frame the block is accelerated by
+    F_x (1/m + 1/M). After the impact the embankment has the velocity J_x / M from the horizontal impulse J_x, and
+    friction at its base stops it before the next impact. Its displacement (J_x / M × milliseconds) is neglected."""
     return per_mass
 
 
@@ -27,7 +27,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The mass ratio gives the mass that moves."""
+    """Check whether the embankment slides, with the mass that moves."""
     moving = mean_mass_kg(fitted.setup) / max(fitted.values["mass_ratio"], 1e-9)
     return (
         f"Look whether the embankment slides: film a mark on its crest. A moving mass of {number(moving)} kg is "
@@ -37,7 +37,7 @@ def remedy(fitted: FittedEffect) -> str:
 
 EFFECT = Effect(
     name="embankment_yield",
-    summary="the embankment slides on its base as a body while it is hit",
+    summary="the embankment slides on its base as a body during an impact",
     source="two bodies in impact: head-on, e is (e M - m) / (M + m) of a block of mass m",
     phase="impact",
     origin="ground",

@@ -1,4 +1,4 @@
-"""A fitted effect: what its remedy is told from."""
+"""A fitted effect, from which its remedy is derived."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class FittedEffect:
     law : the law's parameters fitted together with the effect, names as in diagnosis.json
     setup : the world as stated
     fps : stated frame rate
-    impacts_only : whether the record is a table of impacts, no film
-    each : parameter name -> block -> its own value as in diagnosis.json, where each block has one
+    impacts_only : whether the record is a table of impacts instead of a film
+    each : parameter name -> block -> value as in diagnosis.json, for parameters with a value for each block
     """
 
     effect: Effect
@@ -50,7 +50,7 @@ class FittedEffect:
         fps: float,
         impacts_only: bool,
     ) -> FittedEffect:
-        """From the `parameters` of an effect as diagnosis.json has them."""
+        """From the `parameters` of an effect in diagnosis.json."""
         values = {p.name: p.neutral for p in effect.parameters if p.may_be_missing}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
@@ -67,13 +67,13 @@ class FittedEffect:
         return number(factor * self.values[name], factor * self.half[name])
 
     def propagated(self, of_world: Callable[[World], Array]) -> tuple[Array, Array]:
-        """What a function makes of the world, and half the width of its 95 % interval (parameters independent)."""
+        """Value of a function of the world, and half the width of its 95 % interval (for independent parameters)."""
         value = of_world(self.world())
         moved = [of_world(self.world({name: self.values[name] + half})) for name, half in self.half.items()]
         return value, np.sqrt(np.sum([(other - value) ** 2 for other in moved], axis=0))
 
     def origin(self) -> str:
-        """Where the point of the default origin truly is; the camera's axis is part of what was fitted."""
+        """Sentence on the true position of the default origin; the camera's axis is one of the fitted parameters."""
         at, half = self.propagated(lambda world: np.asarray(world.view.true(np.zeros(3))[:2]))
         x, y = self.world().view.axis_m
         return (
@@ -82,5 +82,5 @@ class FittedEffect:
         )
 
     def by_hand(self, film: str, table: str) -> str:
-        """How to correct the record where there is no film to track again: a film, or a table of impacts."""
+        """How to correct the record without tracking again: text for a film, or for a table of impacts."""
         return f"\nWithout a set-up file: {table if self.impacts_only else film}."

@@ -1,4 +1,4 @@
-"""Drag linear in velocity, on translation and rotation alike."""
+"""Drag linear in velocity, for translation and rotation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """Share of velocity and spin that is lost in a second."""
+    """Look for numerical damping, or film a spinning block."""
     return (
         f"Velocity and spin decay by {fitted.number('rate_1_s', 100)} % a second in flight. If the film was "
         "simulated, switch off the global damping of that program. If not, film a spinning block in a long flight: "
@@ -33,7 +33,7 @@ def remedy(fitted: FittedEffect) -> str:
 
 EFFECT = Effect(
     name="flight_damping",
-    summary="drag linear in velocity, on translation and rotation alike",
+    summary="drag linear in velocity, for translation and rotation",
     source="Stokes's drag; the global damping of many discrete-element codes has the same form",
     phase="flight",
     origin="flight",

@@ -1,20 +1,20 @@
-"""The compiled laws of all effects together: what the engines add to the contact law and to free flight.
+"""The combined compiled laws of all effects, which the engines add to the contact law and to free flight.
 
-An effect can give any of these laws, compiled (`rock2d.compiled.kernel`). The first arguments are the effect's own
-columns, in the order of `Effect.columns`. The engines call a law only where one of its columns is not 0:
+An effect can define any of these laws, compiled (`rock2d.compiled.kernel`). The first arguments are the effect's own
+columns, in the order of `Effect.columns`. The engines call a law only if one of its columns is not 0:
 
 - normal(columns, depth, rate, peak, bottom, force_n): normal force in N to be added to the contact law's `force_n`.
   While the ground presses (depth >= bottom of the indentation) the sum is at least 0; in the indentation it
   can be negative (a pull)
 - friction(columns, slip): factor on tan φ
-- tangential(columns, depth, slip, force_n): force in N against the slip, beside the tangential spring; `force_n` is the
-  whole normal force
-- flight(columns, vx, vy, omega, mass, inertia): accelerations (m/s², m/s², rad/s²), in flight and in contact alike
-- recoil(columns): 1 / mass in 1/kg of a ground that gives horizontally as a body, see `effects/embankment_yield.py`
+- tangential(columns, depth, slip, force_n): force in N against the slip, in addition to the tangential spring;
+  `force_n` is the whole normal force
+- flight(columns, vx, vy, omega, mass, inertia): accelerations (m/s², m/s², rad/s²), in flight and in contact
+- recoil(columns): 1 / mass in 1/kg of ground that yields horizontally as a body, see `effects/embankment_yield.py`
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity
-of the contact point in m/s. No law adds energy; the energy that they dissipate is the audit's share "effects".
+of the contact point in m/s. No law adds energy; the dissipated energy is the share "effects" of the energy audit.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from rock2d.compiled import kernel
 from rock2d.effects import catalogue
 from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES, LAW_COLUMNS, N_COLUMNS
 
-# column of a row, as `columns.engine_rows` makes it, that says whether any effect acts in contact
+# column of a row of `columns.engine_rows` that is 1 if any effect acts in contact
 ANY_EFFECT_ACTS = N_COLUMNS
-FIRST_EFFECT_COLUMN = LAW_COLUMNS  # column of a row from which on effects have theirs
+FIRST_EFFECT_COLUMN = LAW_COLUMNS  # first column of effects in a row
 
 
 def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:
-    """One compiled function of (row, first column, arguments) that goes through the `law` of every effect that has
-    one, from the values `start` on: names, kept in the order of "name = value". `step` makes them from `new`.
+    """One compiled function of (row, first column, arguments) that combines the `law` of every effect that has one.
 
-    It is written out and compiled under this file's name, so that numba keeps it on disk as any other function.
+    `start`: start values of the result, as statements "name = value"; `step`: statement that updates them with the
+    result `new` of an effect. The source is compiled under this file's name, so that numba caches the function on disk.
     """
     names = CONTACT_NAMES if law != "flight" else AIR_NAMES
     values = ", ".join(part.split("=")[0].strip() for part in start.split(";"))
@@ -75,7 +75,7 @@ _flight = _combined_law(
 
 @kernel
 def flight(air, vx, vy, omega, mass, inertia):
-    """Accelerations (m/s², m/s², rad/s²) of a block with these `air` columns, beside gravity's."""
+    """Accelerations (m/s², m/s², rad/s²) of a block with these `air` columns, in addition to gravity."""
     return _flight(air, 0, vx, vy, omega, mass, inertia)
 
 

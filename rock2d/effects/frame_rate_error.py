@@ -17,7 +17,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """true duration = time_scale × recorded duration; the true rate is the stated one over time_scale."""
+    """Set the true frame rate, the stated one over time_scale, or correct the record."""
     value, half = fitted.values["time_scale"], fitted.half["time_scale"]
     stated = fitted.fps
     true, width = stated / value, stated * half / value**2

@@ -15,7 +15,7 @@ from rock2d.scene.world import World
 from rock2d.wording import number
 
 STEEPEST_RAD = np.deg2rad(170.0)  # steepest facing; beyond the vertical it overhangs
-CREST_LEFT = 0.1  # share of the crest's width that a flatter facing leaves
+CREST_LEFT = 0.1  # least share of the crest's width that remains with a flatter facing
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -36,8 +36,8 @@ def as_built(
     """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
     and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
 
-    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Each of several
-    embankments is turned, and its ditch raised. Ground without an embankment is inclined as a whole about its middle
+    The turn is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Of several embankments
+    each facing is turned, and each ditch raised. Ground without an embankment is inclined as a whole about its middle
     and raised by `ditch_level` × `size_m`, the size of the blocks.
     """
     points = cross_section.points_m.copy()
@@ -64,7 +64,7 @@ def _turn(points: np.ndarray, rise: Embankment, facing_rad: float) -> None:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The cross-section as built, from the fitted turn and rise."""
+    """Survey again, with the fitted cross-section as expectation."""
     built = fitted.world().cross_section
     turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])
     more, less = "steeper", "flatter"

@@ -18,7 +18,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """I true = factor × I stated."""
+    """State the fitted moment of inertia."""
     inertias = {name: block.inertia_kg_m2 for name, block in fitted.setup.blocks.items()}
     stated = ", ".join(f"{name} `inertia: {fitted.values['factor'] * v:.4g}`" for name, v in inertias.items())
     return (

@@ -22,7 +22,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """d recorded = d (1 + edge |d|² / W²); the set-up file's k refers to half the picture's diagonal instead of W."""
+    """Set `distortion` in the set-up file, where k refers to half the picture's diagonal instead of W."""
     value, half = fitted.values["edge"], fitted.half["edge"]
     view = fitted.world().view
     per_m2 = view.lens_per_m2
@@ -39,7 +39,7 @@ def remedy(fitted: FittedEffect) -> str:
 
 EFFECT = Effect(
     name="lens_distortion",
-    summary="radial distortion of the image: what lies off its middle is recorded too far out, or in",
+    summary="radial distortion of the image: points away from its middle are recorded too far out or in",
     source="first term of D. C. Brown (1971), Close-range camera calibration: r (1 + k r²), `rock2d.scene.world.View`",
     phase="all",
     origin="camera",

@@ -15,7 +15,7 @@ from rock2d.wording import number
 @kernel
 def flight(c, vx, vy, omega, mass, inertia):
     """a = (c/m) ω × v in m/s², c in kg; ω × v = ω (-vy, vx). It does no work: with constant ω and no weight the path is
-    a circle that is run through with the rate c ω / m. A ball in an ideal fluid has c = (8/3) π ρ r³."""
+    a circle with the angular velocity c ω / m. A ball in an ideal fluid has c = (8/3) π ρ r³."""
     turn = c / mass * omega
     return -turn * vy, turn * vx, 0.0
 
@@ -25,7 +25,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The path turns at this share of the spin."""
+    """Film forward spin and backspin."""
     value, half = fitted.values["lift_per_mass"], fitted.half["lift_per_mass"]
     way = "counter-clockwise" if value > 0 else "clockwise"
     return (

@@ -11,15 +11,17 @@ from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
-SMALLEST_INERTIA = 0.1  # least inertia as a share of the stated one, for blocks much smaller than the others
+SMALLEST_INERTIA = (
+    0.1  # least inertia as a share of the stated one, which matters for blocks much smaller than others
+)
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """r_c = (along, across) × L in the axes of each block: the centre of mass beside the centroid, L the blocks' mean
-    size.
+    """r_c = (along, across) × L in the axes of each block: the centre of mass relative to the centroid, L the blocks'
+    mean size.
 
-    The stated moment of inertia is that about the centroid, which a density that grows to one side does not change. So
-    it is smaller by m r_c² about the centre of mass.
+    The stated moment of inertia is about the centroid; a density gradient does not change it. About the centre of mass
+    it is smaller by m r_c² (Steiner).
     """
     size = world.mean_size_m
     offset = (values[0] * size, values[1] * size)
@@ -33,7 +35,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """Centre of mass less centroid, in the block's own axes."""
+    """Balance the blocks to find the centre of mass."""
     along, across = (fitted.number(key, 1e3 * fitted.setup.mean_size_m) for key in ("along", "across"))
     return (
         f"Balance the blocks on an edge: the centre of mass should lie {along} mm along the block's own x and "

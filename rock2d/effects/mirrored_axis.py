@@ -27,7 +27,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """x, y or θ recorded with the other sign."""
+    """Change the sign of the column."""
     if round(fitted.values["axis"]) not in COLUMNS:
         return "No axis is mirrored: correct nothing."
     place, speed = COLUMNS[round(fitted.values["axis"])]

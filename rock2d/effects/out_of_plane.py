@@ -16,8 +16,8 @@ from rock2d.wording import number
 
 @kernel
 def departure(angle, vx, vy, omega):
-    """What an impact leaves in the plane: the horizontal velocity turns by `angle` rad about the vertical, so that v_x
-    becomes v_x cos(angle); the rest is energy that the plane loses."""
+    """Velocities in the plane after an impact that turns the horizontal velocity by `angle` rad about the vertical: v_x
+    becomes v_x cos(angle). The rest of the energy leaves the plane."""
     return vx * np.cos(angle), vy, omega
 
 
@@ -26,7 +26,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """cos(angle) of the horizontal velocity stays in the plane."""
+    """Film from above as well."""
     lost = 1 - np.cos(fitted.values["angle_rad"])
     return (
         "Film from above as well: the horizontal velocity should turn by about "

@@ -19,7 +19,7 @@ def tangential(c, depth, slip, force_n):
 
 
 def damping(c):
-    """At the depth of a few millimetres that blocks of the laboratory reach."""
+    """Derivative of the force by the speed in N s/m, at a penetration of 10 mm."""
     return 0.01 * c
 
 
@@ -29,7 +29,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The drag coefficient of the ploughed front."""
+    """Measure the grooves, or add the drag to the contact law."""
     drag = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
     return (
         "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "

@@ -20,7 +20,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The radius is a share of the largest that fits into every block with corners."""
+    """Measure the corners, and state rounded outlines."""
     sizes = [b.largest_rounding_m for b in fitted.setup.blocks.values() if not b.smooth]
     radius = fitted.number("radius", 1e3 * min(sizes, default=0.0))
     return (

@@ -17,7 +17,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """length recorded = scale × true length."""
+    """Correct the calibration length, or the record."""
     value, half = fitted.values["scale"], fitted.half["scale"]
     factor, width = 1.0 / value, half / value**2
     way = "long" if value > 1 else "short"
@@ -36,7 +36,7 @@ def remedy(fitted: FittedEffect) -> str:
 
 EFFECT = Effect(
     name="scale_error",
-    summary="metres per pixel are off: lengths and speeds, gravity among them, all come out too large or too small",
+    summary="metres per pixel are wrong: all lengths, speeds and accelerations are too large or too small",
     source="similarity of the image, `rock2d.scene.world.View`",
     phase="all",
     origin="camera",

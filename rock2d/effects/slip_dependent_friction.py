@@ -13,13 +13,13 @@ from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
-LEAST = 0.05  # least tan φ (u) / tan φ (0): friction never vanishes
+LEAST_RATIO = 0.05  # smallest tan φ (u) / tan φ (0)
 
 
 @kernel
 def friction(change, speed, slip):
     """tan φ (u) / tan φ (0) = 1 + change (1 - exp(-|u| / speed)), u the slip in m/s."""
-    return max(LEAST, 1.0 + change * (1.0 - np.exp(-abs(slip) / speed)))
+    return max(LEAST_RATIO, 1.0 + change * (1.0 - np.exp(-abs(slip) / speed)))
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -30,7 +30,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The friction angle at rest and at high speed."""
+    """Measure the friction angle at low and at high speed."""
     change, speed = fitted.values["change"], fitted.values["speed_m_s"]
     rest = float(fitted.law["friction_angle_deg"])
     fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(0.05, 1.0 + change)))

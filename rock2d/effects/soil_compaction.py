@@ -1,7 +1,7 @@
 """The soil stiffens from release to release.
 
-k_t stays: in the paper's law it is what regularises sticking, not a property of the soil; and changed soils then differ
-from one another (`zone_contrast`, `soil_compaction`) by where and when they show alone.
+k_t does not change: in the paper's law it regularises sticking and is not a property of the soil. So `zone_contrast`
+and `soil_compaction` change the same parameters, and differ only in where and when.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """Growth of the stiffness with the releases of the same block."""
+    """Loosen the soil before every release."""
     return (
         f"The stiffness grows by {fitted.number('rate', 100)} % of its first value with the first release of the same "
         "block, and less with later ones. Loosen and level the soil before every release, and film the blocks in "
-        "random order. To check, repeat the first release at the end of the series: it should rebound otherwise."
+        "random order. To check, repeat the first release at the end of the series: it should rebound differently."
     )
 
 

@@ -20,7 +20,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """A scatter: no mean to correct."""
+    """Survey and level the surface."""
     slope = np.rad2deg(fitted.values["sd_rad"])
     return (
         "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "

@@ -1,4 +1,4 @@
-"""Rate-dependent dissipation across the ground, in contact."""
+"""Rate-dependent normal force in contact."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rock2d.wording import number
 
 @kernel
 def normal(c, h, depth, rate, peak, bottom, force_n):
-    """F = (c + h δ) dδ/dt in N while the ground presses, c in N s/m, h in N s/m², from the first touch on; the whole
-    force never pulls."""
+    """F = (c + h δ) dδ/dt in N while the ground presses, c in N s/m, h in N s/m², from the first touch on. The
+    total force is not negative."""
     return (c + h * depth) * rate if depth >= bottom else 0.0
 
 
 def damping(c, h):
-    """The dashpot itself limits the step; at the depth of a few millimetres that blocks of the laboratory reach."""
+    """Derivative of the force by the speed in N s/m, at a penetration of 10 mm."""
     return c + 0.01 * h
 
 
@@ -32,7 +32,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """Dashpots, the same for every block, so that light blocks feel them more."""
+    """Compare light and heavy blocks, which the same dashpots brake less."""
     constant = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup)
     deep = fitted.values["deep_rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
     return (
@@ -58,7 +58,7 @@ EFFECT = Effect(
             0.0,
             0.0,
             6000.0,
-            "what it grows by down to a depth of one block size, over the mean mass",
+            "growth of the dashpot down to a depth of one block size, over the mean mass",
             time=-1,
         ),
     ),

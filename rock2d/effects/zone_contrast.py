@@ -31,7 +31,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 
 def remedy(fitted: FittedEffect) -> str:
-    """The law of the embankment's zones, or of its face alone, as a scenario states it."""
+    """Give the embankment, or its face, a soil of its own in the scenario."""
     stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
     section, law = fitted.setup.cross_section, fitted.law
     where, facets = "embankment", embankment_facets
@@ -58,9 +58,11 @@ EFFECT = Effect(
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the zones over that of the others"),
-        Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the others"),
-        Parameter("friction", "1", 1.0, 0.4, 2.5, "tan φ there over that of the others"),
+        Parameter(
+            "stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment or its face over that of the other zones"
+        ),
+        Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the other zones"),
+        Parameter("friction", "1", 1.0, 0.4, 2.5, "tan φ there over that of the other zones"),
         Parameter(
             "place",
             "choice",

@@ -90,8 +90,11 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             "First film the next release, and diagnose again with it."
         )
         lines += [] if twins else _next_release(content)
-        lines += [f"If it is {spoken(name)}: {_instruction_for(content, name, experiment)}" for name in (verdict, *rivals)
-                  if name in content["effects"]]  # fmt: skip
+        lines += [
+            f"If it is {spoken(name)}: {_instruction_for(content, name, experiment)}"
+            for name in (verdict, *rivals)
+            if name in content["effects"]
+        ]
     else:
         lines.append(_instruction_for(content, verdict, experiment))
     beside = [entry["effect"] for entry in content.get("beside", [])]

@@ -1,1 +1,1 @@
-"""Blind tests of the diagnosis: films of a set-up that the diagnosis knows nothing of but the files."""
+"""Blind tests of the diagnosis: films with hidden causes, of which the diagnosis sees only the files."""

@@ -1,9 +1,9 @@
-"""Blind cases on disk: experiment folders as any user could film them, and sealed labels with the hidden causes.
+"""Blind cases on disk: experiment folders like those of a user, and sealed labels with the hidden causes.
 
 A case is a folder of experiments. `fit` and `heldout` are what the diagnosis may see. `twin_fit` and `twin` are the
 same releases without the hidden causes: same incident states, soil draws and noise, recorded by the correct camera; a
 case from a real record has none. Twins are sealed like the labels, because a comparison with the films would reveal the
-causes. Only the measurement of the true floor, which no diagnosis sees, may read them.
+causes. Only the measurement of the true floor may read them; a diagnosis does not see it.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def make_trial(
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
 
     `out` gets cases/NNN/{fit,heldout,twin_fit,twin}, cases.json (seed, count, SHA-256 of the labels) and
-    labels.json, which only `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns;
-    `records`: real ones, which are the base of a share of the cases.
+    labels.json, which only `rock2d blind score` opens. `causes`: hidden causes of the cases; default: assigned by the
+    seed; `records`: real records, which are the base of a share of the cases.
     """
     root = np.random.SeedSequence(seed)
     assigning, *children = root.spawn(count + 1)
@@ -49,8 +49,8 @@ def make_trial(
     labels = {}
     with atomic_folder(out) as folder:
         jobs = [
-            (own, child, folder / CASES / f"{i:03d}", None if base is None else records[base])
-            for i, (own, child, base) in enumerate(zip(causes, children, bases, strict=True))
+            (case_causes, child, folder / CASES / f"{i:03d}", None if base is None else records[base])
+            for i, (case_causes, child, base) in enumerate(zip(causes, children, bases, strict=True))
         ]
         with closing(as_finished(_make, jobs, workers)) as made:
             for _, (name, label) in made:
@@ -82,8 +82,8 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
     assert isinstance(law, reality.Law)
     together, each = signals_to_noise(case)
     for recorded, (fit, heldout) in ((film, (FIT, HELDOUT)), (twin, (TWIN_FIT, TWIN))):
-        for name, own in ((fit, ~case.heldout), (heldout, case.heldout)):
-            _write(case, folder / name, folder.name, recorded[own], times, np.flatnonzero(own))
+        for name, mask in ((fit, ~case.heldout), (heldout, case.heldout)):
+            _write(case, folder / name, folder.name, recorded[mask], times, np.flatnonzero(mask))
     return {
         "label": case.label,
         "hidden": [
@@ -106,7 +106,7 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
 
 
 def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, releases: Array) -> None:
-    folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have begun
+    folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have made it
     rows = ["release,block,t_s,x_m,y_m,theta_rad"]
     for number, (i, film) in enumerate(zip(releases, recorded, strict=True)):
         block = case.world.blocks[case.releases.block_ids[i]].name
@@ -138,7 +138,7 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
 
 
 def read_index(folder: Path) -> dict[str, Any]:
-    """cases.json of a trial; raises `InputError`."""
+    """Content of cases.json of a trial; raises `InputError` if there is none."""
     path = folder / INDEX_FILE
     if not path.exists():
         raise InputError("found no trial; `rock2d blind make` writes one", folder, code="missing_file")

@@ -1,7 +1,7 @@
-"""Blind cases: set-ups, blocks, soils, cameras and incident states drawn at random, with hidden causes in them.
+"""Blind cases: random set-ups, blocks, soils, cameras and incident states, with hidden causes.
 
-Every case has its own child of the seed, so that case 17 of 200 equals case 17 of 500 in everything except its causes.
-These are assigned so that every effect has its turn.
+Every case has its own child of the seed, so that case 17 of 200 equals case 17 of 500 except for its causes. These are
+assigned so that all effects occur equally often.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from rock2d.blind import reality
 
 Array = np.ndarray
 
-# Shares of all cases. A cause from outside the catalogue acts alone in half of its cases, and beside one or two effects
-# in the others. The remaining cases hide one effect.
+# Shares of all cases. A cause from outside the catalogue acts alone in half of its cases, and together with one or two
+# effects in the others. The remaining cases hide one effect.
 SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE = 0.2, 0.2
 SHARE_OF_COUNT = {2: 0.18, 3: 0.11, 4: 0.07}  # number of effects -> share
 LEAST_STRENGTH = 0.02  # smallest strength of a cause, as a share of the largest plausible one
@@ -27,9 +27,9 @@ PAPER_LAW = (1.0e4, 6.0e4, 2.5e3, math.tan(math.pi / 6), 0.025)
 KINDS = ("laboratory", "laboratory", "laboratory", "laboratory", "flat", "field")
 FRAME_RATES_HZ = (240.0, 500.0, 1000.0, 1000.0, 1000.0, 2000.0)
 FIELD_FRAME_RATES_HZ = (120.0, 240.0, 500.0)
-FEWEST_FRAMES_PER_FALL = 8.0  # in the time that a block needs to fall half its size
+FEWEST_FRAMES_PER_FALL = 8.0  # frames in √(size / g)
 FEWEST_CASE_RELEASES, MOST_CASE_RELEASES, USUAL_RELEASES = 10, 200, 60
-HELDOUT_SHARE = 0.4  # further releases for the check, over those of the fit
+HELDOUT_SHARE = 0.4  # held-out releases over those of the fit
 FILM_LENGTH = 17.0  # √(size / g)
 GRAVITY_M_S2 = 9.81
 
@@ -42,7 +42,9 @@ class Case:
     ----------
     label : "none", or the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"
     shapes : shape of each block, as the experiment file states it
-    heldout : (releases,) mask of those kept for the check
+    kind : one of KINDS
+    heldout : (releases,) mask of the held-out releases
+    hidden : the hidden causes
     soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`
     """
 
@@ -67,7 +69,7 @@ class Case:
     def filmed(
         self, times_s: Array, hidden: list[reality.Hidden], *, noisy: bool, soil_sd: Array | None = None
     ) -> Array:
-        """(releases, frames, 3) poses that the camera records with the causes `hidden` at work."""
+        """(releases, frames, 3) poses that the camera records while the causes `hidden` act."""
         poses = reality.simulate_poses(
             self.world, self.releases, times_s, soil_sd=self.soil_sd if soil_sd is None else soil_sd, hidden=hidden,
             seed=self.seed,
@@ -81,35 +83,35 @@ class Case:
 
 
 def assign_causes(count: int, seed: np.random.SeedSequence) -> list[tuple[str, ...]]:
-    """The names of the causes that each of `count` cases hides: up to four effects, or an outside cause with up to two
-    effects beside it, or none."""
+    """Names of the hidden causes of each of `count` cases: up to four effects, or an outside cause with up to two
+    effects, or none."""
     rng = np.random.default_rng(seed)
     outside = _in_rounds(list(reality.OUTSIDE), math.ceil(SHARE_OUTSIDE * count), rng)
-    beside = [0 if i % 2 == 0 else 1 + (i // 2) % 2 for i in range(len(outside))]
+    effects_with_outside = [0 if i % 2 == 0 else 1 + (i // 2) % 2 for i in range(len(outside))]
     several = [n for n, share in SHARE_OF_COUNT.items() for _ in range(math.ceil(share * count))]
-    without = math.ceil(SHARE_WITHOUT_CAUSE * count)
-    single = [1] * max(count - without - len(outside) - len(several), 0)
-    sizes = [*beside, *several, *single]
+    count_without = math.ceil(SHARE_WITHOUT_CAUSE * count)
+    single = [1] * max(count - count_without - len(outside) - len(several), 0)
+    sizes = [*effects_with_outside, *several, *single]
     effects = _groups(sizes, rng)
     causes = [(*own, name) for own, name in zip(effects, outside, strict=False)]
-    causes += [*effects[len(outside) :], *[()] * without]
+    causes += [*effects[len(outside) :], *[()] * count_without]
     return [causes[i] for i in rng.permutation(len(causes))[:count]]
 
 
 def _groups(sizes: Sequence[int], rng: np.random.Generator) -> list[tuple[str, ...]]:
-    """Groups of different effects of these sizes; taken together, every effect has its turn equally often."""
+    """Groups of different effects with these sizes; all effects occur equally often over all groups."""
     turns = _in_rounds(list(reality.FORMS), 2 * sum(sizes), rng)
     found = []
     for size in sizes:
-        own: list[str] = []
-        while len(own) < size:
-            own.append(turns.pop(next(i for i, name in enumerate(turns) if name not in own)))
-        found.append(tuple(own))
+        group: list[str] = []
+        while len(group) < size:
+            group.append(turns.pop(next(i for i, name in enumerate(turns) if name not in group)))
+        found.append(tuple(group))
     return found
 
 
 def _in_rounds(names: Sequence[str], count: int, rng: np.random.Generator) -> list[str]:
-    """`count` names, in rounds in which each name has its turn."""
+    """`count` names in rounds; each round has every name once, in random order."""
     rounds = [rng.permutation(names) for _ in range(-(-count // len(names)))]
     return [str(name) for name in np.concatenate(rounds)[:count]] if rounds else []
 
@@ -160,8 +162,8 @@ def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator)
 def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Block, number of earlier releases of the same block, and whether held out, of each release.
 
-    The film for the diagnosis and the one that is held out are series of their own: the ground is made anew for each
-    block of each film. A file numbers its releases from 0, so earlier releases in another file would stay unknown.
+    The film for the diagnosis and the held-out film are separate series: the ground is renewed for each block of each
+    film. A file numbers its releases from 0, so earlier releases in another file would be unknown.
     """
     releases = FEWEST_CASE_RELEASES
     if not smallest:
@@ -252,17 +254,17 @@ def _states(
     pace = math.sqrt(world.gravity_m_s2 * size)
     states = np.empty((len(block_ids), 6))
     for b in range(len(world.blocks)):
-        own = block_ids == b
-        k = int(own.sum())
-        states[own, 0] = size * (rng.uniform(-0.5, 1.5) + rng.normal(0.0, 0.6, k))
-        states[own, 1] = size * (5.0 + rng.normal(0.0, 0.4, k))
-        states[own, 2] = rng.uniform(-math.pi, math.pi, k)
-        states[own, 3] = pace * (rng.uniform(1.8, 3.2) + rng.normal(0.0, 0.5, k))
-        states[own, 4] = -pace * (rng.uniform(3.5, 5.0) + rng.normal(0.0, 0.5, k))
-        states[own, 5] = pace / size * (rng.uniform(-2.0, 1.0) + rng.normal(0.0, 0.8, k))
+        rows = block_ids == b
+        k = int(rows.sum())
+        states[rows, 0] = size * (rng.uniform(-0.5, 1.5) + rng.normal(0.0, 0.6, k))
+        states[rows, 1] = size * (5.0 + rng.normal(0.0, 0.4, k))
+        states[rows, 2] = rng.uniform(-math.pi, math.pi, k)
+        states[rows, 3] = pace * (rng.uniform(1.8, 3.2) + rng.normal(0.0, 0.5, k))
+        states[rows, 4] = -pace * (rng.uniform(3.5, 5.0) + rng.normal(0.0, 0.5, k))
+        states[rows, 5] = pace / size * (rng.uniform(-2.0, 1.0) + rng.normal(0.0, 0.8, k))
     if kind == "flat":
         states[:, 0] -= 15.0 * size
-    # above the slope too: releases start outside the ground
+    # releases must start above the ground, on the slope, too
     points = world.setup.points_m
     ground = np.interp(states[:, 0], points[:, 0], points[:, 1])
     states[:, 1] = np.maximum(states[:, 1], ground + 2.5 * size)

@@ -26,7 +26,7 @@ def make(
     count: int, seed: int, out: Path, bases: Sequence[Path], *, workers: int | None, progress: bool,
     report: Report,
 ) -> None:  # fmt: skip
-    """Write a sealed trial; `bases`: experiments that are the base of a share of its cases."""
+    """Write a sealed trial; `bases`: experiments on which a share of its cases is based."""
     from rock2d.blind.case_files import make_trial
     from rock2d.blind.record_cases import read_record
 
@@ -73,7 +73,7 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
 def inject(
     experiment: Path, out: Path, effects: str, plan: Plan, *, workers: Workers, progress: bool, report: Report
 ) -> None:
-    """Put known causes into a film and diagnose it again: limits.json. An interrupted study continues."""
+    """Add known causes to a film, diagnose it again, and write limits.json. An interrupted study continues."""
     from rock2d.blind.record_cases import diagnosed_film
     from rock2d.blind.recovery import case_lines, make_cases, recovered, run_study
     from rock2d.diagnosis.command import FITS
@@ -84,15 +84,15 @@ def inject(
 
     read, names = load_experiment(experiment), effects_of_size(effects)
     processes = workers.processes or os.cpu_count() or 1
-    own = json.loads(json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan)}))
+    options = json.loads(json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan)}))
     if not (out / TRUTH).is_file():
         if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
-            raise InputError("exists and is no study; choose another folder", out, code="not_a_result")
+            raise InputError("exists and is not a study; choose another folder", out, code="not_a_result")
         result = diagnosed_film(read, experiment, processes, progress, out / FITS)
         with Bars(progress).stage("known causes", 0, "cases") as bar:
-            make_cases(result, names, plan, out, own, bar.update)
+            make_cases(result, names, plan, out, options, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
-    if {key: read_json(out / TRUTH).get(key) for key in own} != own:
+    if {key: read_json(out / TRUTH).get(key) for key in options} != options:
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         run_study(out, processes, workers.scheduler, bar.reach)

@@ -1,11 +1,11 @@
-"""A known cause of known size, put into a real record: the result is again an experiment.
+"""A known cause of known size, added to a real record: the result is again an experiment.
 
-Of the camera exactly: the recorded numbers are turned into true ones and recorded again by the other camera. Of the
-motion as simulated differences: each release is divided into pieces, in the middle of its flights, where these are long
-enough for two. From the beginning of each flight on, a piece is simulated from the measured state, with the cause and
-without it, and the difference is added to the record. Pieces are the releases of the new record: after an impact with
-the cause the next one would come at another instant, in another state, and the record does not show it. All that the
-model misses stays in the record.
+Causes in the camera are exact: the recorded numbers are converted to true ones and recorded by the other camera. Causes
+in the motion are simulated differences: each release is divided into pieces in the middle of those of its flights that
+are long enough for two. From the beginning of each flight on, a piece is simulated from the measured state, with and
+without the cause, and the difference is added to the record. The pieces are the releases of the new record: after an
+impact with the cause, the next impact would have another instant and state, which the record does not show. What the
+model misses remains in the record.
 """
 
 from __future__ import annotations
@@ -34,12 +34,14 @@ Array = np.ndarray
 Worlds = Callable[[Array], tuple[World, World]]
 
 COUNTED_IMPACTS = 16  # largest number of impacts of a stretch whose instants are compared
-APPROACH = 0.3  # time before and after an impact during which the ground is turned, in √(radius / g)
-END_MARGIN_S = 1e-9  # the last frame is inside
-# by which an impact with the cause, or with the model, may lie inside a flight of the record, which looks like a longer
-# contact as long as no flight could be seen in between
+APPROACH = 0.3  # time before and after an impact with a turned ground, in √(radius / g)
+END_MARGIN_S = 1e-9  # so that the simulation includes the last frame
+# Frames by which an impact of the model, with or without the cause, may lie inside a flight of the record. It looks
+# like a longer contact if no flight could be seen in between.
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
-SERIES_EFFECTS = ("soil_compaction",)  # whose size refers to one release more: with pieces, to one piece more
+SERIES_EFFECTS = (
+    "soil_compaction",
+)  # effects with a size for each release; in a record of pieces, for each piece
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,10 @@ class Injected:
 
     Attributes
     ----------
-    experiment : with the changed trajectories
+    experiment : the experiment with changed trajectories
     releases : number of releases of the record
-    pieces, cut : releases of the experiment; and how many of them end early, before an impact where the record flies
+    pieces, cut : number of releases of the experiment, and of those that end early, before an impact during a flight of
+        the record
     """
 
     experiment: Experiment
@@ -60,7 +63,7 @@ class Injected:
 
 
 def of_releases(experiment: Experiment, names: Array) -> Experiment:
-    """The releases of a film that have these names."""
+    """The experiment with only the releases of these names."""
     table = experiment.trajectories
     assert table is not None
     return replace(experiment, trajectories=table[table["release"].isin(names)])
@@ -74,12 +77,13 @@ def injected(
     values: Mapping[str, float],
     seed: int = 0,
 ) -> Injected:
-    """A film with an effect of these values.
+    """Add an effect with these values to a film.
 
     Parameters
     ----------
-    model, p : what the record was diagnosed with; an effect that it has adds up with the cause, see `with_cause`
-    values : parameter -> value; those that are missing are neutral
+    model, p : diagnosed model and its parameters; if the model has the effect, it adds up with the cause, see
+        `with_cause`
+    values : parameter -> value; missing parameters are neutral
     seed : for an effect that varies from impact to impact
     """
     model, before, after = with_cause(model, p, effect, values)
@@ -91,7 +95,7 @@ def injected(
         data = FilmSegments.of(film, old)
         stretches = _Stretches.of(data)
         release = np.searchsorted(stretches.edges, np.arange(len(film.t_s)), side="right") - 1
-        # a series of pieces changes from its first to its last as much as that of the releases
+        # over a series of pieces the order grows as much as over the series of the releases
         order = release_order(film.release_block[film.release[stretches.edges[:-1]]])[stretches.piece]
         order = order * len(film.release_names) / (len(stretches.edges) - 1)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
@@ -115,13 +119,13 @@ def injected(
 
 
 class _Stretches(NamedTuple):
-    """From the beginning of a flight, or its middle where a piece begins there, to that of the next.
+    """n stretches, each from the beginning of a flight, or its middle if a piece begins there, to the next such point.
 
     Attributes
     ----------
-    edges : (pieces + 1,) the first frame of each piece, and the end of the film
-    flight, begin : (n,) with which each stretch begins, and the frame of it
-    piece, number : (n,) to which it belongs, and its place there
+    edges : (pieces + 1,) first frame of each piece, and the end of the film
+    flight, begin : (n,) flight with which each stretch begins, and its first frame
+    piece, number : (n,) piece to which it belongs, and its position in the piece
     """
 
     edges: Array
@@ -132,7 +136,7 @@ class _Stretches(NamedTuple):
 
     @classmethod
     def of(cls, data: FilmSegments) -> _Stretches:
-        """A flight is halved where it is long enough for two and lies between others."""
+        """The stretches of a film. A flight is halved if it is long enough for two and lies between others."""
         film, flights = data.film, data.segmentation.flights
         flight = np.flatnonzero(np.isfinite(data.start_s))
         length = flights.last - flights.first
@@ -149,8 +153,11 @@ class _Stretches(NamedTuple):
 
 
 def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[Array, Array]:
-    """(frames, 3) what changes in the true poses of a film, and (frames,) whether that is known; `worlds`: numbers of
-    stretches -> without the cause and with it. Each goes on from the measured state, with the difference so far."""
+    """(frames, 3) change of the true poses of a film, and (frames,) whether it is known.
+
+    `worlds`: numbers of stretches -> worlds without and with the cause. Each stretch starts from the measured state,
+    with the difference so far.
+    """
     film, flights = data.film, data.segmentation.flights
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
     off = np.zeros((len(stretches.edges) - 1, N_STATE))
@@ -160,36 +167,44 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
     last = np.append(stretches.piece[1:] != stretches.piece[:-1], True)[: len(stretches.piece)]
     ends = np.where(last, stretches.edges[stretches.piece + 1], np.append(stretches.begin[1:], 0))
     for k in range(stretches.number.max(initial=-1) + 1):
-        own = np.flatnonzero((stretches.number == k) & goes_on[stretches.piece])
+        rows = np.flatnonzero((stretches.number == k) & goes_on[stretches.piece])
         flight, begin, end, piece = (
-            a[own] for a in (stretches.flight, stretches.begin, ends, stretches.piece)
+            a[rows] for a in (stretches.flight, stretches.begin, ends, stretches.piece)
         )
-        old, new = worlds(own)
+        old, new = worlds(rows)
         scale, block = old.view.time_scale, flights.block[flight]
         since = (film.t_s[begin] - data.basis.middle[flight]) * scale
         state = _tracked(old, block, move_freely(old, block, data.states(old).middle[flight], since))
         frames = begin[:, None] + np.arange((end - begin).max(initial=0))
-        here = frames < end[:, None]
-        times = np.where(here, film.t_s[np.where(here, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
+        in_stretch = frames < end[:, None]
+        times = (
+            np.where(in_stretch, film.t_s[np.where(in_stretch, frames, 0)] - film.t_s[begin][:, None], np.inf)
+            * scale
+        )
         until = np.where(
-            last[own], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)]
+            last[rows], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)]
         )
         limit = (until - film.t_s[begin]) * scale
-        plain = _simulated(old, block, state, times, limit)
-        ahead = _simulated(new, block, state + off[piece], times, limit)
-        off[piece] = ahead.last - plain.last
-        parted = limit.copy()
-        for own_s, other_s in ((plain.impacts_s, ahead.impacts_s), (ahead.impacts_s, plain.impacts_s)):
+        without_cause = _simulated(old, block, state, times, limit)
+        with_cause = _simulated(new, block, state + off[piece], times, limit)
+        off[piece] = with_cause.last - without_cause.last
+        known_until = limit.copy()
+        for own_s, other_s in (
+            (without_cause.impacts_s, with_cause.impacts_s),
+            (with_cause.impacts_s, without_cause.impacts_s),
+        ):
             at = begin[:, None] + (own_s[..., None] > times[:, None, 1:]).sum(axis=-1)
-            apart = np.nan_to_num(np.abs(own_s[:, :, None] - other_s[:, None, :]), nan=np.inf)
-            alone = (apart > margin * scale).all(axis=-1)
-            at_fault = np.isfinite(own_s) & (flying[at] | (landed[at] & alone))
-            parted = np.minimum(parted, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
-        difference = ahead.poses - plain.poses
-        known = here & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
+            time_between = np.nan_to_num(np.abs(own_s[:, :, None] - other_s[:, None, :]), nan=np.inf)
+            unmatched = (time_between > margin * scale).all(axis=-1)
+            at_fault = np.isfinite(own_s) & (flying[at] | (landed[at] & unmatched))
+            known_until = np.minimum(
+                known_until, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf)
+            )
+        difference = with_cause.poses - without_cause.poses
+        known = in_stretch & (times < known_until[:, None]) & np.isfinite(difference).all(axis=-1)
         known = np.logical_and.accumulate(known, axis=1)
         change[frames[known]] = difference[known]
-        for row in np.flatnonzero((parted < limit) | (here & ~known).any(axis=1)):
+        for row in np.flatnonzero((known_until < limit) | (in_stretch & ~known).any(axis=1)):
             goes_on[piece[row]] = False
             kept[begin[row] + known[row].sum() : stretches.edges[piece[row] + 1]] = False
     return change, kept
@@ -204,7 +219,7 @@ class _Motion(NamedTuple):
 
 
 def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit_s: Array) -> _Motion:
-    """From states (n, 6) of the tracked point on, at instants (n, k), to the end `limit_s` (n,)."""
+    """Simulate from states (n, 6) of the tracked point to the end `limit_s` (n,); poses at the instants (n, k)."""
     starts = states_at(tracked, _offsets(world, block))
     ensemble, tables = world_ensemble(world)
 
@@ -214,22 +229,26 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
             time_limit_s=limit, impact_room=COUNTED_IMPACTS, **more,
         )  # fmt: skip
 
-    plain = run(starts, limit_s, times_s=times_s)
-    samples, last, impacts = plain.samples, plain.ends[:, INSTANT_STATE], plain.impacts[..., I_TIME]
+    first_run = run(starts, limit_s, times_s=times_s)
+    samples, last, impacts = (
+        first_run.samples,
+        first_run.ends[:, INSTANT_STATE],
+        first_run.impacts[..., I_TIME],
+    )
     slope = np.broadcast_to(world.slope_rad, len(block))
     if slope.any():
-        # ground that is turned where the first impact is: the same as the stated ground, the motion turned against it,
-        # from a little before the impact to a little after, where the block is clear of its indentation
-        radius, touch = np.array([b.radius_m for b in world.blocks.values()])[block], plain.impacts[:, 0]
-        hit, little = np.isfinite(touch[:, I_TIME]), APPROACH * np.sqrt(radius / world.gravity_m_s2)
-        back = np.where(hit, np.minimum(little, touch[:, I_TIME]), 0.0)
+        # A ground that is turned at the first impact is equivalent to the stated ground with the motion turned the
+        # other way, from shortly before the impact until the block is clear of its indentation.
+        radius, touch = np.array([b.radius_m for b in world.blocks.values()])[block], first_run.impacts[:, 0]
+        hit, margin = np.isfinite(touch[:, I_TIME]), APPROACH * np.sqrt(radius / world.gravity_m_s2)
+        back = np.where(hit, np.minimum(margin, touch[:, I_TIME]), 0.0)
         pivot, begin = (
             np.where(hit[:, None], touch[:, BEFORE], last),
             np.where(hit, touch[:, I_TIME] - back, np.inf),
         )
         near = turned(move_freely(world, block, pivot, -back), pivot, -slope)
         left = np.where(hit, limit_s - begin, 0.0)
-        left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + little)
+        left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + margin)
         since = np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0)
         during = run(near, left, times_s=since)
         left = begin + left
@@ -250,8 +269,8 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
 
 
 def _flying_or_landed(flights: Flights, film: Film) -> tuple[Array, Array]:
-    """(frames + 1,) whether a frame is in a flight of the record, well within it; and whether it is after the last
-    flight of its release."""
+    """(frames + 1,) whether a frame is well within a flight of the record; and whether it is after the last flight of
+    its release."""
     flying, landed = np.zeros((2, len(film.t_s) + 1), bool)
     landed[:-1] = True
     for release, first, last in zip(flights.release, flights.first, flights.last, strict=True):
@@ -261,7 +280,7 @@ def _flying_or_landed(flights: Flights, film: Film) -> tuple[Array, Array]:
 
 
 def _offsets(world: World, block: Array) -> Array:
-    """(n, 2) the centre of mass from the tracked point, in the axes of each block."""
+    """(n, 2) position of the centre of mass relative to the tracked point, in the axes of each block."""
     return np.array([b.centre_of_mass_m for b in world.blocks.values()])[block]
 
 

@@ -52,7 +52,7 @@ GROUP_NAMES = {
 
 
 def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, path: Path) -> None:
-    """Write the page; `found`: `summary` of the cases, `digest`: that of the sealed labels."""
+    """Write the page; `found`: `summary` of the cases; `digest`: SHA-256 of the sealed labels."""
     write_whole(path, page(f"Blind trial of {found['cases']} cases", list(_sections(cases, found, digest))))
 
 
@@ -62,36 +62,36 @@ def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -
         "The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
         "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.",
     ])  # fmt: skip
-    yield from _of_bases(found.get("by_base", {}))
+    yield from _base_section(found.get("by_base", {}))
     yield Section(
         "Single verdicts",
         tables=[
             Table((), [(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()])
         ],
     )
-    yield _calibration(found["inclusion"])
+    yield _calibration_section(found["inclusion"])
     title = "Stated and actual inclusion"
-    yield Section(title, pictures=[drawn(_reliability(cases), title, "svg")])
-    yield _recall(found)
+    yield Section(title, pictures=[drawn(_reliability_figure(cases), title, "svg")])
+    yield _recall_section(found)
     yield Section(
         "Named effects that are hidden",
         [f"Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}"],
         tables=[Table((), [(GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()])],
     )
-    yield _releases(found["by_releases"])
-    yield _outside(found["outside"])
+    yield _releases_section(found["by_releases"])
+    yield _outside_section(found["outside"])
     yield Section(
         f"Wrong effects with a probability above {SURE_PROBABILITY:g}",
         items=[_wrong_text(wrong) for wrong in found["wrong_and_sure"]] or ["none"],
     )
-    yield from _closure(cases, found["closure"])
-    yield from _predictions(found["predicted"])
-    yield from _sizes(found["sizes"])
+    yield from _closure_section(cases, found["closure"])
+    yield from _prediction_section(found["predicted"])
+    yield from _sizes_section(found["sizes"])
     yield Section(texts=[f"Median time for a case: {found['median_seconds']:.0f} s"])
 
 
-def _of_bases(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
-    """Made cases and those from each real record; nothing if all are made."""
+def _base_section(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
+    """Section on made cases and on cases from each real record; none if all are made."""
     if not found:
         return
     rows = [
@@ -108,7 +108,7 @@ def _of_bases(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
 
 
 def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
-    """Clear effects that were hit, of all, from shares by signal-to-noise."""
+    """Number of clear effects that were named, and of all clear ones, from shares by signal-to-noise."""
     clear = [f"{low:g} to {high:g}" for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES)
              if low >= CLEAR_SIGNAL_TO_NOISE]  # fmt: skip
     shares = [levels[name] for counts in groups.values() for levels in counts.values() for name in clear]
@@ -116,8 +116,8 @@ def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
     return f"{hits} of {sum(share[3] for share in shares):.0f}"
 
 
-def _predictions(found: dict[str, Any]) -> Iterator[Section]:
-    """What predictions of held-out films reach; nothing if there are none."""
+def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
+    """Section on predictions of held-out films; none without predictions."""
     rows = [
         (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]))
         for name, own in found.items()
@@ -128,7 +128,7 @@ def _predictions(found: dict[str, Any]) -> Iterator[Section]:
         yield Section("Predictions of held-out films", tables=[Table(head, rows)])
 
 
-def _calibration(found: dict[str, Any]) -> Section:
+def _calibration_section(found: dict[str, Any]) -> Section:
     rows = {"all": found, **found["by_effect"]}
     return Section(
         "Inclusion probabilities",
@@ -141,7 +141,7 @@ def _calibration(found: dict[str, Any]) -> Section:
     )  # fmt: skip
 
 
-def _recall(found: dict[str, Any]) -> Section:
+def _recall_section(found: dict[str, Any]) -> Section:
     groups = [
         (f"{count} hidden, {GROUP_NAMES[beside]}", own)
         for beside, counts in found["recall"].items()
@@ -152,14 +152,14 @@ def _recall(found: dict[str, Any]) -> Section:
     return Section("Hidden effects that are named", tables=[Table(head, rows)])
 
 
-def _releases(found: dict[str, dict[str, list[float]]]) -> Section:
+def _releases_section(found: dict[str, dict[str, list[float]]]) -> Section:
     head = ("releases", f"present effects named (signal-to-noise from {PRESENT_SIGNAL_TO_NOISE:g})",
             "named effects right", "nulls with a cause named")  # fmt: skip
     rows = [(name, *map(share_text, own.values())) for name, own in found.items()]
     return Section("By number of releases", tables=[Table(head, rows)])
 
 
-def _outside(found: dict[str, Any]) -> Section:
+def _outside_section(found: dict[str, Any]) -> Section:
     return Section(
         "Causes from outside the catalogue",
         [f"Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without."],
@@ -177,8 +177,8 @@ def _wrong_text(wrong: dict[str, Any]) -> str:
     return f"case {wrong['case']}: {wrong['effect']} (probability {wrong['p']:.2f}); hidden {truth}"
 
 
-def _closure(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Section]:
-    """Claimed against true closure; nothing if no case has both."""
+def _closure_section(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Section]:
+    """Section on claimed and true closure; none if no case has both."""
     rows = [
         (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]),
          share_text(own["claimed_too_much"]))
@@ -194,11 +194,13 @@ def _closure(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Sec
     )
     if rows:
         title = "Claimed and true closure"
-        yield Section(title, pictures=[drawn(_closures(cases), title, "svg")], tables=[Table(head, rows)])
+        yield Section(
+            title, pictures=[drawn(_closure_figure(cases), title, "svg")], tables=[Table(head, rows)]
+        )
 
 
-def _sizes(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
-    """Sizes of named effects against the hidden ones; nothing if none can be compared."""
+def _sizes_section(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
+    """Section on sizes of named effects and hidden sizes; none if no sizes can be compared."""
     if not found["all"]["count"]:
         return
     rows = [
@@ -215,8 +217,9 @@ def _sizes(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
     yield Section("Sizes of named effects", [text], tables=[Table(head, rows)])
 
 
-def _reliability(cases: Sequence[ScoredCase]) -> Figure:
-    """Share of present effects against their probability, in bins of equal mass of the pairs above 0."""
+def _reliability_figure(cases: Sequence[ScoredCase]) -> Figure:
+    """Share of present effects over their probability, in bins with equal numbers of pairs with a probability above
+    0."""
     figure, (axes,) = blank_axes(4.2, 4.0)
     axes.plot([0, 1], [0, 1], color=PAGE_RULE)
     pairs = [(p, present) for _, p, present in inclusion_pairs(cases) if p > 0.0]
@@ -231,7 +234,7 @@ def _reliability(cases: Sequence[ScoredCase]) -> Figure:
     return figure
 
 
-def _closures(cases: Iterable[ScoredCase]) -> Figure:
+def _closure_figure(cases: Iterable[ScoredCase]) -> Figure:
     figure, (axes,) = blank_axes(5.2, 4.6)
     known = known_closures(cases)
     axes.plot([0, 1], [0, 1], color=PAGE_RULE)

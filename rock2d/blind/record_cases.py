@@ -1,7 +1,7 @@
-"""Blind cases whose base is a real record: some of its releases, with known causes put in.
+"""Blind cases based on a real record: some of its releases, with known causes added.
 
-All that the law and the catalogue miss of the real motion stays in the record, and so do the causes that it holds
-anyway. The scores of these cases are told apart.
+What the law and the catalogue miss of the real motion remains in the record, as do the causes that it already contains.
+The scores of these cases are reported separately.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from rock2d.files.experiment import Experiment, load_experiment, write_experimen
 from rock2d.files.folders import make_folder
 from rock2d.scene.world import World
 
-SHARE_OF_RECORDS = 1.0 / 3.0  # share of all cases whose base is a record, if that many can have one
+SHARE_OF_RECORDS = 1.0 / 3.0  # share of the cases that are based on a record, if as many can be
 
 
 @dataclass(frozen=True)
 class Record:
-    """A real record as base of cases.
+    """A real record on which cases are based.
 
     Attributes
     ----------
-    fit : the fit that the diagnosis of the record as it is settles on
-    named : effects that it holds anyway
-    curves : effect -> the sizes that the whole record shows; without effects that it cannot show
+    fit : final fit of the diagnosis of the original record
+    named : effects that the original record contains
+    curves : effect -> detection curve of the whole record; without effects that it cannot show
     """
 
     experiment: Experiment
@@ -57,10 +57,10 @@ class Record:
 def diagnosed_film(
     experiment: Experiment, folder: Path, workers: int, progress: bool, fits: Path | None = None
 ) -> Diagnosis:
-    """The diagnosis of the film in a folder, into which causes can be put; `fits` keeps finished fits. Raises
-    InputError if it is no film, or cannot be diagnosed."""
+    """The diagnosis of the film in a folder, to which causes can be added; `fits` keeps finished fits. Raises
+    InputError if it is not a film, or cannot be diagnosed."""
     if experiment.trajectories is None:
-        message = "a cause can be put into a film, not into a table of impacts"
+        message = "a cause can be added to a film, not to a table of impacts"
         raise InputError(message, folder, code="wrong_kind")
     if fits is not None:
         make_folder(fits)
@@ -73,7 +73,7 @@ def diagnosed_film(
 
 
 def read_record(folder: Path, workers: int, progress: bool) -> Record:
-    """Diagnose a film, so that it can be the base of cases. Raises InputError if it cannot be diagnosed, or has too few
+    """Diagnose a film on which cases will be based. Raises InputError if it cannot be diagnosed, or has too few
     releases to divide."""
     result = diagnosed_film(load_experiment(folder), folder, workers, progress)
     table, found = result.experiment.trajectories, result.found
@@ -89,10 +89,10 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
 def bases_of(
     causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence
 ) -> list[int | None]:
-    """For each case the number of the record that is its base; None for one that is made. A case with a cause that
-    has no size, or from outside the catalogue, or that grows from release to release, is made."""
+    """For each case the number of the record on which it is based; None for a made case. A case is made if one of its
+    causes has no size, is outside the catalogue, or grows from release to release."""
     rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(SERIES_EFFECTS)
-    eligible = [i for i, own in enumerate(causes) if possible.issuperset(own)]
+    eligible = [i for i, case_causes in enumerate(causes) if possible.issuperset(case_causes)]
     count = round(SHARE_OF_RECORDS * len(causes)) if records else 0
     number = {int(i): k % records for k, i in enumerate(rng.permutation(eligible)[:count])}
     return [number.get(i) for i in range(len(causes))]
@@ -103,8 +103,8 @@ def write_record_case(
 ) -> dict[str, Any]:
     """Write two films of different releases of a record, with the same causes; returns the label.
 
-    The signal-to-noise ratio of a cause is that of its gain as a linear model expects it. Its size at an even chance
-    to be seen has `SEEN_Z`, and the ratio grows with the root of the number of releases.
+    The signal-to-noise ratio of a cause is that of its gain in a linear model. A size that is named with probability
+    0.5 has the ratio `SEEN_Z`, and the ratio grows with the root of the number of releases.
     """
     rng = np.random.default_rng(seed)
     whole = record.experiment
@@ -130,7 +130,7 @@ def write_record_case(
         strengths.append(SEEN_Z * shown * math.sqrt(count / len(names)))
         hidden.append({"name": name, "form": 0, "values": values, "signal_to_noise": strengths[-1]})
     for folder, film in zip((fit, heldout), films, strict=True):
-        folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have begun
+        folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have made it
         write_experiment(folder, film)
     blocks = record.setup.blocks
     return {

@@ -1,7 +1,7 @@
 """Injection and recovery: which causes a record would show, and from which size on.
 
-Known causes of known sizes are put into the record and diagnosed again. What the linear model expected of them
-(`diagnosis.detection`) is corrected by what was named.
+Known causes of known sizes are added to the record, which is diagnosed again. The detection curves of the linear model
+(`diagnosis.detection`) are corrected by the effects that were named.
 """
 
 from __future__ import annotations
@@ -35,22 +35,23 @@ from rock2d.files.text_files import read_json
 Array = np.ndarray
 
 LARGEST_SHARE_OF_RANGE = (
-    0.9  # largest sum of effects put in and of the record, as a share of the plausible range
+    0.9  # largest sum of the added effect and that of the record, as a share of the plausible range
 )
 LARGEST_RELATIVE_ERROR = (
-    0.5  # largest error of an effect that the record has anyway, as a share of the size put in
+    0.5  # largest error of an effect that the original record has, too, as a share of the added size
 )
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which cases a study has: the first `cases` of all effects × sizes, the effects in turn.
+    """The cases of a study: the first `cases` of all effects × sizes, the effects in turn.
 
     Attributes
     ----------
-    sizes : (factor, "seen50" or "seen90") of each: a multiple of the size that a linear model expects to be seen with
-        50 or 90 %
-    seed : for the order of the effects and for what varies from impact to impact
+    cases : largest number of cases
+    sizes : (factor, "seen50" or "seen90") of each size: a multiple of the size that a linear model expects to be seen
+        with a probability of 50 or 90 %
+    seed : for the order of the effects, and for effects that vary from impact to impact
     """
 
     cases: int
@@ -69,7 +70,7 @@ class Plan:
 
 
 def read_sizes(text: str) -> tuple[tuple[float, str], ...]:
-    """Sizes "seen50,2*seen90,..." of a plan. Raises InputError for others."""
+    """Sizes of a plan from a text "seen50,2*seen90,...". Raises InputError for another text."""
     found = []
     for word in text.split(","):
         match = re.fullmatch(r"(?:(\d+\.?\d*|\.\d+)\*)?(seen50|seen90)", word.strip())
@@ -87,9 +88,9 @@ def make_cases(
     options: Mapping[str, Any],
     on_case: Callable[[], Any] = lambda: None,
 ) -> None:
-    """Write cases/NNN, which are experiments, and truth.json, with what was put in and the curves that are expected.
+    """Write the experiments cases/NNN, and truth.json with the added causes and the expected curves.
 
-    `options` : kept in truth.json. No size is larger than plausible.
+    `options`: kept in truth.json. Sizes are limited to plausible ones.
     """
     found, known, cases = result.found, catalogue(), {}
     assert found is not None
@@ -99,33 +100,33 @@ def make_cases(
             effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
-            size = min(size, largest_size(parameter), _room(parameter, has, below))
+            size = min(size, largest_size(parameter), _largest_addition(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(
                 result.experiment, found.settled.model, found.settled.p, effect, values, plan.seed + k
             )
             write_experiment(folder / f"{k:03d}", changed.experiment)
-            # with what the record has of it anyway, named or not
-            put = values[parameter.name]
-            both = from_scale(parameter, to_scale(parameter, put) + to_scale(parameter, has))
-            both = float(np.hypot(has, put)) if effect.scatter else both
+            # expected with the value of the original record, named or not
+            added = values[parameter.name]
+            both = from_scale(parameter, to_scale(parameter, added) + to_scale(parameter, has))
+            both = float(np.hypot(has, added)) if effect.scatter else both
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
                 "pieces": changed.pieces, "cut": changed.cut,
                 "expected": both * (changed.releases / changed.pieces if name in SERIES_EFFECTS else 1.0),
             }  # fmt: skip
             on_case()
-    own = {n: asdict(c) for n, c in curves.items()}
-    truth = {**options, "named": sorted(found.named), "curves": own, "cases": cases}
+    curve_values = {n: asdict(c) for n, c in curves.items()}
+    truth = {**options, "named": sorted(found.named), "curves": curve_values, "cases": cases}
     write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")
 
 
-def _room(parameter: Parameter, has: float, below: bool) -> float:
-    """The largest size that can be put into a record that has a value anyway, so that a fit can find both together."""
+def _largest_addition(parameter: Parameter, has: float, below: bool) -> float:
+    """The largest size that can be added to a record that has the value `has`, so that a fit can find the sum."""
     end = parameter.low if below or parameter.high <= parameter.neutral else parameter.high
     most = to_scale(parameter, parameter.neutral + LARGEST_SHARE_OF_RANGE * (end - parameter.neutral))
-    put = from_scale(parameter, most - to_scale(parameter, has))
-    return max((put - parameter.neutral) * np.sign(end - parameter.neutral), 0.0)
+    addition = from_scale(parameter, most - to_scale(parameter, has))
+    return max((addition - parameter.neutral) * np.sign(end - parameter.neutral), 0.0)
 
 
 def run_study(
@@ -137,7 +138,7 @@ def run_study(
 
 
 def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
-    """Diagnose a case and write what was named, and the size of each effect that was tried."""
+    """Diagnose a case, and write the named effects and their parameters."""
     with tempfile.TemporaryDirectory(dir=every_fit) as fits:
         found = diagnose(load_experiment(case), folder=Path(fits)).found
     kept: dict[str, Any] = {"named": {}, "parameters": {}}
@@ -150,11 +151,11 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
 
 
 def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
-    """The cases with what became of them, and the limits of each effect that can be seen.
+    """The cases with their results, and the limits of each effect that can be seen.
 
-    A case has the keys of truth.json, `seen`, `found` (its size parameter, None where it was not named) and `false`
-    (names that neither the case nor the record has). An effect that the record has anyway is seen if what was put in is
-    found with it.
+    A case has the keys of truth.json, `seen`, `found` (its size parameter, None if it was not named) and `false` (named
+    effects that neither the case nor the record has). An effect that the original record has, too, is seen if the sum
+    is found.
     """
     truth, known, cases = read_json(folder / TRUTH), catalogue(), []
     for name, case in truth["cases"].items():
@@ -175,7 +176,7 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
 def case_lines(
     cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]
 ) -> list[str]:
-    """What became of the cases, and which effects no plausible size shows."""
+    """Sentences on the results of the cases, and on effects that no plausible size would show."""
     found = [case for case in cases if case["found"] is not None]
     lines = [f"{sum(case['seen'] for case in cases)} of {len(cases)} known causes were seen"]
     if found:

@@ -1,4 +1,4 @@
-"""The diagnoses of a trial: every case from its films alone, in parallel; finished cases are kept."""
+"""The diagnoses of a trial: every case only from its films, in parallel; finished cases are kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
 RESULTS = "results"
-LEAST_NOISE = 1e-9  # m and rad, of a camera that states none
+LEAST_NOISE = 1e-9  # m and rad, for a camera without stated noise
 
 
 def run_trial(
@@ -28,7 +28,7 @@ def run_trial(
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels or the
     twins.
 
-    scheduler : address of a Dask scheduler, whose workers diagnose instead of processes of this machine; they need
+    scheduler : address of a Dask scheduler, whose workers are used instead of processes of this machine; they need
         access to the trial's folder (a shared file system)
     """
     count = int(read_index(folder)["count"])
@@ -45,7 +45,8 @@ def run_cases(
 ) -> Path:
     """Do the work for every case of a folder that has no result yet; returns the folder of the results.
 
-    `work` : a function of a folder for temporary files, the case, the file of its result, and what follows
+    `work`: a function of a folder for temporary files, the case, the file of its result, and further arguments; and
+    these arguments
     """
     if scheduler is not None:
         require_dask()
@@ -94,8 +95,8 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
 
 
 def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
-    """Misses of the predicted film, median and 95th percentile (`_tail`) over segments, of base and diagnosed law: root
-    mean square of place and angle, in standard deviations of the camera's noise."""
+    """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`_tail`) over
+    segments of the root mean square of place and angle, in standard deviations of the camera's noise."""
     import numpy as np
 
     from rock2d.diagnosis.predict import predict

@@ -1,8 +1,7 @@
-"""The score of a trial: the labels are opened and compared with what the diagnoses name.
+"""The score of a trial: the labels are opened and compared with the effects that the diagnoses name.
 
-The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or an effect that it
-shares its name with, is hidden, whatever its strength. What a real record holds anyway counts neither as right nor as
-wrong.
+A named effect is right if it, or an effect that it shares its name with, is hidden, whatever its strength. Effects that
+the original record of a case contains count neither as right nor as wrong.
 """
 
 from __future__ import annotations
@@ -30,38 +29,39 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
-CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a name
+CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow to name the cause
 CALIBRATION_BINS = 10  # bins with equal numbers of cases
-CHANCE_DRAWS = 400  # of outcomes of calibrated forecasts
+CHANCE_DRAWS = 400  # drawn outcomes of calibrated forecasts
 CLAIMED_PROBABILITY = 0.5  # from which on an outside cause is claimed
-SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
+SURE_PROBABILITY = 0.9  # wrong effects with a larger probability are listed
 # own signal-to-noise of a hidden effect: below the first it counts as absent, from the second on as present, between
 # them as undecidable
 ABSENT_SIGNAL_TO_NOISE, PRESENT_SIGNAL_TO_NOISE = 0.5, 2.0
-CLOSURE_MARGIN = 0.15  # share of the gap by which a claimed closure may miss the true one
+CLOSURE_MARGIN = 0.15  # largest accepted error of a claimed closure, as a share of the gap
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
 MISSES = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # misses of predictions that are compared
-MADE = "made"  # base of a case that the reality engine made
+MADE = "made"  # base of a case of the reality engine
 
 
 @dataclass(frozen=True)
 class ScoredCase:
-    """A case with what it hides and what the diagnosis says.
+    """A case with its hidden causes and the result of the diagnosis.
 
     Attributes
     ----------
     hidden : effects of the catalogue -> own signal-to-noise
     outside : own signal-to-noise of the cause from outside the catalogue; None without one
-    strength : signal-to-noise of all that is hidden
+    strength : signal-to-noise of all hidden causes together
     verdict, p_verdict : the single answer, and its probability
     p : inclusion probabilities of the listed effects, most probable first
-    names : each named effect with those that it shares its name with
-    claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
+    names : each named effect with the effects that it shares its name with
+    claimed, true : share of the gap closed, by the diagnosis and in truth; None if unknown
     missed : misses of predictions of the held-out film, see `running`; empty without those of the tail
-    sizes : errors of the sizes of named effects that are hidden, where they can be compared
-    base, of_record : the real record below the case, or MADE; the effects that it holds anyway
+    sizes : errors of the sizes of named effects that are hidden, if they can be compared
+    base : name of the real record on which the case is based, or MADE
+    of_record : effects that the original record contains
     """
 
     name: str
@@ -97,18 +97,18 @@ class ScoredCase:
 
     @property
     def right(self) -> bool | None:
-        """Whether the verdict is; None if it is what the record holds anyway."""
+        """Whether the verdict is right; None if it is an effect of the original record."""
         hit = self.verdict in self.label.split("+")
         return None if not hit and self.verdict in self.of_record else hit
 
     @property
     def most_probable(self) -> str | None:
-        """The most probable effect without those that the record holds anyway."""
+        """The most probable effect, without those of the original record."""
         return next((effect for effect in self.p if effect not in self.of_record - self.hidden.keys()), None)
 
     @property
     def scored_names(self) -> list[frozenset[str]]:
-        """The names without those of what the record holds anyway."""
+        """The names, without those of effects of the original record."""
         return [own for own in self.names if own & self.hidden.keys() or not own & self.of_record]
 
 
@@ -127,8 +127,8 @@ def scored_cases(folder: Path) -> list[ScoredCase]:
 
 
 def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> ScoredCase:
-    """A case from its label and its result. Of a film that was refused, nothing is named, and what is "unknown" counts
-    as the probability of an outside cause."""
+    """A case from its label and its result. For a film that was refused, no effect is named, and the probability of
+    "unknown" counts as that of an outside cause."""
     diagnosis = result["diagnosis"]
     single = {str(effect): float(p) for effect, p in diagnosis["probabilities"].items()}
     verdict = max(single, key=lambda effect: single[effect])
@@ -153,7 +153,7 @@ def _number(value: Any) -> float | None:
 
 
 def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
-    """One row for each case: what is hidden, what is named, the single verdict, and how it predicts."""
+    """One row for each case: hidden causes, named effects, the single verdict, and misses of predictions."""
     import pandas as pd
 
     return pd.DataFrame([
@@ -171,15 +171,15 @@ def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
 def summary(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """The numbers of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
     bases = sorted({c.base for c in cases})
-    apart = {base: _main_numbers([c for c in cases if c.base == base]) for base in bases}
+    by_base = {base: _main_numbers([c for c in cases if c.base == base]) for base in bases}
     return {
         "cases": len(cases),
         **_main_numbers(cases),
-        **({"by_base": apart} if set(bases) - {MADE} else {}),
+        **({"by_base": by_base} if set(bases) - {MADE} else {}),
         "verdict": _verdicts(cases),
         "inclusion": inclusion(cases),
         "by_releases": {
-            name: _of_releases([c for c in cases if low <= c.releases < high])
+            name: _release_group_shares([c for c in cases if low <= c.releases < high])
             for name, (low, high) in RELEASE_GROUPS.items()
         },
         "outside": _outside(cases),
@@ -194,7 +194,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     return {
         "recall": {
             beside: {
-                count: _by_strength(_found([c for c in own if low <= len(c.hidden) < high]))
+                count: _by_strength(_named_hidden([c for c in own if low <= len(c.hidden) < high]))
                 for count, (low, high) in COUNT_GROUPS.items()
             }
             for beside, own in _by_outside(cases).items()
@@ -215,7 +215,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
 
 
 def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
-    """Share of the single answers that are right, without those that say what a record holds anyway."""
+    """Share of the single answers that are right, without answers that are an effect of the original record."""
     groups = {
         "one_clear_effect": [
             c for c in cases if c.kind == "one effect" and c.strength >= CLEAR_SIGNAL_TO_NOISE
@@ -238,7 +238,7 @@ def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]
 
 
 def inclusion(cases: Sequence[ScoredCase]) -> dict[str, Any]:
-    """How good the inclusion probabilities are, over all cases and effects, and for each effect."""
+    """Calibration of the inclusion probabilities, over all cases and effects, and for each effect."""
     pairs = inclusion_pairs(cases)
     effects = {name: [pair for pair in pairs if pair[0] == name] for name in catalogue()}
     undecidable = (
@@ -271,7 +271,7 @@ def _by_outside(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
     }
 
 
-def _found(cases: Iterable[ScoredCase]) -> list[tuple[float, bool]]:
+def _named_hidden(cases: Iterable[ScoredCase]) -> list[tuple[float, bool]]:
     """(own signal-to-noise, whether named) of every hidden effect."""
     return [
         (z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()
@@ -293,8 +293,8 @@ def _nulls_named(cases: Iterable[ScoredCase]) -> list[float]:
     return wilson_share([bool(case.scored_names) for case in cases if case.kind == "nothing"])
 
 
-def _of_releases(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
-    present = [hit for z, hit in _found(cases) if z >= PRESENT_SIGNAL_TO_NOISE]
+def _release_group_shares(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
+    present = [hit for z, hit in _named_hidden(cases) if z >= PRESENT_SIGNAL_TO_NOISE]
     return {
         "recall": wilson_share(present),
         "precision": _precision(cases),
@@ -303,7 +303,7 @@ def _of_releases(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
 
 
 def _outside(cases: Iterable[ScoredCase]) -> dict[str, Any]:
-    """Clear outside causes against cases without one; weaker ones are left out."""
+    """Cases with a clear outside cause compared with cases without one; weaker outside causes are left out."""
     groups = _by_outside(cases)
     clear = [c for c in groups["with_outside"] if (c.outside or 0.0) >= CLEAR_SIGNAL_TO_NOISE]
     compared = [*clear, *groups["without_outside"]]
@@ -335,23 +335,23 @@ def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]
 
 
 def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
-    """Claimed less true closure, for all cases and for each kind of label."""
+    """Claimed minus true closure, for all cases and for each kind of label."""
     known = known_closures(cases)
     groups = {"all": known} | {kind: [own for own in known if own[0] == kind] for kind in LABEL_KINDS}
     out = {}
     for name, own in groups.items():
-        off = [claimed - true for _, claimed, true in own]
+        errors = [claimed - true for _, claimed, true in own]
         out[name] = {
-            "median_claimed_less_true": median(off),
-            "within_15_points": wilson_share([abs(each) <= CLOSURE_MARGIN for each in off]),
-            "claimed_too_much": wilson_share([each > CLOSURE_MARGIN for each in off]),
+            "median_claimed_less_true": median(errors),
+            "within_15_points": wilson_share([abs(each) <= CLOSURE_MARGIN for each in errors]),
+            "claimed_too_much": wilson_share([each > CLOSURE_MARGIN for each in errors]),
         }
     return out
 
 
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
-    """What predictions of held-out films reach, beside the base law, for all cases and for each kind of label: median
-    share by which the typical miss is smaller, and the share of cases in which the tail is not worse."""
+    """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
+    relative reduction of the typical miss, and share of the cases in which the tail is not worse."""
     groups = {"all": list(cases)} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
     out = {}
     for name, own in groups.items():
@@ -379,7 +379,7 @@ def calibration_error(p: Array, right: Array) -> float:
 
 
 def chance_error(p: Array) -> float:
-    """Median calibration error of calibrated forecasts: what chance alone gives with this number of cases."""
+    """Median calibration error of calibrated forecasts with this number of cases, which is due to chance."""
     rng = np.random.default_rng(0)
     return float(
         np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(CHANCE_DRAWS)])

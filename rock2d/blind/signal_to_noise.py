@@ -1,11 +1,11 @@
-"""Signal-to-noise ratio of the hidden causes of a case, above noise, soil scatter and everything that a fit can vary.
+"""Signal-to-noise ratio of the hidden causes of a case, given noise, soil scatter and the free parameters of a fit.
 
-Every release is simulated to a little after its first impact: with and without the hidden causes, with each of the five
-parameters of the law and each of the six components of its incident state changed, and without the scatter of the soil.
-Statistics describe the recording of each run: position and velocity before and after the first impact, and curvature of
-the first flight. Differences are divided by the standard deviations that noise and soil cause. The parts that other
-incident states and other parameters of the law can imitate are projected out. The length of the remaining vector is the
-signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
+Every release is simulated until shortly after its first impact: with and without the hidden causes, with each of the
+five parameters of the law and each of the six components of its incident state changed, and without the scatter of the
+soil. Statistics describe the recording of each run: position and velocity before and after the first impact, and
+curvature of the first flight. Differences are divided by the standard deviations that noise and soil cause. The parts
+that other incident states and other parameters of the law can imitate are projected out. The length of the remaining
+vector is the signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
 """
 
 from __future__ import annotations
@@ -24,32 +24,35 @@ Array = np.ndarray
 RELATIVE_STEP = 0.003
 WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
-SOIL_DRAWS = 8  # from which the scatter is estimated
-SHRINKAGE = 0.3  # share by which the covariance of so few draws is shrunk toward its diagonal
-LARGEST_DEVIATION = 30.0  # standard deviations that one statistic may count: beyond, the linear picture fails
+SOIL_DRAWS = 8  # draws of the soil from which the scatter is estimated
+SHRINKAGE = 0.3  # share by which the covariance of the few draws is shrunk toward its diagonal
+LARGEST_DEVIATION = 30.0  # limit of a statistic in standard deviations, beyond which the linear model fails
 LAW_PARAMETERS = ("k_l", "k_ul", "k_t", "mu", "k_r")
 
 
 def signal_to_noise(case: Case) -> float:
-    """Standard errors by which the hidden causes show in the first flights and impacts of all releases; 0 for none."""
+    """Signal-to-noise ratio of all hidden causes together, in the first flights and impacts of all releases; 0 for
+    none."""
     return float(np.linalg.norm(signatures(case, [case.hidden])[0])) if case.hidden else 0.0
 
 
 def signals_to_noise(case: Case) -> tuple[float, list[float]]:
-    """Signal-to-noise of the hidden causes of a case together, and of each: standard errors of what it adds beside the
-    others and they cannot imitate."""
+    """Signal-to-noise of the hidden causes of a case together, and of each cause: of the part of its contribution that
+    the other causes cannot imitate."""
     if len(case.hidden) <= 1:
         own = signal_to_noise(case)
         return own, [own] * len(case.hidden)
-    whole, *others = signatures(case, [case.hidden, *(
+    together, *others = signatures(case, [case.hidden, *(
         [h for h in case.hidden if h is not own] for own in case.hidden
     )])  # fmt: skip
-    added = np.array([whole - other for other in others]).reshape(len(others), len(whole))
+    added = np.array([together - other for other in others]).reshape(len(others), len(together))
     found = []
-    for i, alone in enumerate(added):
+    for i, contribution in enumerate(added):
         rest = np.delete(added, i, axis=0).T
-        found.append(float(np.linalg.norm(alone - rest @ np.linalg.lstsq(rest, alone, rcond=None)[0])))
-    return float(np.linalg.norm(whole)), found
+        found.append(
+            float(np.linalg.norm(contribution - rest @ np.linalg.lstsq(rest, contribution, rcond=None)[0]))
+        )
+    return float(np.linalg.norm(together)), found
 
 
 def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:
@@ -94,9 +97,13 @@ def _sizes_m(case: Case) -> Array:
 
 @dataclass(frozen=True)
 class _FirstFlights:
-    """The part of the films that the statistics describe: instants, and first impact and window after it in frames.
+    """The part of the films that the statistics describe.
 
-    `base` (releases, 15): the statistics without causes.
+    Attributes
+    ----------
+    times_s : instants of the frames
+    first_impact, window : (releases,) first frame after the first flight, and number of frames after it
+    base : (releases, 15) statistics without causes
     """
 
     times_s: Array
@@ -123,8 +130,13 @@ def _first_flights(case: Case) -> _FirstFlights:
 
 @dataclass(frozen=True)
 class _Whitening:
-    """Statistics without causes, their standard deviations by noise and soil, and the inverse root of what remains of
-    their covariance."""
+    """Whitening of statistics.
+
+    Attributes
+    ----------
+    base, sd : (releases, 15) statistics without causes, and their standard deviations by noise and soil
+    inverse_root : (releases, 15, 15) inverse Cholesky factor of their correlations
+    """
 
     base: Array
     sd: Array
@@ -132,7 +144,7 @@ class _Whitening:
 
     @staticmethod
     def estimate(case: Case, first_flights: _FirstFlights) -> _Whitening:
-        """From draws of the soil."""
+        """Estimate from draws of the soil."""
         base = first_flights.base
         # the statistics are coefficients of orthonormal polynomials and have the noise of a frame; noise that is
         # correlated from frame to frame averages out less
@@ -146,14 +158,14 @@ class _Whitening:
             first_flights.statistics(replace(case, seed=case.seed + k), []) for k in range(1, SOIL_DRAWS)
         ]
         scattered = np.array([base, *others]) - without_scatter
-        # the soil may scatter a release at the edge of a facet far more than other releases of the block
+        # the soil may scatter a release at the edge of a facet much more than other releases of the block
         soil = np.empty_like(base)
         block_ids = case.releases.block_ids
         for b in np.unique(block_ids):
             own, square = block_ids == b, scattered[:, block_ids == b] ** 2
             soil[own] = np.sqrt(np.maximum(square.mean(axis=0), square.mean(axis=(0, 1))))
         sd = np.hypot(noise, soil)
-        # it changes all statistics of a release together
+        # the soil changes all statistics of a release together
         z = (scattered / sd).transpose(1, 0, 2)
         covariance = (1.0 - SHRINKAGE) * z.transpose(0, 2, 1) @ z / len(z[0])
         rest = np.maximum(1.0 - np.diagonal(covariance, axis1=1, axis2=2), 0.0)

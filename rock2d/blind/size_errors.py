@@ -1,5 +1,5 @@
-"""Sizes of named effects against those that were hidden, where a parameter of the catalogue and a value of the reality
-engine mean the same.
+"""Errors of the sizes of named effects, for effects of which a parameter of the catalogue and a value of the reality
+engine have the same meaning.
 
 The reality engine has several forms of each effect. A form whose value means something else, such as a drag with
 another power of speed, is not compared.
@@ -17,19 +17,19 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.statistics import wilson_share
 
-LARGEST_ERROR = 0.25  # relative, of a size that counts as right
+LARGEST_ERROR = 0.25  # largest relative error of a size that counts as right
 
 
 @dataclass(frozen=True)
 class Meaning:
-    """What is compared of an effect.
+    """The compared quantity of an effect.
 
     Attributes
     ----------
     parameter : name of the parameter in the catalogue
-    of : value of that parameter from the values that the reality engine hides
-    neutral : value without the effect, from which sizes count
-    form : number of the form of the reality engine in which both mean the same
+    of : (values of the reality engine) -> value of this parameter
+    neutral : value without the effect, which is the origin of sizes
+    form : number of the form of the reality engine with the same meaning
     """
 
     parameter: str
@@ -63,7 +63,7 @@ class SizeError:
 
     Attributes
     ----------
-    relative : fitted less hidden size over the hidden one; of factors, of their logarithms
+    relative : (fitted - hidden size) / hidden size; for factors, of their logarithms
     covered : whether the stated 95 % interval holds the hidden size
     """
 
@@ -74,27 +74,27 @@ class SizeError:
 
 
 def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -> list[SizeError]:
-    """Errors of the named effects, from a label and the `causes` of a diagnosis."""
-    of_record = label.get("of_record", [])  # what is found of these is not only what was put in
-    hidden = {str(own["name"]): own for own in label["hidden"] if own["name"] not in of_record}
+    """Errors of the sizes of named effects, from a label and the `causes` of a diagnosis."""
+    of_record = label.get("of_record", [])  # their sizes are not only those that were added
+    hidden = {str(truth["name"]): truth for truth in label["hidden"] if truth["name"] not in of_record}
     found = []
     for cause in causes:
-        effect, own = cause["effect"], hidden.get(cause["effect"])
+        effect, truth = cause["effect"], hidden.get(cause["effect"])
         meaning = MEANINGS.get(effect)
         if "base" in label and effect in hidden:
             first = catalogue()[effect].parameters[0]
             meaning = Meaning(first.name, itemgetter(first.name), first.neutral)
-        if own is None or meaning is None or not cause["named"] or int(own["form"]) != meaning.form:
+        if truth is None or meaning is None or not cause["named"] or int(truth["form"]) != meaning.form:
             continue
         if (fitted := cause["parameters"].get(meaning.parameter)) is None:
             continue
-        true = meaning.of(own["values"])
+        true = meaning.of(truth["values"])
         value, low, high = (
             _size(meaning, x) for x in (fitted["value"], fitted["ci95"][0], fitted["ci95"][1])
         )
         size = _size(meaning, true)
         found.append(
-            SizeError(effect, float(own["signal_to_noise"]), value / size - 1.0, low <= size <= high)
+            SizeError(effect, float(truth["signal_to_noise"]), value / size - 1.0, low <= size <= high)
         )
     return found
 
@@ -114,7 +114,7 @@ def size_summary(errors: Iterable[SizeError]) -> dict[str, Any]:
 
 
 def median(values: list[float]) -> float:
-    """The median; NaN of nothing."""
+    """The median; NaN without values."""
     return float(np.median(values)) if len(values) else float("nan")
 
 

@@ -1,8 +1,8 @@
-"""The share of the gap that a diagnosis truly closes, measured on films that it never had.
+"""The share of the gap that a diagnosis truly closes, measured on films that it did not see.
 
-The base law and the model with all causes and learnt changes predict the held-out releases of a case. What a perfect
-model would leave is known from the null twin, the same releases without the hidden causes: there the base law, fitted
-to the other twin, misses nothing but noise, the soil and the form of the law. The gap is measured as in the diagnosis.
+The base law and the model with all causes and learnt changes predict the held-out releases of a case. The gap
+of a perfect model is known from the null twin, the same releases without the hidden causes: the base law, fitted to the
+other twin, has there only the errors of noise, soil and form of the law. The gap is measured as in the diagnosis.
 """
 
 from __future__ import annotations
@@ -24,11 +24,14 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-LEAST_GAP = 1.03  # gap of the base law over the floor, from which on a share of it means something
+LEAST_GAP_RATIO = (
+    1.03  # smallest ratio of the gap of the base law to the floor for which the share is computed
+)
 
 
 def true_closure(case: Path, result: Diagnosis) -> float | None:
-    """The share; None where there is no gap, the case has no twin, or a film of it cannot be divided."""
+    """The share of the gap that is truly closed; None if there is no gap, the case has no twin, or one of its films
+    cannot be segmented."""
     found = result.found
     if not (case / TWIN).is_dir():
         return None
@@ -42,7 +45,7 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
     base = _gap(held, found.base.model.residuals(found.base.p, held), variance)
     closed = _gap(held, residuals_on(held, found.learnt), variance)
     floor = _gap(twin, null.model.residuals(null.p, twin), variance)
-    return (base - closed) / (base - floor) if base > LEAST_GAP * floor else None
+    return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None
 
 
 def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
@@ -52,7 +55,7 @@ def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
 
 
 def _read(folder: Path) -> tuple[World, Array, Sanity, Data | None]:
-    """The stated world of a film, its base law, and what `check_and_segment` finds."""
+    """The stated world of a film, its base law, and the result of `check_and_segment`."""
     experiment = load_experiment(folder)
     setup = setup_world(experiment)
     return setup, base_start(experiment), *check_and_segment(experiment, setup)

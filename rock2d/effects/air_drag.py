@@ -48,9 +48,9 @@ def remedy(fitted: FittedEffect) -> str:
     listed = ", ".join(f"{spoken(name)} {c}" for name, c in drag.items())
     return (
         f"Blocks lose {fitted.number('drag_per_mass_1_m', 100)} % of their speed on a metre of flight. In air this is "
-        f"a drag coefficient of {listed}{comparison}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
-        "the model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
-        "fall, and a heavier block of the same shape, which air slows less."
+        f"a drag coefficient of {listed}{comparison}; 0.5 for a ball and 1 to 2 for a body with edges are usual. If "
+        "the value is usual, the model lacks the drag of the air. If it is larger, look for what else brakes: a wire, "
+        "dust, wind. Film a long free fall, and a heavier block of the same shape, which air slows less."
     )
 
 

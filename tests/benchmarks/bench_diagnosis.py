@@ -28,7 +28,7 @@ STAGES = {  # one after another, each with all that it calls
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,
     "which causes stay, beside what is learnt": attribution._evidence_of_sets,
-    "regression of what is left": attribution._regressed,
+    "regression of what is left": attribution._regressions,
     "where the gap lies": diagnosis.locate_gap,
 }
 WITHIN = {

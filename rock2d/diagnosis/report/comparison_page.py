@@ -1,4 +1,4 @@
-"""The page that shows two diagnoses side by side, and the same as a table for the terminal."""
+"""The page that compares two diagnoses, and the same as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rock2d.graphics.downloads import Download, download
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.wording import interval, number, percent, spoken
 
-SIDES = {"a": "base", "b": "effect"}  # side -> the mark and colour that it has in charts
-FOLDED_PROBABILITY = 0.005  # answers with a smaller one in both are folded away
+SIDES = {"a": "base", "b": "effect"}  # side -> its mark and colour in charts
+FOLDED_PROBABILITY = 0.005  # answers with a smaller probability in both are folded away
 SHOWN_PLACES = 10
 TERMINAL_PLACES, TERMINAL_PROBABILITY = 5, 0.01
 NOTHING = "–"
@@ -31,8 +31,8 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
     parameters = [_parameter_row(row) for row in content["parameters"]]
     return rendered("rock2d.diagnosis.report", "comparison.html.j2", {
         "content": content, "files": files, "made": made, "shapes": SHAPES, "sides": SIDES,
-        "verdicts": {side: _verdict(content, side) for side in SIDES},
-        "gaps": {side: _gap(content["gap"][side]) for side in SIDES},
+        "verdicts": {side: _verdict_text(content, side) for side in SIDES},
+        "gaps": {side: _gap_texts(content["gap"][side]) for side in SIDES},
         "bars": [_probability_row(axis, p) for p in shown],
         "folded": [_probability_row(axis, p) for p in folded],
         "probability_scale": tick_labels(Axis(0.0, 100.0)),
@@ -40,7 +40,10 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "closure_scale": tick_labels(closure_axis),
         "wanted": [row for row in parameters if row["of_interest"]],
         "others": [row for row in parameters if not row["of_interest"]],
-        "base": [(pair["name"], _plain(pair["a"]), _plain(pair["b"]), _ratio(pair)) for pair in content["base"]],
+        "base": [
+            (pair["name"], _number_text(pair["a"]), _number_text(pair["b"]), _ratio_text(pair))
+            for pair in content["base"]
+        ],
         "places": content["where"][:SHOWN_PLACES],
         "more_places": content["where"][SHOWN_PLACES:],
         "data": _downloads(content),
@@ -48,18 +51,17 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
 
 
 def comparison_lines(content: Mapping[str, Any]) -> list[str]:
-    """The comparison as lines for a terminal: verdicts, gap, probabilities, parameters, places, what cannot be "
-    "compared."""
+    """The comparison as lines for a terminal: verdicts, gap, probabilities, parameters, places, and notes."""
     rows: list[tuple[str, ...]] = [
         ("", "A", "B"),
         ("experiment", *(content["experiment"][side] for side in SIDES)),
-        ("verdict", *(_verdict(content, side) for side in SIDES)),
+        ("verdict", *(_verdict_text(content, side) for side in SIDES)),
         ("group", *(", ".join(content["group"][side]) or NOTHING for side in SIDES)),
-        ("gap closed", *(_gap(content["gap"][side])["closed"] for side in SIDES)),
+        ("gap closed", *(_gap_texts(content["gap"][side])["closed"] for side in SIDES)),
     ]
     for pair in content["probabilities"]:
         if _largest(pair) >= TERMINAL_PROBABILITY:
-            rows.append((f"p({pair['name']})", *(_chance(pair[side]) for side in SIDES)))
+            rows.append((f"p({pair['name']})", *(_probability_text(pair[side]) for side in SIDES)))
     for row in content["parameters"]:
         if row["of_interest"]:
             shown = _parameter_row(row)
@@ -77,7 +79,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
 
 
 def _printable(said: str) -> str:
-    """Without control characters, which a terminal would obey."""
+    """Replace control characters, which a terminal would interpret."""
     return "".join(sign if sign.isprintable() else "?" for sign in said)
 
 
@@ -85,11 +87,11 @@ def _largest(pair: Mapping[str, Any]) -> float:
     return max(pair["a"] or 0.0, pair["b"] or 0.0)
 
 
-def _chance(value: float | None) -> str:
+def _probability_text(value: float | None) -> str:
     return NOTHING if value is None else percent(value)
 
 
-def _verdict(content: Mapping[str, Any], side: str) -> str:
+def _verdict_text(content: Mapping[str, Any], side: str) -> str:
     if not content["diagnosed"][side]:
         return "not diagnosed"
     verdict = content["verdict"][side]
@@ -97,7 +99,7 @@ def _verdict(content: Mapping[str, Any], side: str) -> str:
     return f"{spoken(verdict)} ({percent(chance)})"
 
 
-def _gap(gap: Mapping[str, Any]) -> dict[str, str]:
+def _gap_texts(gap: Mapping[str, Any]) -> dict[str, str]:
     """Base, with the effect, floor, and the share closed, as text."""
     numbers = {
         key: NOTHING if gap[key] is None else f"{gap[key]:.3g}"
@@ -113,7 +115,7 @@ def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
-    return pair["name"], chart(axis, marks), _chance(pair["a"]), _chance(pair["b"])
+    return pair["name"], chart(axis, marks), _probability_text(pair["a"]), _probability_text(pair["b"])
 
 
 def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -132,17 +134,17 @@ def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:
     known = {side: row[side] for side in SIDES if row[side] is not None}
     axis = axis_over([v for own in known.values() for v in (own["value"], *own["ci95"])], zero=False)
     marks = [
-        Mark(SIDES[side], own["value"], own["ci95"][0], own["ci95"][1], f"{side.upper()}: {_value(own)}")
+        Mark(SIDES[side], own["value"], own["ci95"][0], own["ci95"][1], f"{side.upper()}: {_value_text(own)}")
         for side, own in known.items()
     ]
     units = {own["unit"] for own in known.values()}
     return {
-        **row, "a": _value(row["a"]), "b": _value(row["b"]), "chart": chart(axis, marks),
+        **row, "a": _value_text(row["a"]), "b": _value_text(row["b"]), "chart": chart(axis, marks),
         "judged": JUDGED[row["agree"]], "unit": " / ".join(sorted(units - {"1", "choice"})),
     }  # fmt: skip
 
 
-def _value(own: Mapping[str, Any] | None) -> str:
+def _value_text(own: Mapping[str, Any] | None) -> str:
     if own is None:
         return NOTHING
     low, high = own["ci95"]
@@ -150,11 +152,11 @@ def _value(own: Mapping[str, Any] | None) -> str:
     return f"{number(own['value'], half or None)}" + (f" ({interval(low, high)})" if half else "")
 
 
-def _plain(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return NOTHING if value is None else f"{value:.4g}"
 
 
-def _ratio(pair: Mapping[str, Any]) -> str:
+def _ratio_text(pair: Mapping[str, Any]) -> str:
     return f"{pair['b'] / pair['a']:.3g}" if pair["a"] and pair["b"] is not None else NOTHING
 
 

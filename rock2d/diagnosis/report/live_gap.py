@@ -1,8 +1,7 @@
-"""The live view of a diagnosis: a film against the model with chosen causes, as data for live_gap.js.
+"""The live view of a diagnosis: a film compared with the model with chosen causes, as data for live_gap.js.
 
-Every combination of causes is a fit of its own, one of those that the budget compares: law and causes are fitted anew,
-and each release is predicted by the fit without it. Nothing is fitted here. The script shows what is computed here, and
-computes nothing but where things lie on the screen.
+Each combination of causes is one of the fits of the budget: law and causes are fitted together, and each release is
+predicted by the fit without it. Nothing is fitted here. The script only displays what is computed here.
 """
 
 from __future__ import annotations
@@ -43,17 +42,17 @@ from rock2d.wording import listed, spoken
 
 Array = np.ndarray
 
-MOST_BYTES = 1_900_000  # that the data add to a page
-MOST_NUMBERS = 2_000_000  # of frames that are packed; they take about two bytes each
+MOST_BYTES = 1_900_000  # size of the data in a page
+MOST_NUMBERS = 2_000_000  # packed numbers of frames, of about two bytes each
 OUTLINE_POINTS = 32
 LEAST_SIZES = (0.0, *(least for least, _, _ in MISS_CLASSES[1:]), 4.0)  # residuals to choose from, in σ
-LEARNT = "learnt"  # in the address
+LEARNT = "learnt"  # name of the learnt changes in the address
 
 
 @dataclass(frozen=True)
 class ModelWords:
-    """A model in words: its name, how large its gap is, that as a bar; misses (what, base law, this model) and passing
-    frequencies (what, film, base law, this model)."""
+    """A model in words: its name, a sentence on its gap, the gap as a bar, misses (what, base law, this model) and
+    passing frequencies (what, film, base law, this model)."""
 
     label: str
     said: str
@@ -69,11 +68,11 @@ class LiveGap:
     Attributes
     ----------
     data : JSON that holds no "<"
-    causes : for each box to tick: name, origin, what it closes as a bar and in words
-    models : every combination that was computed, the base law first
-    blocks, zones, phases, sizes : to choose from
-    checks : whether there are any
-    notes : what was thinned and left out
+    causes : for each check box: name, origin, share that it closes as a bar and in words
+    models : every computed combination, the base law first
+    blocks, zones, phases, sizes : options to choose from
+    checks : whether there are checks
+    notes : sentences on what was left out
     """
 
     data: str
@@ -93,8 +92,8 @@ class _Model:
 
     Attributes
     ----------
-    causes : their positions among the boxes; the last box is what was learnt
-    label, gap, share : its name, its gap, and the share that it closes
+    causes : positions of its causes among the check boxes; the last box is for the learnt changes
+    label, gap, share : name, gap, and share of the gap that it closes
     own : the fit with its residuals on held-out releases
     poses : (n, k, 3) of the segments of the film, each predicted by the fit without its release
     """
@@ -112,7 +111,7 @@ def live_gap(
 ) -> LiveGap | None:
     """The live view of a diagnosed film; None if it has no impacts.
 
-    `passing`: passing frequencies of the film and of the models `named`, name -> fit
+    `passing`: passing frequencies of the film and of the models in `named` (name -> fit)
     """
     data = result.data
     assert isinstance(data, FilmData)
@@ -126,17 +125,17 @@ def live_gap(
     checks = result.checks.all if result.checks is not None else []
     names = [cause["effect"] for cause in causes] + [LEARNT] * any(len(causes) in m.causes for m in models)
     known = {
-        **_scene(result, data), "causes": names, "models": [m.causes for m in models],
+        **_static_data(result, data), "causes": names, "models": [m.causes for m in models],
         "labels": [m.label for m in models], "channels": channel_words(items, len(blocks), len(zones)),
         "channel_names": [["all channels", *CHANNELS[phase]] for phase in PHASES],
         "phases": PHASES, "zones": list(map(spoken, zones)), "sizes": LEAST_SIZES, "classes": MISS_CLASSES,
-        "checks": list(map(_check, checks)),
+        "checks": list(map(_check_data, checks)),
     }  # fmt: skip
-    moving, notes = _moving(result, data, segments, models, items, MOST_BYTES - len(compact(known)))
+    moving, notes = _moving_data(result, data, segments, models, items, MOST_BYTES - len(compact(known)))
     simulated = {k: name for k, m in enumerate(models) for name, fit in named.items() if m.own.fit is fit}
     return LiveGap(
-        in_page(known | moving), _boxes(result, content, causes, names),
-        _words(models, data, segments, simulated, passing), list(map(spoken, blocks)),
+        in_page(known | moving), _cause_boxes(result, content, causes, names),
+        _model_words(models, data, segments, simulated, passing), list(map(spoken, blocks)),
         list(map(spoken, zones)), [f"{phase}s" for phase in PHASES],
         ["any size", *(f"{least:g} σ and more" for least in LEAST_SIZES[1:])], bool(checks), notes,
     )  # fmt: skip
@@ -146,7 +145,7 @@ def live_gap(
 
 
 def _models(result: Diagnosis, data: FilmData, segments: Segments, causes: Sequence[str]) -> list[_Model]:
-    """The base law, the known sets of causes, and what was learnt beside all of them."""
+    """The base law, the known sets of causes, and the model with learnt changes."""
     found, budget = result.found, result.budget
     assert found is not None and budget is not None
     models = []
@@ -164,10 +163,10 @@ def _models(result: Diagnosis, data: FilmData, segments: Segments, causes: Seque
     return models
 
 
-def _boxes(
+def _cause_boxes(
     result: Diagnosis, content: Mapping[str, Any], causes: Sequence[Mapping[str, Any]], names: Sequence[str]
 ) -> list[tuple[str, str, Markup, str]]:
-    """Each cause with what it closes: on the mean over all orders, as in the budget; alone; and beside all others."""
+    """Each cause with the share that it closes: mean over all orders, as in the budget; alone; and after all others."""
     assert result.budget is not None
     sets, axis, found = result.budget.sets, Axis(0.0, 100.0), list[tuple[str, str, Markup, str]]()
     every = frozenset(cause["effect"] for cause in causes)
@@ -200,14 +199,14 @@ def _boxes(
     return found
 
 
-def _words(
+def _model_words(
     models: Sequence[_Model],
     data: FilmData,
     segments: Segments,
     passing: Mapping[int, str],
     rows: Sequence[Row],
 ) -> list[ModelWords]:
-    """Gap and misses of every model; `passing`: position of a model -> the name that it has in the `rows`."""
+    """Gap and misses of every model; `passing`: position of a model -> its name in the `rows`."""
     film = measured(data, segments)
     places = ("place at the end of a segment", "angle at the end of a segment", "velocity after an impact")
     misses, words = [], []
@@ -237,8 +236,8 @@ def _words(
 # --- what is shown ------------------------------------------------------------------------------------
 
 
-def _scene(result: Diagnosis, data: FilmData) -> dict[str, Any]:
-    """What stands still, the blocks, and the flights as thin lines."""
+def _static_data(result: Diagnosis, data: FilmData) -> dict[str, Any]:
+    """Data that do not change: ground, blocks, and flights as lines."""
     ground, blocks = result.experiment.cross_section, result.experiment.blocks
     colours = block_colours(blocks)
     flights = tables.flight_paths(data, tables.signs_of(result))
@@ -255,10 +254,10 @@ def _scene(result: Diagnosis, data: FilmData) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _moving(
+def _moving_data(
     result: Diagnosis, data: FilmData, segments: Segments, models: Sequence[_Model], items: Items, room: int
 ) -> tuple[dict[str, Any], list[str]]:
-    """Frames, impacts and flights of the releases that fit into `room` bytes, and what was left out."""
+    """Frames, impacts and flights of the releases that fit into `room` bytes, and notes on what was left out."""
     count, step = len(data.order), frame_step(result, data)
     share = min(MOST_NUMBERS * step / (len(data.film.t_s) * (4 + 3 * len(models))), 1.0)
     while True:
@@ -283,15 +282,15 @@ def _moving(
     return found, notes
 
 
-def _check(check: Check) -> dict[str, Any]:
-    """A check with its place among the replicates."""
+def _check_data(check: Check) -> dict[str, Any]:
+    """Data of a check, with its rank among the replicates."""
     low, _, high = check.replicates
-    far = round(check.p * (1 + REPLICATES)) - 1  # the film itself is counted
+    far = round(check.p * (1 + REPLICATES)) - 1  # p counts the film itself
     said = (
         f"{check.name} ({spoken(check.largest)}): this film {check.value:.2f}; 90 % of the replicates are from "
         f"{low:.2f} to {high:.2f}, {far} of {REPLICATES} are as far out (p {p_text(check.p)})."
     )
-    verdict = "The model would hardly have made this." if check.fails else "The model would make this."
+    verdict = "The model would hardly produce this." if check.fails else "The model would produce this."
     return {
         "name": check.name, "value": check.value, "fails": check.fails, "said": f"{said} {verdict}",
         "percentiles": [float(f"{v:.4g}") for v in check.percentiles],

@@ -24,9 +24,9 @@ from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X
 
 Array = np.ndarray
 
-# from one shown frame to the next a block moves at most so far, in this share of the time
+# the largest move of a block between shown frames, and the share of the frames in which it is kept
 SHOWN_MOVE_RADII, FAST = 0.25, 0.9
-WORST_SHARE = 0.25  # of the releases that are shown where not all are: those that the base law misses most
+WORST_SHARE = 0.25  # if not all releases are shown, share of those that the base law misses most
 IMPACT, FLIGHT = range(2)
 PHASES = ("impact", "flight")
 IMPACT_UNITS = (("m/s", "mm"), ("m/s", "mm"), ("rad/s", "°"))
@@ -36,14 +36,14 @@ IN_UNIT = {"m/s": 1.0, "rad/s": 1.0, "mm": 1e3, "°": 180.0 / np.pi}
 
 @dataclass
 class Items:
-    """The n impacts and flights of a film, impacts first, and what each of k models leaves of them.
+    """The n impacts and flights of a film, impacts first, and their residuals in each of k models.
 
     Attributes
     ----------
-    phase, release, block, zone : (n,)
-    t_s, until_s : (n,) since the beginning of the release: end of the flight before an impact, and beginning of the
-        flight after it; middle of a flight
-    place_m : (n, 2) of the centroid
+    phase, release, block, zone : (n,) indices
+    t_s, until_s : (n,) time since the beginning of the release: for an impact the end of the previous and the beginning
+        of the next flight; for a flight its middle
+    place_m : (n, 2) position of the centroid
     incident, outgoing : (n, 3) measured velocities of impacts along and across the ground, and spin; else NaN
     squares : (k, n, 3, c) squares of the residuals of the three channels, in standard deviations, clipped
     misses : (k, n, 3, 2) residuals of the channels in SI: of impacts rates and poses; of flights their bend, root mean
@@ -90,7 +90,7 @@ class Items:
         middles = middle - began[flights.release]
         after_s = middle[impacts.after] + impacts.begin_s - began[impacts.release]
         none = np.full((len(flights), 3), np.nan)
-        squares, misses = zip(*(_left(result, data, own) for own in models), strict=True)
+        squares, misses = zip(*(_squares_and_misses(result, data, own) for own in models), strict=True)
         return cls(
             np.repeat([IMPACT, FLIGHT], [len(impacts), len(flights)]),
             np.concatenate([impacts.release, flights.release]), np.concatenate([impacts.block, flights.block]),
@@ -102,8 +102,8 @@ class Items:
         )  # fmt: skip
 
     def channels(self, phase: int, block: int | None, zone: int | None) -> tuple[int, list[list[str]]]:
-        """Number of the impacts or flights of a block in a zone (None: all); for all channels together, then for each
-        channel, and for each model the typical residual, with the median misses of the channel, in words."""
+        """Number of the impacts or flights of a block in a zone (None: all); and in words for each model, for all
+        channels together and then each channel: typical residual, with the median misses of the channel."""
         own = self.phase == phase
         own &= (block is None or self.block == block) & (zone is None or self.zone == zone)
         units = (IMPACT_UNITS, FLIGHT_UNITS)[phase]
@@ -112,7 +112,7 @@ class Items:
         together = [f"{typical(squares[own].reshape(own.sum(), -1)):.1f} σ" for squares in self.squares]
         each = [
             [
-                f"{typical(squares[own, c]):.1f} σ ({_units(misses[own, c], of)})"
+                f"{typical(squares[own, c]):.1f} σ ({_median_words(misses[own, c], of)})"
                 for squares, misses in zip(self.squares, self.misses, strict=True)
             ]
             for c, of in enumerate(units)
@@ -120,8 +120,8 @@ class Items:
         return int(own.sum()), [together, *each]
 
     def table(self, keep: Array) -> dict[str, Any]:
-        """Rows of those that are kept (n,), as 32-bit numbers, column by column: what is measured; then for each model
-        the size of the residual in σ, its poses in mm and degrees, and the velocities that it predicts."""
+        """Rows of the items in the mask `keep` (n,), as 32-bit numbers column by column: measured values; then for each
+        model the size of the residual in σ, the misses in mm and degrees, and the predicted velocities."""
         measured = [self.release, self.block, self.zone, self.phase, self.t_s, self.until_s, *self.place_m.T]
         columns = [*measured, *self.incident.T, *self.outgoing.T]
         shown = [IN_UNIT["mm"], IN_UNIT["mm"], IN_UNIT["°"]]
@@ -132,7 +132,7 @@ class Items:
         return {"rows": packed(raw), "count": int(keep.sum()), "measured": len(measured)}
 
 
-def _units(misses: Array, units: Sequence[str]) -> str:
+def _median_words(misses: Array, units: Sequence[str]) -> str:
     """Medians of misses (n, 2) in their units."""
     sizes = [
         np.abs(own[np.isfinite(own)]) * IN_UNIT[unit] for own, unit in zip(misses.T, units, strict=False)
@@ -141,7 +141,7 @@ def _units(misses: Array, units: Sequence[str]) -> str:
     return ", ".join(f"{value} {unit}".replace(" °", "°") for value, unit in zip(said, units, strict=True))
 
 
-def _left(result: Diagnosis, data: FilmData, own: Validated) -> tuple[Array, Array]:
+def _squares_and_misses(result: Diagnosis, data: FilmData, own: Validated) -> tuple[Array, Array]:
     """`squares` and `misses` of a model."""
     assert result.found is not None
     residuals = own.held_out.residuals
@@ -164,7 +164,7 @@ def channel_words(items: Items, blocks: int, zones: int) -> list[list[list[Any]]
 
 
 def shown_releases(items: Items, count: int, share: float) -> Array:
-    """(count,) bool, a share of the releases: those that the base law misses most, and the first ones."""
+    """(count,) mask of a share of the releases: those that the base law misses most, and the first ones."""
     if share >= 1.0:
         return np.ones(count, bool)
     most = max(int(share * count), 1)
@@ -181,7 +181,7 @@ def frames_table(
     result: Diagnosis, data: FilmData, segments: Segments, poses: Sequence[Array], shown: Array
 ) -> dict[str, Any]:
     """Frames of the `shown` releases (releases,): instant and measured pose, and for each model how far the predicted
-    pose is off; 0 outside the segments. The first and the last frame of each segment are there, too."""
+    pose is off; 0 outside the segments. The first and the last frame of each segment are always included."""
     film, signs, models = data.film, np.array(signs_of(result)), len(poses)
     off, segment = np.zeros((len(film.t_s), models, 3)), np.full(len(film.t_s), -1)
     kept = np.zeros(len(film.t_s), bool)
@@ -210,7 +210,7 @@ def frames_table(
 
 
 def frame_step(result: Diagnosis, data: FilmData) -> int:
-    """Of how many frames one is shown."""
+    """Number k if every k-th frame is shown."""
     film = data.film
     same = np.diff(film.release) == 0
     moved = np.hypot(*np.diff(film.pose[:, :2], axis=0)[same].T)

@@ -1,8 +1,8 @@
 """The gap in the terms of a practitioner: passing frequencies, energies, bounce heights and runout, measured and
 simulated.
 
-Simulated films have the camera's instants and noise and are evaluated exactly as the measured one. An impact table has
-no flights between impacts, so only the energy after each impact is compared.
+Simulated films have the camera's instants and noise and are evaluated in the same way as the measured film. An impact
+table has no flights between impacts, so only the energy after each impact is compared.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # 
 
 @dataclass(frozen=True)
 class CountedEstimate:
-    """A number with its 95 % interval; `count` values went into it."""
+    """A number with its 95 % interval, from `count` values."""
 
     value: float
     low: float
@@ -43,7 +43,7 @@ class CountedEstimate:
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity of one block, at one line or place: model -> estimates (one, or one a percentile)."""
+    """A quantity of a block at a line or place; `models`: model -> estimates (one, or one for each percentile)."""
 
     block: str
     place: str
@@ -61,7 +61,7 @@ class Quantity:
 
 
 def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
-    """The experiment's measure lines, or three upright ones on the uphill facing; and a note on what was assumed."""
+    """The experiment's measure lines, or three vertical lines on the uphill facing; and a note on the assumption."""
     cross_section = experiment.cross_section
     if cross_section.measure_lines:
         return dict(cross_section.measure_lines), ""
@@ -77,8 +77,8 @@ def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array
         x = x0 + (height - y0) / (y1 - y0) * (x1 - x0)
         lines[name] = np.array([[x, height], [x, max(top_m, height) + rise.height_m]])
     return lines, (
-        "The experiment states no measure lines. The lines used here are upright. Their feet lie on the uphill facing, "
-        "at 1/3 and 2/3 of its height and at the crest."
+        "The experiment states no measure lines. The lines used here are vertical. Their feet lie on the uphill "
+        "facing, at 1/3 and 2/3 of its height and at the crest."
     )
 
 
@@ -89,18 +89,18 @@ def film_quantities(
     lines: Mapping[str, Array],
     seed: int = 0,
 ) -> list[Quantity]:
-    """Quantities of releases: model name -> poses (repetitions, n, k, 3) on the instants of `film`."""
+    """Quantities of releases; `models`: name -> poses (repetitions, n, k, 3) at the instants of `film`."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     blocks = list(experiment.blocks.values())
     kinds = [b for b in range(len(blocks)) if (film.block == b).any()]
-    found = {name: _read(experiment, film, poses, lines) for name, poses in models.items()}
+    found = {name: _release_values(experiment, film, poses, lines) for name, poses in models.items()}
 
-    def rows(key: str, place: str, reach: bool = False) -> list[Row]:
+    def rows(key: str, place: str, as_frequency: bool = False) -> list[Row]:
         out = []
         for b in kinds:
             own = film.block == b
             row = {
-                m: _frequency(v[key][:, own], rng) if reach else _percentiles(v[key][:, own], rng)
+                m: _frequency(v[key][:, own], rng) if as_frequency else _percentiles(v[key][:, own], rng)
                 for m, v in found.items()
             }
             out.append(Row(blocks[b].name, place, row))
@@ -111,7 +111,7 @@ def film_quantities(
 
     quantities = []
     if lines:
-        passing = by_block([rows(f"energy {name}", name, reach=True) for name in lines])
+        passing = by_block([rows(f"energy {name}", name, as_frequency=True) for name in lines])
         quantities.append(Quantity(PASSING, "%", passing, ()))
         energy = by_block([rows(f"energy {name}", name) for name in lines])
         quantities.append(Quantity("Kinetic energy at the lines", *_energy_unit(energy)))
@@ -126,8 +126,8 @@ def film_quantities(
 def table_quantities(
     experiment: Experiment, data: TableData, models: Mapping[str, Array], seed: int = 0
 ) -> list[Quantity]:
-    """The energy after each impact: model name -> residuals (n, 3) of the velocities along and across the ground and of
-    the spin, simulated minus measured."""
+    """The energy after each impact; `models`: name -> residuals (n, 3) of the velocities along and across the ground
+    and of the spin, simulated minus measured."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     blocks = list(experiment.blocks.values())
     after = data.after
@@ -148,10 +148,10 @@ def table_quantities(
     return [Quantity("Kinetic energy after an impact", *_energy_unit(rows))]
 
 
-def _read(
+def _release_values(
     experiment: Experiment, film: Releases, poses: Array, lines: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Values (repetitions, n) of every quantity; NaN where a release has none."""
+    """Quantity -> values (repetitions, n); NaN where a release has none."""
     blocks = list(experiment.blocks.values())
     repetitions, n, k, _ = poses.shape
     flat, t = poses.reshape(-1, k, 3), np.tile(film.t_s, (repetitions, 1))
@@ -189,7 +189,7 @@ def _half_window(experiment: Experiment, block: Block, t_s: Array) -> int:
 
 
 def _crossings(t: Array, pose: Array, line: Array, half: Array) -> Array:
-    """(n, 7) instant and state at the first crossing of a line by each release; NaN if never."""
+    """(n, 7) instant and state at the first crossing of a line by each release; NaN without a crossing."""
     origin, along = line[0], line[1] - line[0]
     away = pose[..., :2] - origin
     side = away[..., 1] * along[0] - away[..., 0] * along[1]
@@ -209,7 +209,7 @@ def _crossings(t: Array, pose: Array, line: Array, half: Array) -> Array:
 
 
 def _velocities(t: Array, pose: Array, at: Array, half: Array) -> Array:
-    """(n, 3) velocities around frame `at` (n,), straight lines through `half` (n,) frames on either side."""
+    """(n, 3) velocities at frame `at` (n,), from lines fitted to `half` (n,) frames on either side."""
     widest = int(half.max(initial=2))
     frames = at[:, None] + np.arange(-widest, widest + 1)
     rows = np.arange(len(t))[:, None]
@@ -238,7 +238,7 @@ def _frequency(values: Array, rng: np.random.Generator) -> list[CountedEstimate]
 
 
 def _percentiles(values: Array, rng: np.random.Generator) -> list[CountedEstimate]:
-    """Percentiles of (repetitions, n) values with bootstrap intervals over releases; none of too few releases."""
+    """Percentiles of values (repetitions, n) with bootstrap intervals over releases; empty for too few releases."""
     count = int(np.isfinite(values).any(axis=0).sum())
     if count < FEWEST_VALUES:
         return []
@@ -255,7 +255,8 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[CountedEstimat
 
 
 def _quantiles(ranked: Array) -> Array:
-    """(m, percentiles) of rows sorted with NaN last, linear between values as numpy does it; NaN of an empty row."""
+    """(m, percentiles) percentiles of rows sorted with NaN last, by linear interpolation as in numpy; NaN for an empty
+    row."""
     last = np.isfinite(ranked).sum(axis=1) - 1
     at = np.maximum(last, 0)[:, None] * (np.array(COMPARED_PERCENTILES) / 100.0)
     below = at.astype(int)
@@ -265,15 +266,15 @@ def _quantiles(ranked: Array) -> Array:
 
 
 def _energy_unit(rows: list[Row]) -> tuple[str, list[Row]]:
-    """Unit that suits the size, and the rows in it."""
-    return _scaled(rows, ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")))
+    """A suitable unit, and the rows in this unit."""
+    return _rescaled(rows, ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")))
 
 
 def _length_unit(rows: list[Row]) -> tuple[str, list[Row]]:
-    return _scaled(rows, ((1.0, "m"), (1e-3, "mm")))
+    return _rescaled(rows, ((1.0, "m"), (1e-3, "mm")))
 
 
-def _scaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str, list[Row]]:
+def _rescaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str, list[Row]]:
     values = [e.value for row in rows for estimates in row.models.values() for e in estimates]
     largest = max(values, default=1.0)
     size, unit = next((u for u in units if largest >= u[0]), units[-1])

@@ -13,7 +13,7 @@ import numpy as np
 from rock2d.diagnosis.cross_validation import Validated
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis, zone_below
-from rock2d.diagnosis.gap import typical
+from rock2d.diagnosis.gap import typical_size
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.report.tables import corrected_setup, signs_of, touch_places
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
@@ -109,10 +109,10 @@ class Items:
         units = (IMPACT_UNITS, FLIGHT_UNITS)[phase]
         if not own.any():
             return 0, [["-"] * len(self.squares)] * (1 + len(units))
-        together = [f"{typical(squares[own].reshape(own.sum(), -1)):.1f} σ" for squares in self.squares]
+        together = [f"{typical_size(squares[own].reshape(own.sum(), -1)):.1f} σ" for squares in self.squares]
         each = [
             [
-                f"{typical(squares[own, c]):.1f} σ ({_median_words(misses[own, c], of)})"
+                f"{typical_size(squares[own, c]):.1f} σ ({_median_words(misses[own, c], of)})"
                 for squares, misses in zip(self.squares, self.misses, strict=True)
             ]
             for c, of in enumerate(units)

@@ -68,7 +68,7 @@ SPREADS = {
     "spread by channel": (CONSTANT,), "spread by zone and block": ("zone", "block"),
     "spread over releases": ("series",),
 }  # fmt: skip
-VELOCITIES = "what is left of velocities after impacts"
+VELOCITIES = "residual velocities after impacts"
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ class _RemainingPatterns:
         found = list[_Patterns]()
         for compared, table, dependences, side in (
             (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
-            ("mean of the bend of flights that is left", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
+            ("mean of the residual bend of flights", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
         ):
             for name, f, parts in self._functions(table, dependences, side):
                 columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
@@ -326,7 +326,7 @@ class _RemainingPatterns:
         free[np.arange(len(free)), :, own.release] += root * own.z
         first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
         agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
-        words = "agreement of what is left of impacts from nearly the same state"
+        words = "agreement of the residuals of impacts from nearly the same state"
         return [_Patterns("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
 
     def spreads(self) -> list[_Patterns]:

@@ -96,7 +96,7 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
         )
     if a.beside or b.beside:
         sentences.append(
-            "Where effects were found beside the verdict, the parameters compared here are still those of each "
+            "If effects were found in addition to the verdict, the parameters compared here are still those of each "
             "effect alone."
         )
     if a.gap.unit != b.gap.unit:

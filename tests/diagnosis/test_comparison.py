@@ -141,7 +141,7 @@ def test_effects_beside_the_verdict_are_named(compared):
     beside = {"effect": "air_drag", "base": one["base"], "parameters": {}, **GAIN}
     content, page, _ = compared({**one, "beside": [beside]}, one)
     assert content["beside"] == {"a": ["air_drag"], "b": []}
-    assert "found beside" in page and any("each effect alone" in note for note in content["notes"])
+    assert "found as well" in page and any("each effect alone" in note for note in content["notes"])
 
 
 def test_page_needs_no_network_and_escapes_what_files_say(compared):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from rock2d.effects.adhesion import ONSET_WAY
+from rock2d.effects.adhesion import ONSET_SHARE
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
@@ -106,7 +106,7 @@ def test_adhesion_takes_pull_times_way():
     before, later = rebound(plain), rebound(w)
     for engine, tolerance in (("pymunk", 1e-4), ("batch", 5e-3)):
         lost = 0.5 * M * (before[engine][1] ** 2 - later[engine][1] ** 2)
-        assert lost == pytest.approx(pull * indentation * (1 - ONSET_WAY / 2), rel=tolerance), engine
+        assert lost == pytest.approx(pull * indentation * (1 - ONSET_SHARE / 2), rel=tolerance), engine
 
 
 def test_a_strong_pull_keeps_the_block_in_its_indentation():

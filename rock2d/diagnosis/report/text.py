@@ -182,7 +182,7 @@ def _strongest_dependence(content: Mapping[str, Any]) -> str:
         return ""
     lever, group = remaining[0]["dependence"].split(" of ", 1)
     dependence = f", depending on the {group}" if group != "nothing" else ", equally everywhere"
-    return f" Its strongest trace: {HINTS[lever]}{dependence}."
+    return f" The strongest remaining dependence: {HINTS[lever]}{dependence}."
 
 
 def key_figures(
@@ -216,7 +216,9 @@ def key_figures(
     beside = _other_causes(content, verdict)
     if not beside:
         tiles.append(
-            Tile("Second effect", "none needed", "no other effect gains significantly beside this one")
+            Tile(
+                "Second effect", "none needed", "no other effect gains significantly in addition to this one"
+            )
         )
     tiles += [
         Tile("Further effect", spoken(c["effect"]), f"closes {share_closed(c['closes'], c['closes_ci95'])}")
@@ -331,7 +333,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
     cells = content["where"]
     if not _has_significant_place(content):
         return (
-            "No place stands out: nowhere are the residuals significantly larger than noise and soil explain."
+            "No place stands out: the residuals are nowhere significantly larger than noise and soil explain."
         )
     phase, of_phase = largest_share(cells, "phase")
     zone, of_zone = largest_share(cells, "zone")

@@ -100,14 +100,14 @@ def assign_causes(count: int, seed: np.random.SeedSequence) -> list[tuple[str, .
 
 def _groups(sizes: Sequence[int], rng: np.random.Generator) -> list[tuple[str, ...]]:
     """Groups of different effects with these sizes; all effects occur equally often over all groups."""
-    turns = _in_rounds(list(reality.FORMS), 2 * sum(sizes), rng)
-    found = []
+    queue = _in_rounds(list(reality.FORMS), 2 * sum(sizes), rng)
+    groups = []
     for size in sizes:
         group: list[str] = []
         while len(group) < size:
-            group.append(turns.pop(next(i for i, name in enumerate(turns) if name not in group)))
-        found.append(tuple(group))
-    return found
+            group.append(queue.pop(next(i for i, name in enumerate(queue) if name not in group)))
+        groups.append(tuple(group))
+    return groups
 
 
 def _in_rounds(names: Sequence[str], count: int, rng: np.random.Generator) -> list[str]:
@@ -175,9 +175,12 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
     block_ids = np.repeat(np.arange(n_blocks), fit_and_check)
     heldout, order = np.zeros(len(block_ids), bool), np.empty(len(block_ids), int)
     for b in range(n_blocks):
-        own = np.flatnonzero(block_ids == b)
-        heldout[rng.choice(own, fit_and_check - per_block, replace=False)] = True
-        for series in (own[heldout[own]], own[~heldout[own]]):
+        releases_of_block = np.flatnonzero(block_ids == b)
+        heldout[rng.choice(releases_of_block, fit_and_check - per_block, replace=False)] = True
+        for series in (
+            releases_of_block[heldout[releases_of_block]],
+            releases_of_block[~heldout[releases_of_block]],
+        ):
             order[series] = np.arange(len(series))
     return block_ids, order, heldout
 

@@ -59,15 +59,15 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     from rock2d.blind.scoring import scored_cases, summary, table
 
     cases = scored_cases(folder)
-    found = summary(cases)
+    numbers = summary(cases)
     text = table(cases).to_csv(index=False, float_format="%.6g", lineterminator="\n")
     write_whole(folder / "score.csv", text)
-    write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
-    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
-    for key, value in found.items():
+    write_whole(folder / "score.json", json.dumps(numbers, indent=1) + "\n")
+    write_page(cases, numbers, read_index(folder)["labels_sha256"], folder / "score.html")
+    for key, value in numbers.items():
         report(f"{key}: {value}")
     report(f"written: {folder / 'score.html'}")
-    return found
+    return numbers
 
 
 def inject(
@@ -96,8 +96,8 @@ def inject(
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         run_study(out, processes, workers.scheduler, bar.reach)
-    cases, found = recovered(out)
-    write_whole(out / LIMITS, json.dumps(found, indent=1, allow_nan=False) + "\n")
-    for line in [*case_lines(cases, found, names), *limit_lines(found)]:
+    cases, limits = recovered(out)
+    write_whole(out / LIMITS, json.dumps(limits, indent=1, allow_nan=False) + "\n")
+    for line in [*case_lines(cases, limits, names), *limit_lines(limits)]:
         report(line)
     report(f"written: {out / LIMITS}")

@@ -76,14 +76,14 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     """Diagnose a film on which cases will be based. Raises InputError if it cannot be diagnosed, or has too few
     releases to divide."""
     result = diagnosed_film(load_experiment(folder), folder, workers, progress)
-    table, found = result.experiment.trajectories, result.found
-    assert table is not None and found is not None
+    table, attribution = result.experiment.trajectories, result.found
+    assert table is not None and attribution is not None
     fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
     if table["release"].nunique() < fewest:
         raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
     effects = {name: catalogue()[name] for name in effects_of_size("")}
     curves = detection_curves(result, effects)
-    return Record(result.experiment, result.setup, found.settled, sorted(found.named), curves)
+    return Record(result.experiment, result.setup, attribution.settled, sorted(attribution.named), curves)
 
 
 def bases_of(
@@ -107,13 +107,13 @@ def write_record_case(
     0.5 has the ratio `SEEN_Z`, and the ratio grows with the root of the number of releases.
     """
     rng = np.random.default_rng(seed)
-    whole = record.experiment
-    assert whole.trajectories is not None
-    names = np.unique(whole.trajectories["release"])
+    original = record.experiment
+    assert original.trajectories is not None
+    names = np.unique(original.trajectories["release"])
     most = int(len(names) / (1.0 + HELDOUT_SHARE))
     count = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(most))))
     chosen = rng.permutation(names)[: count + math.ceil(HELDOUT_SHARE * count)]
-    films = [of_releases(whole, own) for own in (chosen[:count], chosen[count:])]
+    films = [of_releases(original, own) for own in (chosen[:count], chosen[count:])]
     model, p = record.fit.model, record.fit.p
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:
@@ -135,7 +135,7 @@ def write_record_case(
     blocks = record.setup.blocks
     return {
         "label": "+".join(sorted(causes)) or "none",
-        "base": whole.name,
+        "base": original.name,
         "of_record": record.named,
         "hidden": hidden,
         "signal_to_noise": math.hypot(*strengths),
@@ -144,6 +144,6 @@ def write_record_case(
         "releases": count,
         "fps": films[0].fps,
         "block_size_m": record.setup.mean_size_m,
-        "position_noise_m": whole.position_noise_m,
-        "angle_noise_rad": whole.angle_noise_rad,
+        "position_noise_m": original.position_noise_m,
+        "angle_noise_rad": original.angle_noise_rad,
     }

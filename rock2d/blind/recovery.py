@@ -92,8 +92,8 @@ def make_cases(
 
     `options`: kept in truth.json. Sizes are limited to plausible ones.
     """
-    found, known, cases = result.found, catalogue(), {}
-    assert found is not None
+    attribution, known, cases = result.found, catalogue(), {}
+    assert attribution is not None
     curves = detection_curves(result, {name: known[name] for name in effects})
     with atomic_folder(out / CASES) as folder:
         for k, (name, size) in enumerate(plan.of(limits_of(curves))):
@@ -103,21 +103,26 @@ def make_cases(
             size = min(size, largest_size(parameter), _largest_addition(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(
-                result.experiment, found.settled.model, found.settled.p, effect, values, plan.seed + k
+                result.experiment,
+                attribution.settled.model,
+                attribution.settled.p,
+                effect,
+                values,
+                plan.seed + k,
             )
             write_experiment(folder / f"{k:03d}", changed.experiment)
             # expected with the value of the original record, named or not
             added = values[parameter.name]
-            both = from_scale(parameter, to_scale(parameter, added) + to_scale(parameter, has))
-            both = float(np.hypot(has, added)) if effect.scatter else both
+            expected = from_scale(parameter, to_scale(parameter, added) + to_scale(parameter, has))
+            expected = float(np.hypot(has, added)) if effect.scatter else expected
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
                 "pieces": changed.pieces, "cut": changed.cut,
-                "expected": both * (changed.releases / changed.pieces if name in SERIES_EFFECTS else 1.0),
+                "expected": expected * (changed.releases / changed.pieces if name in SERIES_EFFECTS else 1.0),
             }  # fmt: skip
             on_case()
     curve_values = {n: asdict(c) for n, c in curves.items()}
-    truth = {**options, "named": sorted(found.named), "curves": curve_values, "cases": cases}
+    truth = {**options, "named": sorted(attribution.named), "curves": curve_values, "cases": cases}
     write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")
 
 
@@ -161,16 +166,16 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
     for name, case in truth["cases"].items():
         result, effect = read_json(folder / RESULTS / f"{name}.json"), case["effect"]
         names = {name: {name, *group} for name, group in result["named"].items()}
-        own = result["parameters"].get(effect, {}) if effect in names else {}
-        value = own[known[effect].parameters[0].name]["value"] if own else None
+        parameters = result["parameters"].get(effect, {}) if effect in names else {}
+        value = parameters[known[effect].parameters[0].name]["value"] if parameters else None
         seen = any(effect in group for group in names.values())
         if value is not None and effect in truth["named"]:
             seen = abs(value - case["expected"]) <= LARGEST_RELATIVE_ERROR * case["size"]
         false = sorted(name for name, group in names.items() if not group & {effect, *truth["named"]})
         cases.append({"case": name, **case, "seen": seen, "found": value, "false": false})
-    curves = {name: Curve(**own) for name, own in truth["curves"].items()}
-    shown = [(case["effect"], case["size"], case["seen"]) for case in cases]
-    return cases, limits_of(curves, shown)
+    curves = {name: Curve(**parameters) for name, parameters in truth["curves"].items()}
+    results = [(case["effect"], case["size"], case["seen"]) for case in cases]
+    return cases, limits_of(curves, results)
 
 
 def case_lines(

@@ -115,15 +115,15 @@ class ScoredCase:
 def scored_cases(folder: Path) -> list[ScoredCase]:
     """The cases of a trial that have a result; raises `InputError` if there are none."""
     paths = sorted((folder / RESULTS).glob("*.json"))
-    labels, found = read_labels(folder), []
+    labels, cases = read_labels(folder), []
     if not paths:
         raise InputError("found no results; `rock2d blind run` writes them", folder)
     for path in paths:
         try:
-            found.append(scored_case(path.stem, labels[path.stem], read_json(path)))
+            cases.append(scored_case(path.stem, labels[path.stem], read_json(path)))
         except (KeyError, TypeError, ValueError, AttributeError):
             raise InputError("expected a result of `rock2d blind run`", path, code="wrong_kind") from None
-    return found
+    return cases
 
 
 def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> ScoredCase:
@@ -193,11 +193,11 @@ def summary(cases: Sequence[ScoredCase]) -> dict[str, Any]:
 def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     return {
         "recall": {
-            beside: {
-                count: _by_strength(_named_hidden([c for c in own if low <= len(c.hidden) < high]))
+            name: {
+                count: _by_strength(_named_hidden([c for c in group if low <= len(c.hidden) < high]))
                 for count, (low, high) in COUNT_GROUPS.items()
             }
-            for beside, own in _by_outside(cases).items()
+            for name, group in _by_outside(cases).items()
         },
         "first_right_single": _by_strength(
             [
@@ -208,7 +208,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
             ]
         ),
         "precision": {"all": _precision(cases)}
-        | {beside: _precision(own) for beside, own in _by_outside(cases).items()},
+        | {name: _precision(group) for name, group in _by_outside(cases).items()},
         "nulls_with_a_cause_named": _nulls_named(cases),
         "sizes": size_summary(error for case in cases for error in case.sizes),
     }
@@ -223,7 +223,9 @@ def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
         "nothing": [c for c in cases if c.kind == "nothing"],
         "outside_cause_alone": [c for c in cases if c.kind == "outside cause" and not c.hidden],
     }
-    return {name: wilson_share([c.right for c in own if c.right is not None]) for name, own in groups.items()}
+    return {
+        name: wilson_share([c.right for c in group if c.right is not None]) for name, group in groups.items()
+    }
 
 
 def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]]:
@@ -247,7 +249,7 @@ def inclusion(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     return (
         _calibration(pairs)
         | {"undecidable": undecidable}
-        | {"by_effect": {name: _calibration(own) for name, own in effects.items() if own}}
+        | {"by_effect": {name: _calibration(of_effect) for name, of_effect in effects.items() if of_effect}}
     )
 
 
@@ -308,8 +310,8 @@ def _outside(cases: Iterable[ScoredCase]) -> dict[str, Any]:
     clear = [c for c in groups["with_outside"] if (c.outside or 0.0) >= CLEAR_SIGNAL_TO_NOISE]
     compared = [*clear, *groups["without_outside"]]
 
-    def claimed(own: Iterable[ScoredCase]) -> list[float]:
-        return wilson_share([c.p_outside >= CLAIMED_PROBABILITY for c in own])
+    def claimed(group: Iterable[ScoredCase]) -> list[float]:
+        return wilson_share([c.p_outside >= CLAIMED_PROBABILITY for c in group])
 
     return {
         "auroc": auroc(
@@ -337,14 +339,14 @@ def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]
 def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
     """Claimed minus true closure, for all cases and for each kind of label."""
     known = known_closures(cases)
-    groups = {"all": known} | {kind: [own for own in known if own[0] == kind] for kind in LABEL_KINDS}
+    groups = {"all": known} | {kind: [group for group in known if group[0] == kind] for kind in LABEL_KINDS}
     out = {}
-    for name, own in groups.items():
-        errors = [claimed - true for _, claimed, true in own]
+    for name, group in groups.items():
+        errors = [claimed - true for _, claimed, true in group]
         out[name] = {
             "median_claimed_less_true": median(errors),
-            "within_15_points": wilson_share([abs(each) <= CLOSURE_MARGIN for each in errors]),
-            "claimed_too_much": wilson_share([each > CLOSURE_MARGIN for each in errors]),
+            "within_15_points": wilson_share([abs(error) <= CLOSURE_MARGIN for error in errors]),
+            "claimed_too_much": wilson_share([error > CLOSURE_MARGIN for error in errors]),
         }
     return out
 
@@ -354,8 +356,8 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     relative reduction of the typical miss, and share of the cases in which the tail is not worse."""
     groups = {"all": list(cases)} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
     out = {}
-    for name, own in groups.items():
-        known = [c.missed for c in own if c.missed]
+    for name, group in groups.items():
+        known = [c.missed for c in group if c.missed]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share(

@@ -40,19 +40,19 @@ def signals_to_noise(case: Case) -> tuple[float, list[float]]:
     """Signal-to-noise of the hidden causes of a case together, and of each cause: of the part of its contribution that
     the other causes cannot imitate."""
     if len(case.hidden) <= 1:
-        own = signal_to_noise(case)
-        return own, [own] * len(case.hidden)
+        cause = signal_to_noise(case)
+        return cause, [cause] * len(case.hidden)
     together, *others = signatures(case, [case.hidden, *(
-        [h for h in case.hidden if h is not own] for own in case.hidden
+        [h for h in case.hidden if h is not cause] for cause in case.hidden
     )])  # fmt: skip
     added = np.array([together - other for other in others]).reshape(len(others), len(together))
-    found = []
+    ratios = []
     for i, contribution in enumerate(added):
         rest = np.delete(added, i, axis=0).T
-        found.append(
+        ratios.append(
             float(np.linalg.norm(contribution - rest @ np.linalg.lstsq(rest, contribution, rcond=None)[0]))
         )
-    return float(np.linalg.norm(together)), found
+    return float(np.linalg.norm(together)), ratios
 
 
 def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:

@@ -32,18 +32,18 @@ LEAST_GAP_RATIO = (
 def true_closure(case: Path, result: Diagnosis) -> float | None:
     """The share of the gap that is truly closed; None if there is no gap, the case has no twin, or one of its films
     cannot be segmented."""
-    found = result.found
+    attribution = result.found
     if not (case / TWIN).is_dir():
         return None
     (setup, start, sanity, data), (*_, held), (*_, twin) = (
         _read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN)
     )
-    if found is None or data is None or held is None or twin is None:
+    if attribution is None or data is None or held is None or twin is None:
         return None
     null = fit_base(setup, start, data, sanity.registered)
-    variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
-    base = _gap(held, found.base.model.residuals(found.base.p, held), variance)
-    closed = _gap(held, residuals_on(held, found.learnt), variance)
+    variance = np.median(np.diagonal(attribution.final.fit.covariance(), axis1=1, axis2=2), axis=0)
+    base = _gap(held, attribution.base.model.residuals(attribution.base.p, held), variance)
+    closed = _gap(held, residuals_on(held, attribution.learnt), variance)
     floor = _gap(twin, null.model.residuals(null.p, twin), variance)
     return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None
 

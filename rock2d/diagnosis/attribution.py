@@ -175,13 +175,13 @@ def _fit_from_grid(
 
     `effect_start`: start parameters of its effects.
     """
-    found = dict[int, list[Fit]]()
+    fits_of_reading = dict[int, list[Fit]]()
     jobs = [(model, reading, np.empty(0) if effect_start is None else effect_start) for reading in (0.0, 1.0)]
     for k, fits in processes.as_finished(_fits_from_grid, jobs):
-        found[k] = fits
+        fits_of_reading[k] = fits
         if bar is not None:
             bar.step("some releases")
-    best = max((fitted for k in sorted(found) for fitted in found[k]), key=Fit.total)
+    best = max((fitted for k in sorted(fits_of_reading) for fitted in fits_of_reading[k]), key=Fit.total)
     best = fit(best.model, data, best.p)
     if bar is not None:
         bar.step("all releases")
@@ -215,25 +215,25 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
     is not where the blocks strike it, some impacts are missed, and flights are cut short.
     """
-    known, found = catalogue(), None
-    setup, effects = base.model.setup, [known[name] for name in REGISTERED + IMITATES_REGISTERED]
+    effects_by_name, registered = catalogue(), None
+    setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
     model = Model(setup, base.model.base, effects)
     p = extended(base, model)
     first = [model.places[name].start for name in REGISTERED]
     for _ in range(MOST_REGISTRATIONS):
-        own = fit(model, data, p)
-        p, world = own.p, setup
-        if (np.abs(p) / np.sqrt(np.diag(own.p_covariance)))[first].max() < REGISTERED_Z:
+        fitted = fit(model, data, p)
+        p, world = fitted.p, setup
+        if (np.abs(p) / np.sqrt(np.diag(fitted.p_covariance)))[first].max() < REGISTERED_Z:
             break
         for name, values in zip(REGISTERED, model.values(p), strict=False):
-            world = known[name].apply(world, values)
+            world = effects_by_name[name].apply(world, values)
         again = FilmData.of(replace(data.film), world)
         if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(
             data.flight_release
         ):
             break
-        data, found = again, (again, world)
-    return found
+        data, registered = again, (again, world)
+    return registered
 
 
 def attribute(
@@ -268,7 +268,7 @@ def attribute(
                 break
             search = replace(search, base=better)
             search.try_alone()
-        largest = max(search.alone.values(), key=lambda own: search.gain(own, search.base).total)
+        largest = max(search.alone.values(), key=lambda candidate: search.gain(candidate, search.base).total)
         search = _restarted_from_grid(search, largest)
         search.run()
         if search.best.names != largest.names:

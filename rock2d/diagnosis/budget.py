@@ -174,14 +174,14 @@ def budget(
     open_gap = base - floor
 
     causes = {
-        name: share(own, open_gap, ends) for name, (own, ends) in _shapley_closures(gaps, named).items()
+        name: share(gap, open_gap, ends) for name, (gap, ends) in _shapley_closures(gaps, named).items()
     }
     predicted = np.minimum(with_learnt, floors[0])
     return Budget(
         float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
         float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0), open_gap),
         share(with_named - with_learnt, open_gap), share(base - with_learnt, open_gap),
-        {names: (float(own[0]), share(base - own, open_gap)) for names, own in gaps.items()},
+        {names: (float(gap[0]), share(base - gap, open_gap)) for names, gap in gaps.items()},
     )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def _shapley_closures(
     gaps: Mapping[Names, Array], named: Names
 ) -> dict[str, tuple[Array, tuple[Array, Array]]]:
     """Name -> (1 + draws,) gap that the cause closes: mean over all orders, and the smallest and largest."""
-    found = {}
+    closed = {}
     for name in sorted(named):
         steps = [
             (_order_share(len(names), len(named)), gaps[names] - gaps[names | {name}])
@@ -211,13 +211,13 @@ def _shapley_closures(
         ]
         weight = np.array([w for w, _ in steps])
         values = np.array([v for _, v in steps])
-        found[name] = (weight @ values / weight.sum(), (values.min(axis=0), values.max(axis=0)))
-    whole = gaps[frozenset()] - gaps[named]
-    total = np.sum([mean for mean, _ in found.values()], axis=0) if found else whole
+        closed[name] = (weight @ values / weight.sum(), (values.min(axis=0), values.max(axis=0)))
+    closed_together = gaps[frozenset()] - gaps[named]
+    total = np.sum([mean for mean, _ in closed.values()], axis=0) if closed else closed_together
     # where not all subsets are known the means do not sum to the whole exactly
-    factor = np.divide(whole, total, out=np.ones_like(whole), where=np.abs(total) > 1e-12)
+    factor = np.divide(closed_together, total, out=np.ones_like(closed_together), where=np.abs(total) > 1e-12)
     factor = np.clip(factor, 1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION)
-    return {name: (mean * factor, ends) for name, (mean, ends) in found.items()}
+    return {name: (mean * factor, ends) for name, (mean, ends) in closed.items()}
 
 
 def _order_share(before: int, count: int) -> float:

@@ -234,10 +234,10 @@ class _RemainingPatterns:
         """(releases, P) shift of the parameters by the residuals of each release, for the sign +1."""
         count = self._impacts.jacobian.shape[-1]
         pull, curvature = np.zeros((len(self._data.order), count)), np.zeros((count, count))
-        for own in (self._impacts, self._flights):
-            pulled = own.weight[..., None] * own.jacobian
-            pull += self._summed(own.release, np.einsum("ndp,nd->np", pulled, own.z))
-            curvature += np.einsum("ndp,ndq->pq", pulled, own.jacobian, optimize=True)
+        for side in (self._impacts, self._flights):
+            pulled = side.weight[..., None] * side.jacobian
+            pull += self._summed(side.release, np.einsum("ndp,nd->np", pulled, side.z))
+            curvature += np.einsum("ndp,ndq->pq", pulled, side.jacobian, optimize=True)
         size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
         return pull / size @ np.linalg.pinv(curvature / size / size[:, None], 1e-9, hermitian=True) / size
 
@@ -277,8 +277,8 @@ class _RemainingPatterns:
         absorb; no check if they absorb all."""
         left = sums - absorbed
         kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * (sums**2).sum(axis=0)).tolist()
-        own = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
-        return [own] if kept else []
+        patterns = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
+        return [patterns] if kept else []
 
     def _mean(
         self, name: str, compared: str, parts: Sequence[str], side: _Residuals, columns: Array
@@ -291,15 +291,15 @@ class _RemainingPatterns:
 
     def means(self) -> list[_Patterns]:
         """Patterns of the means of residuals of impacts and flights."""
-        found = list[_Patterns]()
+        patterns = list[_Patterns]()
         for compared, table, dependences, side in (
             (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
             ("mean of the residual bend of flights", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
         ):
             for name, f, parts in self._functions(table, dependences, side):
                 columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
-                found += self._mean(name, compared, parts, side, columns)
-        return found + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
+                patterns += self._mean(name, compared, parts, side, columns)
+        return patterns + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
 
     def _energy(self) -> list[_Patterns]:
         """Pattern of the energy after impacts, in standard deviations."""
@@ -317,13 +317,13 @@ class _RemainingPatterns:
 
     def _near_replicates(self) -> list[_Patterns]:
         """Pattern: residuals of impacts from nearly the same state in different releases have the same direction."""
-        own, pairs = self._impacts, near_pairs(self._data, self._world)
+        impacts, pairs = self._impacts, near_pairs(self._data, self._world)
         if not pairs:
             return []
-        root = np.sqrt(own.weight)
+        root = np.sqrt(impacts.weight)
         # (n, d, releases) residuals as a function of the signs
-        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.jacobian, self._parameter_shifts)
-        free[np.arange(len(free)), :, own.release] += root * own.z
+        free = -np.einsum("ndp,rp->ndr", root[..., None] * impacts.jacobian, self._parameter_shifts)
+        free[np.arange(len(free)), :, impacts.release] += root * impacts.z
         first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
         agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
         words = "agreement of the residuals of impacts from nearly the same state"
@@ -335,18 +335,18 @@ class _RemainingPatterns:
         from scipy.special import ndtri
         from scipy.stats import rankdata
 
-        own, found = self._impacts, list[_Patterns]()
-        known = own.weight[:, :1] > 0.0
-        z = np.einsum("ncd,nd->nc", own.channels, own.z)
+        impacts, patterns = self._impacts, list[_Patterns]()
+        known = impacts.weight[:, :1] > 0.0
+        z = np.einsum("ncd,nd->nc", impacts.channels, impacts.z)
         # normal scores of the sizes: symmetric, as random signs need it
         size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
         # derivatives of the log likelihood by the scatter of the soil
-        pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
-        soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
-        for name, f, parts in self._functions(SPREADS, IMPACT_DEPENDENCES, own):
+        pulled = np.einsum("nd,ndk->nk", impacts.z, self._soil) ** 2
+        soil = impacts.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
+        for name, f, parts in self._functions(SPREADS, IMPACT_DEPENDENCES, impacts):
             middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
             each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
             absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
-            sums = (self._summed(own.release, values) for values in (each, absorbed))
-            found += self._unabsorbed(name, f"size of {VELOCITIES}", parts, *sums)
-        return found
+            sums = (self._summed(impacts.release, values) for values in (each, absorbed))
+            patterns += self._unabsorbed(name, f"size of {VELOCITIES}", parts, *sums)
+        return patterns

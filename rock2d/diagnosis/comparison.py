@@ -54,13 +54,13 @@ def comparison(a: DiagnosisFile, b: DiagnosisFile) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _law(own: DiagnosisFile) -> dict[str, float]:
-    return own.fitted_law.model_dump() if own.fitted_law is not None else {}
+def _law(diagnosis: DiagnosisFile) -> dict[str, float]:
+    return diagnosis.fitted_law.model_dump() if diagnosis.fitted_law is not None else {}
 
 
-def diagnosed(own: DiagnosisFile) -> bool:
+def diagnosed(diagnosis: DiagnosisFile) -> bool:
     """Whether effects were tried: the experiment passed the sanity checks."""
-    return not own.sanity.faults and own.gap.base is not None
+    return not diagnosis.sanity.faults and diagnosis.gap.base is not None
 
 
 def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
@@ -134,9 +134,9 @@ def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     return sorted(pairs, key=lambda pair: -max(pair["a"] or 0.0, pair["b"] or 0.0))
 
 
-def _effects_of_interest(own: DiagnosisFile) -> set[str]:
-    likely = {name for name, p in own.probabilities.items() if p >= FEWEST_PROBABILITY}
-    return {own.verdict, *own.group, *likely, *(found.effect for found in own.beside)}
+def _effects_of_interest(diagnosis: DiagnosisFile) -> set[str]:
+    likely = {name for name, p in diagnosis.probabilities.items() if p >= FEWEST_PROBABILITY}
+    return {diagnosis.verdict, *diagnosis.group, *likely, *(further.effect for further in diagnosis.beside)}
 
 
 def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
@@ -146,9 +146,9 @@ def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     names = sorted({*a.effects, *b.effects}, key=lambda n: (n not in wanted, ranks.get(n, len(ranks)), n))
     rows = []
     for name in names:
-        own = [d.effects[name].parameters if name in d.effects else {} for d in (a, b)]
-        for key in dict.fromkeys([*own[0], *own[1]]):
-            first, second = (side.get(key) for side in own)
+        sides = [d.effects[name].parameters if name in d.effects else {} for d in (a, b)]
+        for key in dict.fromkeys([*sides[0], *sides[1]]):
+            first, second = (parameters_of_side.get(key) for parameters_of_side in sides)
             comparable = first is not None and second is not None and first.unit == second.unit
             rows.append({
                 "effect": name, "parameter": key, "of_interest": name in wanted,
@@ -158,8 +158,8 @@ def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     return rows
 
 
-def _value(own: FittedParameter | None) -> dict[str, Any] | None:
-    return own.model_dump(include={"value", "ci95", "unit"}) if own else None
+def _value(parameter: FittedParameter | None) -> dict[str, Any] | None:
+    return parameter.model_dump(include={"value", "ci95", "unit"}) if parameter else None
 
 
 def _closures(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:

@@ -94,9 +94,12 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
     fold = folds(data)
     residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
     parameters = list[Array]()
-    for k, (p, own) in enumerate(_fold_fits(fit, data)):
+    for k, (p, fold_residuals) in enumerate(_fold_fits(fit, data)):
         impacts, flights = fold[data.impact_release] == k, fold[data.flight_release] == k
-        residuals.impacts[impacts], residuals.flights[flights] = own.impacts[impacts], own.flights[flights]
+        residuals.impacts[impacts], residuals.flights[flights] = (
+            fold_residuals.impacts[impacts],
+            fold_residuals.flights[flights],
+        )
         parameters.append(p)
     return HeldOut(residuals, by_release(data, residuals, fit.covariance()), np.array(parameters))
 
@@ -120,13 +123,13 @@ def _fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
         before = _cost(fit.residuals, covariance, keep, fit.p - centre, prior_precision)
         for _ in range(MOST_SHORTENED):
             p = np.clip(fit.p - step, low, high)
-            own = fit.model.residuals(p, data)
-            if _cost(own, covariance, keep, p - centre, prior_precision) < before + ACCEPTED_COST:
+            residuals = fit.model.residuals(p, data)
+            if _cost(residuals, covariance, keep, p - centre, prior_precision) < before + ACCEPTED_COST:
                 break
             step = SHORTENED * step
         else:
-            p, own = fit.p, fit.residuals
-        yield p, own
+            p, residuals = fit.p, fit.residuals
+        yield p, residuals
 
 
 def _cost(

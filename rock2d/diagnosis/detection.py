@@ -105,17 +105,21 @@ class Curve:
 def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
     """Effect -> its curve. Left out are effects without a size, effects that these data cannot show, and effects that
     no plausible size would show."""
-    found, data = result.found, result.data
-    assert found is not None and data is not None
+    attribution, data = result.found, result.data
+    assert attribution is not None and data is not None
     # gain that may remain because the forms of the laws in the model are not exact
-    others = [found.evidence[name].own_gain.total for name in found.named if not catalogue()[name].camera]
+    others = [
+        attribution.evidence[name].own_gain.total
+        for name in attribution.named
+        if not catalogue()[name].camera
+    ]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
         parameter = size_parameter(effect, result.setup)
         if parameter is None or name in (result.unseen or {}):
             continue
-        added = _AddedEffect(found.settled, data, effect, result.setup, least)
+        added = _AddedEffect(attribution.settled, data, effect, result.setup, least)
         low, high = SMALLEST_TRIED * largest_size(parameter), largest_size(parameter)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
@@ -126,7 +130,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
             continue
         log50, log90 = np.interp([0.5, 0.9], probability, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
-        seen50, found_anyway = float(np.exp(log50)), name in found.named
+        seen50, found_anyway = float(np.exp(log50)), name in attribution.named
         curves[name] = Curve(
             seen50,
             float(steepness),
@@ -164,14 +168,14 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     covariance = np.linalg.inv(
         (design.T * (steepness**2 * chance * (1.0 - chance))) @ design + np.diag(precision)
     )
-    found = {}
-    for k, (name, own) in enumerate(curves.items(), 1):
+    result = {}
+    for k, (name, curve) in enumerate(curves.items(), 1):
         variance = covariance[0, 0] + 2.0 * covariance[0, k] + covariance[k, k]
-        flatter = np.sqrt(1.0 + np.pi / 8.0 * variance * own.steepness**2)
-        seen50 = own.seen50 * float(np.exp(shift[0] + shift[k]))
-        if seen50 <= own.largest:
-            found[name] = replace(own, seen50=seen50, steepness=float(own.steepness / flatter))
-    return found
+        flatter = np.sqrt(1.0 + np.pi / 8.0 * variance * curve.steepness**2)
+        seen50 = curve.seen50 * float(np.exp(shift[0] + shift[k]))
+        if seen50 <= curve.largest:
+            result[name] = replace(curve, seen50=seen50, steepness=float(curve.steepness / flatter))
+    return result
 
 
 def limits_of(
@@ -191,13 +195,13 @@ def read_limits(folder: Path, experiment: str) -> dict[str, dict[str, Any]]:
     experiment."""
     truth = read_json(folder / TRUTH)
     try:
-        found = TypeAdapter(dict[str, Limit]).validate_python(read_json(folder / LIMITS))
+        limits = TypeAdapter(dict[str, Limit]).validate_python(read_json(folder / LIMITS))
     except ValidationError:
         raise InputError("expected limits of effects", folder / LIMITS, code="not_a_result") from None
-    known = found.keys() <= catalogue().keys()
+    known = limits.keys() <= catalogue().keys()
     if not known or not isinstance(truth, dict) or truth.get("experiment") != experiment:
         raise InputError(f"expected limits of {experiment}", folder, code="not_a_result")
-    return {name: limit.model_dump() for name, limit in found.items()}
+    return {name: limit.model_dump() for name, limit in limits.items()}
 
 
 class _AddedEffect:

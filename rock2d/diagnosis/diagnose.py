@@ -141,19 +141,19 @@ def diagnose(
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         hidden_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in hidden_effects}
-        found = attribute(
+        attribution = attribute(
             base, data, visible, refitted=refitted, seed=seed, workers=workers, folder=folder, bars=bars
         )
-    result.data, result.found, result.unseen, result.seed = data, found, hidden_effects, seed
+    result.data, result.found, result.unseen, result.seed = data, attribution, hidden_effects, seed
     with bars.stage(GAP, 3, "steps") as bar:
-        gaps = Gaps(data, found, seed)
-        result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
+        gaps = Gaps(data, attribution, seed)
+        result.gaps = {name: gaps.of(candidate) for name, candidate in attribution.candidates.items()}
         result.budget = gaps.budget
         bar.step("budget")
-        result.cells = locate_gap(experiment, data, found, setup)
+        result.cells = locate_gap(experiment, data, attribution, setup)
         bar.step("places")
         if isinstance(data, FilmData) and len(data.impacts):
-            result.predicted = predicted_gap(data, found.sets[frozenset()], found.learnt, seed)
+            result.predicted = predicted_gap(data, attribution.sets[frozenset()], attribution.learnt, seed)
         bar.step("predictions")
     return result
 
@@ -227,32 +227,34 @@ def findings_of_film(
 
 
 def locate_gap(
-    experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
+    experiment: Experiment, data: FilmData | TableData, attribution: Attribution, setup: World
 ) -> list[Cell]:
     """The places of the gap. A flight belongs to the zone below its middle, a rest to the zone below its end."""
     cross_section, blocks = experiment.cross_section, list(experiment.blocks)
-    bare = None
-    if found.verdict == found.best and not found.chain[0].effect.camera:
+    law_residuals = None
+    if attribution.verdict == attribution.best and not attribution.chain[0].effect.camera:
         # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
         # that was fitted with the effect, with its air forces, shows where the ground is wrong.
-        model, p = found.final.fit.model, found.final.fit.p
-        law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
+        model, p = attribution.final.fit.model, attribution.final.fit.p
+        law = attribution.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
             law = model.applied(effect, law, values) if effect.phase == "flight" else law
-        bare = data.residuals(law).impacts
-    parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release, bare)]
+        law_residuals = data.residuals(law).impacts
+    parts = [
+        impact_part(attribution, data.impact_zone, data.impact_block, data.impact_release, law_residuals)
+    ]
     if isinstance(data, FilmData):
         flights = data.segmentation.flights
-        best = found.final.fit
+        best = attribution.final.fit
         # with the stated set-up, a mirrored film would be on the wrong side
         fitted = best.model.world(best.p, data.impact_order)
         below = zone_below(cross_section, data.states(fitted).middle[:, X])
-        parts.append(flight_part(found, below, flights.block, flights.release))
+        parts.append(flight_part(attribution, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight) and len(data.impacts):
             variance = rest_variance(data, rests, best)
             before, after = (
-                rest_squares(data, rests, fit, variance)[..., None] for fit in (found.base, best)
+                rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base, best)
             )
             zone, block = zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
             release = flights.release[rests.flight]

@@ -35,11 +35,11 @@ UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could
 
 def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     """Effect name -> parameter name -> value, 95 % interval and unit."""
-    out: dict[str, dict[str, dict[str, Any]]] = {}
+    values_of_effects: dict[str, dict[str, dict[str, Any]]] = {}
     model = fit.model
-    for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
+    for effect, parameters, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
         entries, first = [], model.places[effect.name].start
-        for k, (parameter, value) in enumerate(zip(own, values, strict=True), first):
+        for k, (parameter, value) in enumerate(zip(parameters, values, strict=True), first):
             half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):
                 low, high = value * np.exp(-half), value * np.exp(half)
@@ -54,28 +54,28 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
             if (name := parameter.called(float(value))) is not None:
                 entries[-1]["choice"] = name
         size = len(effect.parameters)
-        out[effect.name] = {
+        values_of_effects[effect.name] = {
             parameter.name: _mean_and_blocks(model, effect, entries[j::size])
             if model.has_own_parameters(effect)
             else entries[j]
             for j, parameter in enumerate(effect.parameters)
         }
-    return out
+    return values_of_effects
 
 
 def _mean_and_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """A parameter with a value for each block: the mean, and the values of all blocks that flew."""
     each = {
-        name: {key: own[key] for key in ("value", "ci95")}
-        for name, own in zip(model.flown, entries, strict=True)
+        name: {key: entry[key] for key in ("value", "ci95")}
+        for name, entry in zip(model.flown, entries, strict=True)
     }
-    value = float(np.mean([own["value"] for own in each.values()]))
-    half = float(np.linalg.norm([0.5 * np.ptp(own["ci95"]) for own in each.values()])) / len(each)
-    for name, own in each.items() if effect.name == air_drag.EFFECT.name else ():
+    value = float(np.mean([entry["value"] for entry in each.values()]))
+    half = float(np.linalg.norm([0.5 * np.ptp(entry["ci95"]) for entry in each.values()])) / len(each)
+    for name, entry in each.items() if effect.name == air_drag.EFFECT.name else ():
         factor = air_drag.coefficient(model.setup.blocks[name], 1.0)
-        own["drag_coefficient"] = {
-            "value": factor * own["value"],
-            "ci95": [factor * end for end in own["ci95"]],
+        entry["drag_coefficient"] = {
+            "value": factor * entry["value"],
+            "ci95": [factor * end for end in entry["ci95"]],
         }
     return {
         "value": value,
@@ -109,18 +109,18 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
 def film_sentences(result: Diagnosis) -> list[str]:
     """What the film says of itself, and whether the diagnosis agrees. The film alone shows neither the spin nor the
     forces in flight nor the contacts."""
-    film, found = result.film, result.found
+    film, attribution = result.film, result.found
     if film is None:
         return []
     sentences = film.sentences()
-    if found is None:
+    if attribution is None:
         return sentences
-    names = {effect for name in found.named for effect in (name, *found.group(name))}
+    names = {effect for name in attribution.named for effect in (name, *attribution.group(name))}
     if not ((film.off and not TWINS.keys() & names) or (film.turned and "camera_tilt" not in names)):
         return sentences
-    phases = {name: catalogue()[name].phase for name in [*sorted(found.named), *found.uncertain]}
+    phases = {name: catalogue()[name].phase for name in [*sorted(attribution.named), *attribution.uncertain]}
     acting = [name for name, phase in phases.items() if phase != "impact"]
-    learnt = [change.name for change in found.learnt.changes if change.lever == FLIGHT]
+    learnt = [change.name for change in attribution.learnt.changes if change.lever == FLIGHT]
     if acting or learnt:
         return [
             *sentences,
@@ -166,38 +166,45 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
 
 def _found_json(result: Diagnosis) -> dict[str, Any]:
     """The content for an experiment that was diagnosed."""
-    names, found, data = list(catalogue()), result.found, result.data
-    assert found is not None and data is not None and result.gaps is not None and result.cells is not None
+    names, attribution, data = list(catalogue()), result.found, result.data
+    assert (
+        attribution is not None and data is not None and result.gaps is not None and result.cells is not None
+    )
     assert result.budget is not None
     zones = result.experiment.cross_section.zone_names
     return {
-        "base": base_values(found.base),
+        "base": base_values(attribution.base),
         "law": {
-            "rolling_in_indentation": bool(found.base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()),
+            "rolling_in_indentation": bool(
+                attribution.base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
+            ),
             "fitted": bool(len(data.impact_release)),
         },
-        "verdict": found.verdict,
-        "group": [found.verdict, *found.group(found.verdict)] if found.verdict in names else [],
-        "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
+        "verdict": attribution.verdict,
+        "group": [attribution.verdict, *attribution.group(attribution.verdict)]
+        if attribution.verdict in names
+        else [],
+        "probabilities": dict.fromkeys(names, 0.0)
+        | {k: float(v) for k, v in attribution.probabilities.items()},
         "effects": {
             name: {"parameters": effect_values(c.fit)[name], "base": base_values(c.fit)}
             | _gain_json(c)
             | {"closure": result.gaps[name].closes, "closure_ci95": list(result.gaps[name].ci95)}
-            for name, c in found.candidates.items()
+            for name, c in attribution.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],
         "gap": _gap_json(result.budget),
-        "causes": _causes_json(found, result.budget, result.unseen or {}),
-        "outside": _outside_json(found, result.budget),
+        "causes": _causes_json(attribution, result.budget, result.unseen or {}),
+        "outside": _outside_json(attribution, result.budget),
         "floor": {
             "regression": result.budget.regression,
             "replicates": result.budget.replicates,
             "used": result.budget.used,
         },
-        "next_release": next_release(data, result.setup, found, result.cells, zones),
-        "unexplained": [{"dependence": d.name} | _gain_json(d) for d in found.unexplained],
-        "beside": _chain_json(found) if found.verdict == found.best else [],
-        "model": _model_json(found),
+        "next_release": next_release(data, result.setup, attribution, result.cells, zones),
+        "unexplained": [{"dependence": d.name} | _gain_json(d) for d in attribution.unexplained],
+        "beside": _chain_json(attribution) if attribution.verdict == attribution.best else [],
+        "model": _model_json(attribution),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
         "physical": _physical_json(result),
         "checks": result.checks.content() if result.checks is not None else [],
@@ -208,12 +215,12 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "gravity_m_s2": float(result.experiment.gravity_m_s2),
         "unseen": result.unseen,
-        "assumptions": [reading_sentence(found.base)],
+        "assumptions": [reading_sentence(attribution.base)],
     }
 
 
-def _gain_json(own: SummedGain) -> dict[str, float]:
-    return {"heldout_score_gain": own.total, "heldout_score_gain_se": own.error}
+def _gain_json(gain: SummedGain) -> dict[str, float]:
+    return {"heldout_score_gain": gain.total, "heldout_score_gain_se": gain.error}
 
 
 def _law_json(fit: Fit) -> dict[str, Any]:
@@ -234,17 +241,19 @@ def _share_json(share: Share) -> dict[str, Any]:
     return {"closes": share.closes, "closes_ci95": list(share.ci95), "closes_range": list(share.range)}
 
 
-def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) -> list[dict[str, Any]]:
+def _causes_json(attribution: Attribution, budget: Budget, unseen: Collection[str]) -> list[dict[str, Any]]:
     """The causes, most probable first: effects of the model with the share that each closes, and other possible effects
     with their parameters as a single effect."""
-    effects, joint_values = catalogue(), effect_values(found.final.fit) if found.named else {}
-    probabilities = inclusion_probabilities(found.evidence)
+    effects, joint_values = catalogue(), effect_values(attribution.final.fit) if attribution.named else {}
+    probabilities = inclusion_probabilities(attribution.evidence)
     out = []
     for name in sorted(probabilities, key=lambda n: -probabilities[n]):
-        if name not in found.named and probabilities[name] < LEAST_LISTED_PROBABILITY:
+        if name not in attribution.named and probabilities[name] < LEAST_LISTED_PROBABILITY:
             continue
         values = (
-            joint_values[name] if name in joint_values else effect_values(found.candidates[name].fit)[name]
+            joint_values[name]
+            if name in joint_values
+            else effect_values(attribution.candidates[name].fit)[name]
         )
         share = _share_json(budget.causes[name]) if name in budget.causes else NO_SHARE
         out.append(
@@ -253,10 +262,12 @@ def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) ->
                 "p": probabilities[name],
                 "parameters": values,
                 "origin": effects[name].origin,
-                "group": found.group(name)
+                "group": attribution.group(name)
                 + [other for other, twin in SPIN_TWINS.items() if twin == name and other in unseen],
-                "named": name in found.named,
-                "common": _common_quantity(name, values) if TWINS.get(name) in found.group(name) else None,
+                "named": name in attribution.named,
+                "common": _common_quantity(name, values)
+                if TWINS.get(name) in attribution.group(name)
+                else None,
             }
             | share
         )
@@ -276,12 +287,12 @@ def _common_quantity(name: str, parameters: dict[str, dict[str, Any]]) -> dict[s
     }
 
 
-def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
+def _outside_json(attribution: Attribution, budget: Budget) -> dict[str, Any]:
     """The part of the gap that depends on measured quantities, but has no named cause."""
-    changes = found.learnt.changes
-    names = [change.basis.name for change in changes] + [d.basis.name for d in found.unexplained]
+    changes = attribution.learnt.changes
+    names = [change.basis.name for change in changes] + [d.basis.name for d in attribution.unexplained]
     return {
-        "p": found.outside,
+        "p": attribution.outside,
         "share": budget.outside.closes,
         "share_ci95": list(budget.outside.ci95),
         "depends_on": list(dict.fromkeys(names)),
@@ -289,17 +300,21 @@ def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
             "closes": budget.closed_by_learnt.closes,
             "closes_ci95": list(budget.closed_by_learnt.ci95),
             "changes": [change.name for change in changes],
-            "effects": found.uncertain,
+            "effects": attribution.uncertain,
         }
         if changes
         else None,
     }
 
 
-def reported_effect(found: Attribution) -> str:
+def reported_effect(attribution: Attribution) -> str:
     """The effect whose gap is reported."""
-    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    return max(named, key=lambda name: found.candidates[name].total)
+    named = [
+        name
+        for name, c in attribution.candidates.items()
+        if name == attribution.verdict or not c.effect.scatter
+    ]
+    return max(named, key=lambda name: attribution.candidates[name].total)
 
 
 def reading_sentence(base: Fit) -> str:
@@ -320,39 +335,39 @@ def reading_sentence(base: Fit) -> str:
     )
 
 
-def _model_json(found: Attribution) -> dict[str, Any] | None:
+def _model_json(attribution: Attribution) -> dict[str, Any] | None:
     """The base law fitted with all causes; and the same with the learnt changes, for predictions of this set-up. None
     without causes and learnt changes."""
-    learnt = found.learnt
-    if not (found.named or learnt.changes):
+    learnt = attribution.learnt
+    if not (attribution.named or learnt.changes):
         return None
     changes = [
-        own.basis.content()
-        | {"lever": own.lever, "coefficients": own.coefficients.tolist()}
-        | _gain_json(own)
-        for own in learnt.changes
+        change.basis.content()
+        | {"lever": change.lever, "coefficients": change.coefficients.tolist()}
+        | _gain_json(change)
+        for change in learnt.changes
     ]
     changed = _law_json(learnt.fit) | {"changes": changes} if changes else None
-    return _law_json(found.settled) | {"learnt": changed}
+    return _law_json(attribution.settled) | {"learnt": changed}
 
 
-def _chain_json(found: Attribution) -> list[dict[str, Any]]:
+def _chain_json(attribution: Attribution) -> list[dict[str, Any]]:
     """The other effects of the chain, each with the parameters of all effects."""
-    return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in found.chain[1:]]
+    return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in attribution.chain[1:]]
 
 
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
     """Median errors for held-out releases: velocity after an impact, position and angle at the end of a segment."""
     assert result.found is not None
-    after = (result.found.base_held_out, result.found.learnt.held_out)
-    every = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]
-    speeds = [own[np.isfinite(own)] for own in every]
-    found = {"m_s": [float(np.median(own)) for own in speeds]} if all(map(len, speeds)) else {}
+    models = (result.found.base_held_out, result.found.learnt.held_out)
+    errors = [np.hypot(*model.residuals.impacts[:, -3:-1].T) for model in models]
+    speeds = [model[np.isfinite(model)] for model in errors]
+    misses = {"m_s": [float(np.median(model)) for model in speeds]} if all(map(len, speeds)) else {}
     if result.predicted is not None:
-        found |= dict(zip(("mm", "deg"), map(list, zip(*result.predicted.ends, strict=True)), strict=True))
+        misses |= dict(zip(("mm", "deg"), map(list, zip(*result.predicted.ends, strict=True)), strict=True))
     return {
         unit: {"base": base, "augmented": augmented}
-        for unit, (base, augmented) in found.items()
+        for unit, (base, augmented) in misses.items()
         if np.isfinite(base + augmented)
     }
 

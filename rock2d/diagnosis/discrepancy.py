@@ -60,7 +60,7 @@ class Discrepancy(SummedGain):
 def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[Discrepancy]:
     """All tried dependences of the levers `only`, the one with the largest gain first."""
     levers, linear = Levers(fit, data), LinearModel(fit, data)
-    found = []
+    dependences = []
     for lever, bases in levers.bases.items():
         if lever not in only:
             continue
@@ -74,5 +74,5 @@ def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[
             best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
             # the best of many bases of the same name has a gain by chance
             penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
-            found.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
-    return sorted(found, key=lambda d: -d.total)
+            dependences.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
+    return sorted(dependences, key=lambda d: -d.total)

@@ -60,13 +60,13 @@ def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
     """
     some = some_releases(data)
     if some.all():
-        found = explore(model, data.coarse(), base)
-        return Explored(found.p, found.total() - on_some, True)
+        best = explore(model, data.coarse(), base)
+        return Explored(best.p, best.total() - on_some, True)
     part = base.only(some[data.impact_release], some[data.flight_release])
-    found = explore(model, data.only(some).coarse(), part)
-    gain = found.total() - on_some
+    best = explore(model, data.only(some).coarse(), part)
+    gain = best.total() - on_some
     useful = gain > EXPLORED_GAIN
-    return Explored(found.p if useful else extended(base, model), gain, useful)
+    return Explored(best.p if useful else extended(base, model), gain, useful)
 
 
 def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: float = -np.inf) -> Fit:
@@ -98,11 +98,11 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
         p = scan(cached, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in starts):
             starts.append(p)
-    found = [_short_fit(cached, p, base) for p in starts]
+    fits = [_short_fit(cached, p, base) for p in starts]
     if any(q.must_choose for own in model.parameters for q in own):
         p = scan(cached, model.start(), WIDE_SCAN * base.covariance(), None)
-        found.append(fit(model, data, p, convergence=FEW_ROUNDS))
-    best = max(found, key=Fit.total)
+        fits.append(fit(model, data, p, convergence=FEW_ROUNDS))
+    best = max(fits, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
         again = scan(cached, best.p, best.covariance(), best.jacobian)
         if np.allclose(again, best.p):

@@ -227,8 +227,8 @@ def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobi
     step = after.p - before.p
     along = step / (step @ step)
     impacts, flights = (
-        own + np.nan_to_num(now - then - own @ step)[..., None] * along
-        for now, then, own in (
+        slope + np.nan_to_num(now - then - slope @ step)[..., None] * along
+        for now, then, slope in (
             (after.residuals.impacts, before.residuals.impacts, jacobian.impacts),
             (after.residuals.flights, before.residuals.flights, jacobian.flights),
         )
@@ -238,12 +238,12 @@ def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobi
 
 def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
     """Scatter at the start of a fit: of the soil, of effects that widen the scatter, and of fitted noise."""
-    own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
-    scatter = np.full(own + extra, START_SCATTER)
+    count, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
+    scatter = np.full(count + extra, START_SCATTER)
     if old is not None:
         known = len(old.scatter) - extra
-        scatter[: min(known, own)] = old.scatter[: min(known, own)]
-        scatter[own:] = old.scatter[known:]
+        scatter[: min(known, count)] = old.scatter[: min(known, count)]
+        scatter[count:] = old.scatter[known:]
     return scatter
 
 

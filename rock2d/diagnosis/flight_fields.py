@@ -41,20 +41,20 @@ def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
     """The paths of a film's flights in a world."""
     basis, flights = data.basis, data.segmentation.flights
     lengths = np.diff(basis.start)
-    own = np.repeat(np.arange(len(lengths)), lengths)
-    t_s = (data.film.t_s[basis.frames] - basis.middle[own]) * world.view.time_scale
-    path = move_freely(world, flights.block[own], data.states(world).middle[own], t_s)
-    release = flights.release[own]
+    flight = np.repeat(np.arange(len(lengths)), lengths)
+    t_s = (data.film.t_s[basis.frames] - basis.middle[flight]) * world.view.time_scale
+    path = move_freely(world, flights.block[flight], data.states(world).middle[flight], t_s)
+    release = flights.release[flight]
     began = data.film.t_s[np.searchsorted(data.film.release, release)]
     number = np.zeros(len(lengths))
     for i in np.flatnonzero(flights.follows >= 0):
         number[i] = number[flights.follows[i]] + 1
     quantities = path_quantities(world, path)
     quantities |= {
-        q.BLOCK: flights.block[own].astype(float),
+        q.BLOCK: flights.block[flight].astype(float),
         q.SERIES: data.order[release].astype(float),
         q.TIME_S: (data.film.t_s[basis.frames] - began) * world.view.time_scale,
-        q.HISTORY: np.minimum(number, q.MOST_COUNTED_IMPACTS)[own],
+        q.HISTORY: np.minimum(number, q.MOST_COUNTED_IMPACTS)[flight],
     }
     return FlightPaths(basis.start, t_s, quantities)
 

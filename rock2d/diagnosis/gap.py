@@ -26,20 +26,23 @@ SIGNIFICANT_CELL_Z = 2.0
 class Gaps:
     """The gap of an attribution: its budget, and the share that each effect closes alone."""
 
-    def __init__(self, data: Data, found: Attribution, seed: int) -> None:
-        covariance = found.final.fit.covariance()
+    def __init__(self, data: Data, attribution: Attribution, seed: int) -> None:
+        covariance = attribution.final.fit.covariance()
         self._sizes = sizes = ResidualSizes(data, covariance)
         self._draws = GapBootstrap(sizes, seed)
-        base, learnt = sizes.of(found.base_held_out.residuals), sizes.of(found.learnt.held_out.residuals)
-        regression = sizes.of_remaining(found.learnt_regressed)
-        world = found.final.fit.model.world(found.final.fit.p, data.impact_order)
-        ratio = replicate_ratio(data, world, clipped(sizes.z(found.learnt.held_out.residuals)))
+        base, learnt = (
+            sizes.of(attribution.base_held_out.residuals),
+            sizes.of(attribution.learnt.held_out.residuals),
+        )
+        regression = sizes.of_remaining(attribution.learnt_regressed)
+        world = attribution.final.fit.model.world(attribution.final.fit.p, data.impact_order)
+        ratio = replicate_ratio(data, world, clipped(sizes.z(attribution.learnt.held_out.residuals)))
         gap = self._draws.gap
         floors = gap(regression), self._draws.gap_after_reduction(learnt, sizes.impacts, ratio)
-        self._base, flexible = gap(base), gap(sizes.of_remaining(found.base_regressed))
+        self._base, flexible = gap(base), gap(sizes.of_remaining(attribution.base_regressed))
         self._floor = self._draws.floor([*floors, flexible], [self._base])
-        sets = {names: sizes.of(own.held_out.residuals) for names, own in found.sets.items()}
-        self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
+        sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
+        self.budget: Budget = budget(sets, attribution.named, learnt, floors, self._draws)
 
     def of(self, candidate: Candidate) -> Share:
         """Share of the gap that a candidate closes."""
@@ -96,12 +99,12 @@ CHANNELS = {
 }
 
 
-def _explained_squares(found: Attribution, kind: str) -> Array:
+def _explained_squares(attribution: Attribution, kind: str) -> Array:
     """Reduction of the squares of "impacts" or "flights" by the best explanation: the best model, if useful with the
     flexible regression on top, or the regression alone."""
     base, better, remaining = (
-        found.base_regressed,
-        (found.best_regressed, found.learnt_regressed),
+        attribution.base_regressed,
+        (attribution.best_regressed, attribution.learnt_regressed),
         f"{kind}_remaining",
     )
     left = [getattr(base, remaining), *(getattr(own, name) for own in better for name in (kind, remaining))]
@@ -109,38 +112,42 @@ def _explained_squares(found: Attribution, kind: str) -> Array:
 
 
 def impact_part(
-    found: Attribution, zone: Array, block: Array, release: Array, bare: Array | None = None
+    attribution: Attribution, zone: Array, block: Array, release: Array, bare: Array | None = None
 ) -> Part:
     """Squares of impacts along the ground, across it, and of the spin. `bare` (n, d): residuals of the law without the
     effect, if these are to be explained instead of those of the base."""
-    explained = _explained_squares(found, "impacts")
-    if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
-        explained = _explained_spread(found)  # no mean shifts, so `bare` does not matter
+    explained = _explained_squares(attribution, "impacts")
+    if attribution.verdict == attribution.best and any(c.effect.scatter for c in attribution.chain):
+        explained = _explained_spread(attribution)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
-        scale = standard_deviations(found.final.fit.covariance())
-        explained = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + explained
-    squares = np.stack([explained, found.base_regressed.impacts**2, found.learnt_regressed.impacts**2])
+        scale = standard_deviations(attribution.final.fit.covariance())
+        explained = clipped(bare / scale) ** 2 - attribution.base_regressed.impacts**2 + explained
+    squares = np.stack(
+        [explained, attribution.base_regressed.impacts**2, attribution.learnt_regressed.impacts**2]
+    )
     n, d = explained.shape
     explained, base, left = squares.reshape(3, n, d // 3, 3).swapaxes(2, 3)
     return Part("impact", explained, base, left, zone, block, release)
 
 
-def _explained_spread(found: Attribution) -> Array:
+def _explained_spread(attribution: Attribution) -> Array:
     """(n, channels) gain in deviance, for an effect that widens the spread and shifts no mean."""
     deviance = []
     for fitted, out in (
-        (found.base, found.base_held_out),
-        (found.final.fit, found.final.held_out),
+        (attribution.base, attribution.base_held_out),
+        (attribution.final.fit, attribution.final.held_out),
     ):
         variance = np.maximum(np.diagonal(fitted.covariance(), axis1=1, axis2=2), 1e-300)
         deviance.append(clipped(out.residuals.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
     return np.asarray(deviance[0] - deviance[1])
 
 
-def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
+def flight_part(attribution: Attribution, zone: Array, block: Array, release: Array) -> Part:
     """Squares of flights, by coordinate."""
-    explained = _explained_squares(found, "flights")
-    squares = np.stack([explained, found.base_regressed.flights**2, found.learnt_regressed.flights**2])
+    explained = _explained_squares(attribution, "flights")
+    squares = np.stack(
+        [explained, attribution.base_regressed.flights**2, attribution.learnt_regressed.flights**2]
+    )
     explained, base, left = squares.reshape(3, len(explained), 3, FLIGHT_DEGREES)
     return Part("flight", explained, base, left, zone, block, release)
 
@@ -155,12 +162,12 @@ def gap_cells(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]
     for part in parts:
         for z in np.unique(part.zone):
             for b in np.unique(part.block):
-                own = (part.zone == z) & (part.block == b)
+                rows = (part.zone == z) & (part.block == b)
                 for c, channel in enumerate(CHANNELS[part.phase]):
-                    amount = part.explained[own, c].sum(axis=1)
+                    amount = part.explained[rows, c].sum(axis=1)
                     if amount.size and amount.sum() > 0:
-                        sigma = _significance(amount, part.release[own])
-                        sizes = [typical_size(v[own, c]) for v in (part.base, part.augmented)]
+                        sigma = _significance(amount, part.release[rows])
+                        sizes = [typical_size(v[rows, c]) for v in (part.base, part.augmented)]
                         place = part.phase, zones[int(z)], blocks[int(b)], channel
                         cells.append(Cell(*place, float(amount.sum()), sigma, *sizes))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]

@@ -61,8 +61,8 @@ class Learnt:
         """The changes at other parameters p of the fit."""
         parts = self.fit.model.coefficients(p)
         return [
-            replace(change, coefficients=own.reshape(len(change.units), -1) * change.units[:, None])
-            for change, own in zip(self.changes, parts, strict=True)
+            replace(change, coefficients=coefficients.reshape(len(change.units), -1) * change.units[:, None])
+            for change, coefficients in zip(self.changes, parts, strict=True)
         ]
 
 
@@ -70,28 +70,28 @@ def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learn
     """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly."""
     state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
     for _ in range(MOST_LEARNT if start.fit.free else 0):
-        found = discrepancies(state.fit, data, only)
+        dependences = discrepancies(state.fit, data, only)
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
-        for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
+        for dependence in [d for d in dependences if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
             response = levers.response(dependence.lever, dependence.basis)
             convergence = Convergence(
-                CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf)
+                CONVERGED_GAIN, max((trial.fit.total() for _, trial, _ in tried), default=-np.inf)
             )
             columns = levers.columns(response)
             fitted = _fit_with_change(state.fit, data, response, columns, dependence.width, convergence)
             out = cross_validate(fitted, data)
-            own = Learnt(fitted, out, [])
-            tried.append((dependence, own, held_out_gain(data, own, state)))
+            candidate = Learnt(fitted, out, [])
+            tried.append((dependence, candidate, held_out_gain(data, candidate, state)))
         if not tried:
             break
-        dependence, own, best = max(tried, key=lambda one: one[-1].total)
+        dependence, candidate, best = max(tried, key=lambda trial: trial[-1].total)
         if best.total < LEAST_GAIN or best.significance < LEAST_GAIN_Z:
             break
         new = Change(
             dependence.lever, dependence.basis, np.empty(0), best.gain, levers.units[dependence.lever]
         )
-        state = Learnt(own.fit, own.held_out, [*state.changes, new], state)
-        state.changes = state.changes_at(own.fit.p)
+        state = Learnt(candidate.fit, candidate.held_out, [*state.changes, new], state)
+        state.changes = state.changes_at(candidate.fit.p)
     return state
 
 
@@ -102,12 +102,12 @@ def best_predicting(data: Data, learnt: Learnt, other: Learnt) -> Learnt:
 
 def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     """Residuals of the model with its learnt changes for other data of the same set-up."""
-    found, changes = learnt.fit, learnt.changes
+    fitted, changes = learnt.fit, learnt.changes
     if not changes:
-        return found.model.residuals(found.p, data)
-    p = found.p[: found.model.named_size]
-    named = replace(found.model, responses=(), widths=np.empty(0))
-    levers = Levers(replace(found, model=named, p=p), data)
+        return fitted.model.residuals(fitted.p, data)
+    p = fitted.p[: fitted.model.named_size]
+    named = replace(fitted.model, responses=(), widths=np.empty(0))
+    levers = Levers(replace(fitted, model=named, p=p), data)
     responses = [levers.response(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
     coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
     wider = replace(named, responses=responses, widths=np.ones(len(coefficients)))

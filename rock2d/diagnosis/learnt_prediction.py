@@ -160,24 +160,24 @@ class LearntMotion:
             if change.lever == FLIGHT:
                 self._start += self._change_of_starts(change, data)
                 continue
-            own = change.of(self._quantities)
+            amount = change.of(self._quantities)
             if change.lever == SLOPE:
-                self._slope += own[:, 0]
+                self._slope += amount[:, 0]
             elif change.lever == FRAME:
-                self._frame[:, FRAME_COLUMNS] += own
+                self._frame[:, FRAME_COLUMNS] += amount
             elif change.lever == LAW:
-                self._world = with_changed_law(self._world, own)
+                self._world = with_changed_law(self._world, amount)
             elif change.lever == STATE:
-                self._start += own
+                self._start += amount
 
     def _run(self, world: World, start: Array, which: Array | None = None, **more: Any) -> BatchResult:
         """The segments `which` (default: all), simulated from their states `start`."""
         block = self._segments.block
-        own = np.arange(len(block)) if which is None else which
+        segment = np.arange(len(block)) if which is None else which
         ensemble, tables = world_ensemble(world)
         return run_batch(
-            ensemble, start, block_ids=block[own], table_ids=tables if len(tables) == 1 else tables[own],
-            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": self._limit_s[own], **more},
+            ensemble, start, block_ids=block[segment], table_ids=tables if len(tables) == 1 else tables[segment],
+            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": self._limit_s[segment], **more},
         )  # fmt: skip
 
     def _change_of_starts(self, change: KnownChange, data: FilmSegments) -> Array:
@@ -212,39 +212,43 @@ class LearntMotion:
         """The first flight after an impact that a film would show, for each segment from the states `begins` (n, 6)."""
         least = self._least_flight_s
         longer = self._limit_s + least  # needed to tell whether a flight follows
-        found = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
-        impacts = found.impacts
+        result = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
+        impacts = result.impacts
         following = np.append(impacts[:, 1:, I_TIME], np.full((len(impacts), 1), np.nan), axis=1)
-        ends = np.broadcast_to(found.ends[:, None, TIME], following.shape)
+        ends = np.broadcast_to(result.ends[:, None, TIME], following.shape)
         number = np.arange(impacts.shape[1])
-        following = np.where(number == found.impact_count[:, None] - 1, ends, following)
+        following = np.where(number == result.impact_count[:, None] - 1, ends, following)
         lasts = following - impacts[..., I_TIME_AFTER]
         long = lasts >= least  # NaN in an impact that has no end: the block stays on the ground
-        own = np.flatnonzero(long.any(axis=1))
-        at = (own, long[own].argmax(axis=1))
+        segment = np.flatnonzero(long.any(axis=1))
+        at = (segment, long[segment].argmax(axis=1))
         left_s = impacts[at][:, I_TIME_AFTER]
         # at the end of an impact the block is still in its indentation
         after_s = np.linspace(0.0, 0.5, 1 + STEPS_OF_LEAST_FLIGHT) * lasts[at][:, None]
         poses = self._run(
-            self._world, begins[own], own, time_limit_s=longer[own], times_s=left_s[:, None] + after_s
+            self._world,
+            begins[segment],
+            segment,
+            time_limit_s=longer[segment],
+            times_s=left_s[:, None] + after_s,
         ).samples
-        clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
-        clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
-        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[
+        clear = np.column_stack([self._clear(segment, poses[:, k]) for k in range(after_s.shape[1])])
+        clear_s = after_s[np.arange(len(segment)), clear.argmax(axis=1)]
+        states = self._run(self._world, begins[segment], segment, time_limit_s=left_s + clear_s).ends[
             :, INSTANT_STATE
         ]
-        flights = _FlightsAfter(own, left_s, left_s + clear_s, states)
+        flights = _FlightsAfter(segment, left_s, left_s + clear_s, states)
         return flights.only(np.asarray(clear.any(axis=1)))
 
     def _states_when_clear(self, flights: _FlightsAfter) -> Array:
         """(m, 6) states of the blocks when clear of the ground, with the changes of the impact."""
-        own = flights.segment
+        segment = flights.segment
         left = flights.state[:, RATES]
-        change = turned(flights.state, self._pivot[own], self._slope[own]) - flights.state
-        tx, ty = self._tangent[own].T
+        change = turned(flights.state, self._pivot[segment], self._slope[segment]) - flights.state
+        tx, ty = self._tangent[segment].T
         for learnt in self._changes:
             if learnt.lever == OUTCOME:
-                along = learnt.of({name: values[own] for name, values in self._quantities.items()})
+                along = learnt.of({name: values[segment] for name, values in self._quantities.items()})
                 if along.shape[1] == POSE_SIZE:  # learnt from a table of impacts: rates alone
                     along = np.column_stack([np.zeros_like(along), along])
                 for first in (X, RATES.start):
@@ -253,30 +257,30 @@ class LearntMotion:
                     change[:, first + 1] += ty * a + tx * b
                     change[:, first + 2] += along[:, first + 2]
             elif learnt.lever == FRAME:
-                known = {name: values[own] for name, values in self._history.items()}
+                known = {name: values[segment] for name, values in self._history.items()}
                 change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
         change[:, POSE] += (flights.clear_s - flights.left_s)[:, None] * change[:, RATES]
         # a changed pose must not put the block into the ground
-        change[~self._clear(own, flights.state + change), POSE] = 0.0
+        change[~self._clear(segment, flights.state + change), POSE] = 0.0
         return np.asarray(flights.state + change)
 
     def _path(self, flights: _FlightsAfter) -> _Paths:
         """The flights with all changes, until the blocks touch the ground or their segments end."""
-        own, states = flights.segment, self._states_when_clear(flights)
-        block = self._segments.block[own]
+        segment, states = flights.segment, self._states_when_clear(flights)
+        block = self._segments.block[segment]
         radius = min(block.radius_m for block in self._world.blocks.values())
         fastest = max(float(np.hypot(*states[:, LINEAR_VELOCITY].T).max()), 1e-9)
         step = min(self._least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
         path, pushes = [states], [self._acceleration(flights, states, 0.0)]
-        last, left_s = np.zeros(len(own), np.int64), self._limit_s[own] - flights.clear_s
+        last, left_s = np.zeros(len(segment), np.int64), self._limit_s[segment] - flights.clear_s
         # without learnt accelerations the engine simulates the flight, too
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
-            states = move_freely(self._world, block, states, np.full(len(own), step))
+            states = move_freely(self._world, block, states, np.full(len(segment), step))
             states[:, POSE] += 0.5 * step**2 * pushes[-1]
             states[:, RATES] += step * pushes[-1]
-            flies &= self._clear(own, states) & (now < left_s)
+            flies &= self._clear(segment, states) & (now < left_s)
             last[flies] = len(path)
             path.append(states)
             pushes.append(self._acceleration(flights, states, now))
@@ -285,39 +289,39 @@ class LearntMotion:
     def _poses_when_clear(self, flights: _FlightsAfter, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on simulated by the engine."""
-        own, path = flights.segment, self._path(flights)
-        m, resumed_s = np.arange(len(own)), path.last * path.step_s
+        segment, path = flights.segment, self._path(flights)
+        m, resumed_s = np.arange(len(segment)), path.last * path.step_s
         rest = self._run(
-            self._world, path.states[path.last, m], own,
-            time_limit_s=np.maximum(self._limit_s[own] - flights.clear_s - resumed_s, 0.0) + END_MARGIN_S,
+            self._world, path.states[path.last, m], segment,
+            time_limit_s=np.maximum(self._limit_s[segment] - flights.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
         flown_s = np.clip(since_s, 0.0, resumed_s[:, None])
         step = np.minimum(flown_s // path.step_s, path.last[:, None]).astype(int)
         beyond = (flown_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
-        block = np.repeat(self._segments.block[own], since_s.shape[1])
+        block = np.repeat(self._segments.block[segment], since_s.shape[1])
         flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 
-    def _clear(self, own: Array, states: Array) -> Array:
+    def _clear(self, segment: Array, states: Array) -> Array:
         """(m,) whether blocks in these states (m, 6) are clear of the ground."""
-        return heights(self._world, self._segments.block[own], states[:, POSE]) > 0.0
+        return heights(self._world, self._segments.block[segment], states[:, POSE]) > 0.0
 
     def _acceleration(self, flights: _FlightsAfter, states: Array, since_s: float) -> Array:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), `since_s` after they are clear of the
         ground."""
-        s, own = self._segments, flights.segment
-        found = np.zeros((len(own), POSE_SIZE))
+        s, segment = self._segments, flights.segment
+        acceleration = np.zeros((len(segment), POSE_SIZE))
         changes = [change for change in self._changes if change.lever == FLIGHT]
         if changes:
             quantities = path_quantities(self._world, states) | {
-                q.BLOCK: s.block[own].astype(float),
-                q.SERIES: self._history[q.SERIES][own],
-                q.HISTORY: np.minimum(s.number[own] + 1.0, q.MOST_COUNTED_IMPACTS),
-                q.TIME_S: self._begin_s[own] + flights.clear_s + since_s,
+                q.BLOCK: s.block[segment].astype(float),
+                q.SERIES: self._history[q.SERIES][segment],
+                q.HISTORY: np.minimum(s.number[segment] + 1.0, q.MOST_COUNTED_IMPACTS),
+                q.TIME_S: self._begin_s[segment] + flights.clear_s + since_s,
             }
             for change in changes:
-                found += change.of(quantities)
-        return found
+                acceleration += change.of(quantities)
+        return acceleration

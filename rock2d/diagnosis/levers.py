@@ -59,17 +59,17 @@ class Levers:
     @cached_property
     def bases(self) -> dict[str, list[Basis]]:
         """Lever -> bases that it may follow."""
-        impacts, found = bool(len(self._data.impact_release)), dict[str, list[Basis]]()
+        impacts, bases_of_lever = bool(len(self._data.impact_release)), dict[str, list[Basis]]()
         quantities = self.impact_quantities if impacts else {}
         for lever in (LAW, STATE, OUTCOME, FRAME) if impacts else ():
-            found[lever] = list(bases(DEPENDENCES[lever], quantities).values())
+            bases_of_lever[lever] = list(bases(DEPENDENCES[lever], quantities).values())
         if impacts and self._paths is not None:
             pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
-            found[FRAME] += waves(quantities[TIME_S], pace_s)
-            found[SLOPE] = list(bases(DEPENDENCES[SLOPE], quantities).values())
+            bases_of_lever[FRAME] += waves(quantities[TIME_S], pace_s)
+            bases_of_lever[SLOPE] = list(bases(DEPENDENCES[SLOPE], quantities).values())
         if self._paths is not None:
-            found[FLIGHT] = list(bases(DEPENDENCES[FLIGHT], self._paths.quantities).values())
-        return found
+            bases_of_lever[FLIGHT] = list(bases(DEPENDENCES[FLIGHT], self._paths.quantities).values())
+        return bases_of_lever
 
     @cached_property
     def impact_quantities(self) -> dict[str, Array]:
@@ -140,19 +140,19 @@ class Levers:
     def _flight_response(self, basis: Basis, units: Array) -> LeverResponse:
         data = self._data
         assert isinstance(data, FilmData) and self._paths is not None
-        found, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
-        (m, degrees, k), scale = found.residuals.shape, self.world.view.time_scale
-        before = found.state_change(impacts.before, impacts.start_s * scale)
-        after = found.state_change(impacts.after, impacts.begin_s * scale)
+        response, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
+        (m, degrees, k), scale = response.residuals.shape, self.world.view.time_scale
+        before = response.state_change(impacts.before, impacts.start_s * scale)
+        after = response.state_change(impacts.after, impacts.begin_s * scale)
         noise = data.flight_noise(self.world)
         flights = np.zeros((m, POSE_SIZE, degrees, POSE_SIZE * k))
         shift = np.zeros((len(impacts), STATE_SIZE, POSE_SIZE * k))
         measured = np.zeros_like(shift)
         for c in range(POSE_SIZE):
-            own = slice(c * k, (c + 1) * k)
-            flights[:, c, :, own] = -units[c] * found.residuals / noise[:, c, None, None]
+            columns = slice(c * k, (c + 1) * k)
+            flights[:, c, :, columns] = -units[c] * response.residuals / noise[:, c, None, None]
             for state, (place, rate) in ((shift, before), (measured, after)):
-                state[:, c, own], state[:, POSE_SIZE + c, own] = units[c] * place, units[c] * rate
+                state[:, c, columns], state[:, POSE_SIZE + c, columns] = units[c] * place, units[c] * rate
         outcome = -_along_ground(data.tangent, measured)
         return LeverResponse(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
 

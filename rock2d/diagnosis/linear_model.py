@@ -72,11 +72,11 @@ class LinearModel:
             flights = np.concatenate([flights, columns.flights], axis=-1)
         parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
         curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
-        found = []
+        steps = []
         for i, width in enumerate(widths):
             gain = self._held_out(impacts, flights, parts, width) - self._score_before
-            found.append(Step(gain, self._newton(curvature, grad, width)[1], i))
-        return max(found, key=lambda step: float(step.gain.sum()))
+            steps.append(Step(gain, self._newton(curvature, grad, width)[1], i))
+        return max(steps, key=lambda step: float(step.gain.sum()))
 
     def chance_gains(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
@@ -116,22 +116,22 @@ class LinearModel:
     def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
         """Newton step, to subtract, of all parameters and of the further ones; without a `width` there are no further
         ones."""
-        model, own = self._fit.model, self._fit.p
+        model, p = self._fit.model, self._fit.p
         centre, prior_precision = prior(model)
         further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
-        size = len(own) + len(further)
+        size = len(p) + len(further)
         precision = np.concatenate([prior_precision, further])
-        pull = np.concatenate([grad[: len(own)] + prior_precision * (own - centre), grad[len(own) : size]])
+        pull = np.concatenate([grad[: len(p)] + prior_precision * (p - centre), grad[len(p) : size]])
         pull[choice_positions(model)] = 0.0  # a scan chooses them
         step = np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
-        return step, step[len(own) :]
+        return step, step[len(p) :]
 
     def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
         """Curvature and gradient of minus the log likelihood of one fold. `flights` may lack the further columns."""
-        own = self._fold == k
-        x, w = impacts[own].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[own], impacts.shape[1])
+        rows = self._fold == k
+        x, w = impacts[rows].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[rows], impacts.shape[1])
         heavy = w[:, None] * x
-        curvature, grad = heavy.T @ x, heavy.T @ self._z[own].ravel()
+        curvature, grad = heavy.T @ x, heavy.T @ self._z[rows].ravel()
         if flights is self._fit.jacobian.flights:
             of_flights = self._own_flight_moments[k]
         else:
@@ -146,10 +146,10 @@ class LinearModel:
         return [self._flight_moments(self._fit.jacobian.flights, k) for k in range(FOLDS)]
 
     def _flight_moments(self, flights: Array, k: int) -> tuple[Array, Array]:
-        own = self._flight_fold == k
-        x, w = flights[own].reshape(-1, flights.shape[-1]), self._flight_weight[own].ravel()
+        rows = self._flight_fold == k
+        x, w = flights[rows].reshape(-1, flights.shape[-1]), self._flight_weight[rows].ravel()
         steady = w[:, None] * x
-        return steady.T @ x, steady.T @ self._flights[own].ravel()
+        return steady.T @ x, steady.T @ self._flights[rows].ravel()
 
     def _held_out(
         self, impacts: Array, flights: Array, parts: Sequence[tuple[Array, Array]], width: Array | None = None
@@ -160,9 +160,9 @@ class LinearModel:
         z, after = np.empty_like(self._z), np.empty_like(self._flights)
         for k, (c, g) in enumerate(parts):
             step, _ = self._newton(curvature - c, grad - g, width)
-            own, fly = self._fold == k, self._flight_fold == k
-            z[own] = self._z[own] - impacts[own] @ step
-            after[fly] = self._flights[fly] - flights[fly] @ step[: flights.shape[-1]]
+            impact_rows, flight_rows = self._fold == k, self._flight_fold == k
+            z[impact_rows] = self._z[impact_rows] - impacts[impact_rows] @ step
+            after[flight_rows] = self._flights[flight_rows] - flights[flight_rows] @ step[: flights.shape[-1]]
         d, n = z.shape[1], len(self._data.order)
         score = -0.5 * (IMPACT_STUDENT_DF + d) * np.log1p((z**2).sum(axis=1) / IMPACT_STUDENT_DF)
         return np.bincount(self._data.impact_release, score * self._known, n) + np.bincount(

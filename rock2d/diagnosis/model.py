@@ -177,20 +177,20 @@ class Model:
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
         world, coefficients = self.world(p, data.impact_order, amounts), self.coefficients(p)
-        for response, own in zip(self.responses, coefficients, strict=True):
+        for response, c in zip(self.responses, coefficients, strict=True):
             if response.law is not None:
-                world = with_changed_law(world, response.law @ own)
+                world = with_changed_law(world, response.law @ c)
             if response.slope is not None:
-                world = replace(world, slope_rad=world.slope_rad + response.slope @ own)
+                world = replace(world, slope_rad=world.slope_rad + response.slope @ c)
             if response.shift is not None:
-                shift = (0.0 if shift is None else shift) + response.shift @ own
-        found = data.residuals(world, shift)
-        for response, own in zip(self.responses, coefficients, strict=True):
+                shift = (0.0 if shift is None else shift) + response.shift @ c
+        residuals = data.residuals(world, shift)
+        for response, c in zip(self.responses, coefficients, strict=True):
             if response.impacts is not None:
-                found.impacts = found.impacts + response.impacts @ own
+                residuals.impacts = residuals.impacts + response.impacts @ c
             if response.flights is not None:
-                found.flights = found.flights + response.flights @ own
-        return found
+                residuals.flights = residuals.flights + response.flights @ c
+        return residuals
 
     def coefficients(self, p: Array) -> list[Array]:
         """Coefficients of each learnt change."""
@@ -204,10 +204,10 @@ class Model:
         rule saves simulations: many coefficients change few components of a lever.
         """
         derivatives = LeverDerivatives(self, p, data, at, by_law)
-        found = [derivatives.by_coefficients(response) for response in self.responses]
+        parts = [derivatives.by_coefficients(response) for response in self.responses]
         return Residuals(
-            np.concatenate([own.impacts for own in found], axis=-1) * self.widths,
-            np.concatenate([own.flights for own in found], axis=-1) * self.widths,
+            np.concatenate([part.impacts for part in parts], axis=-1) * self.widths,
+            np.concatenate([part.flights for part in parts], axis=-1) * self.widths,
         )
 
 

@@ -27,12 +27,12 @@ VARIANTS = (
 
 
 def next_release(
-    data: Data, setup: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
+    data: Data, setup: World, attribution: Attribution, cells: Sequence[Cell], zones: Sequence[str]
 ) -> str:
     """A sentence: what to film next to separate the best effect from its closest rival."""
     if not len(data.impact_release):
         return "A film that continues after the blocks strike the ground: this one shows no impacts."
-    if found.verdict == "unknown":
+    if attribution.verdict == "unknown":
         if not cells:
             return "More releases of every block: these data cannot separate the gap from noise."
         cell = cells[0]
@@ -40,8 +40,8 @@ def next_release(
             f"More releases that show {_place(cell)}: most of the gap lies there, "
             "and nothing in the catalogue explains it."
         )
-    first = found.candidates[found.best]
-    rivals = [c for c in found.candidates.values() if c is not first and not c.effect.scatter]
+    first = attribution.candidates[attribution.best]
+    rivals = [c for c in attribution.candidates.values() if c is not first and not c.effect.scatter]
     if not rivals or first.effect.scatter:
         return "More releases of every block: only many releases separate a scatter from a shift."
     second = max(rivals, key=lambda c: c.total)
@@ -51,19 +51,19 @@ def next_release(
         distance = _distance(data, setup, first, second, faster, spin)
         for block in range(len(setup.blocks)):
             for zone in range(len(zones)):
-                own = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
+                rows = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
                 if (
-                    own.sum() >= FEWEST_IMPACTS_OF_A_KIND
-                    and (typical := float(np.median(distance[own]))) > best
+                    rows.sum() >= FEWEST_IMPACTS_OF_A_KIND
+                    and (typical := float(np.median(distance[rows]))) > best
                 ):
-                    pace = float(np.median(np.hypot(*data.incident(setup)[own, LINEAR_VELOCITY].T))) * faster
+                    pace = float(np.median(np.hypot(*data.incident(setup)[rows, LINEAR_VELOCITY].T))) * faster
                     best = typical
                     name = list(setup.blocks)[block]
                     article = "an" if name[0].lower() in "aeiou" else "a"
                     proposal = f"{article} {name} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
     if not proposal:
         return f"Longer flights: no impact separates {names}."
-    lead = "" if found.verdict != "none" else "No effect stands out. "
+    lead = "" if attribution.verdict != "none" else "No effect stands out. "
     difference = f"there {names} differ by {best:.2g} standard deviations in one impact."
     return f"{lead}{proposal[0].upper()}{proposal[1:]}: {difference}"
 

@@ -55,16 +55,16 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     reading = content.get("law", {}).get("rolling_in_indentation", False)
     rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
     world = replace(setup, contact=rows, order=order)
-    for name, own in effects.items():
+    for name, parameters in effects.items():
         if not known[name].scatter:  # a scatter does not shift means
             values = [
-                q.neutral if q.may_be_missing and q.name not in own else own[q.name]["value"]
+                q.neutral if q.may_be_missing and q.name not in parameters else parameters[q.name]["value"]
                 for q in known[name].parameters
             ]
             world = known[name].apply(world, values)
-            each = [q.get("by_block", {}) for q in own.values()]
-            named = [block for block in world.blocks if all(block in q for q in each)]
-            world = known[name].on_each(world, {b: [q[b]["value"] for q in each] for b in named})
+            by_block = [q.get("by_block", {}) for q in parameters.values()]
+            blocks = [block for block in world.blocks if all(block in q for q in by_block)]
+            world = known[name].on_each(world, {b: [q[b]["value"] for q in by_block] for b in blocks})
     return world
 
 
@@ -158,10 +158,10 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
         raise InputError(message, experiment.folder)
     world = diagnosed_world(content, setup, order[segments.release], base_only)
     poses = predicted_poses(data, segments, world, [] if base_only else learnt_changes(content))
-    own, frame, pose = as_rows(data, segments, poses)
-    release = segments.release[own]
+    segment, frame, pose = as_rows(data, segments, poses)
+    release = segments.release[segment]
     columns = (
-        film.release_names[release], np.array(film.block_names)[segments.block[own]], segments.number[own],
+        film.release_names[release], np.array(film.block_names)[segments.block[segment]], segments.number[segment],
         film.t_s[frame], *pose.T,
     )  # fmt: skip
     return pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
@@ -208,15 +208,15 @@ def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -
     shift = np.zeros((len(data.before), STATE_SIZE))
     added, unframed = np.zeros_like(data.after), np.zeros_like(data.after)
     for change in changes:
-        own = change.of(quantities)
+        amount = change.of(quantities)
         if change.lever == LAW:
-            world = with_changed_law(world, own)
+            world = with_changed_law(world, amount)
         elif change.lever == STATE:
-            shift += own
+            shift += amount
         elif change.lever == OUTCOME:
-            added += own
+            added += amount
         elif change.lever == FRAME:
-            shift[:, FRAME_COLUMNS] += own
+            shift[:, FRAME_COLUMNS] += amount
             unframed += change.of(data.outcome_quantities(world))[:, :-1]
     along, across, spin = (data.residuals(world, shift).impacts + added).T
     tx, ty = data.tangent[:, X], data.tangent[:, Y]
@@ -230,10 +230,10 @@ def _world_for_segmentation(experiment: Experiment, film: Film, world: World) ->
     true = replace(film, t_s=film.t_s * view.time_scale, pose=view.true(film.pose))
     true.noise = film.noise / [view.scale, view.scale, 1.0]
     stated = replace(experiment, fps=experiment.fps / view.time_scale, cross_section=world.cross_section)
-    found = sanity.check_film(stated, true)
-    for fault in found.faults:
+    checked = sanity.check_film(stated, true)
+    for fault in checked.faults:
         if fault.code in UNREADABLE_FAULTS:
             raise InputError(fault.message, experiment.folder)
         if fault.code != sanity.FEW_RELEASES:
             warnings.warn(fault.message, stacklevel=3)
-    return found.registered if found.registered is not None and view == View() else world
+    return checked.registered if checked.registered is not None and view == View() else world

@@ -73,15 +73,15 @@ class PredictedGap:
             "units": {"mm": 1e3 * float(self.noise[0]), "deg": float(np.rad2deg(self.noise[THETA]))},
         }  # fmt: skip
 
-    def _over_draws(self, values: Array, of: Callable[[Array], Any], seed: int) -> Array:
-        """(1 + DRAWS,) statistic `of` the `values` (n, ...): of all releases, and of bootstrap draws of them."""
+    def _over_draws(self, values: Array, statistic: Callable[[Array], Any], seed: int) -> Array:
+        """(1 + DRAWS,) statistic `statistic` the `values` (n, ...): of all releases, and of bootstrap draws of them."""
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         rows = [np.flatnonzero(self.release == r) for r in np.unique(self.release)]
-        found = [of(values)]
+        statistics = [statistic(values)]
         for _ in range(DRAWS):
-            own = rng.integers(len(rows), size=len(rows))
-            found.append(of(values[np.concatenate([rows[i] for i in own])]))
-        return np.array(found, float)
+            drawn = rng.integers(len(rows), size=len(rows))
+            statistics.append(statistic(values[np.concatenate([rows[i] for i in drawn])]))
+        return np.array(statistics, float)
 
 
 def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) -> PredictedGap | None:
@@ -114,13 +114,15 @@ def without_harmful_changes(data: FilmData, learnt: Learnt, base: Validated) -> 
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt
-    own = _held_out_misses(data, segments, learnt)
-    of_base = _tail(_held_out_misses(data, segments, base))
+    current = _held_out_misses(data, segments, learnt)
+    base_tail = _tail(_held_out_misses(data, segments, base))
     while learnt.before is not None:
-        other = _held_out_misses(data, segments, learnt.before)
-        if _tail(own) <= HARMFUL_TAIL * max(_tail(other), of_base) and np.median(own) <= np.median(other):
+        previous = _held_out_misses(data, segments, learnt.before)
+        if _tail(current) <= HARMFUL_TAIL * max(_tail(previous), base_tail) and np.median(
+            current
+        ) <= np.median(previous):
             break
-        learnt, own = learnt.before, other
+        learnt, current = learnt.before, previous
     return learnt
 
 
@@ -128,35 +130,36 @@ def _tail(misses: Array) -> float:
     return float(np.percentile(misses, TAIL_PERCENTILE))
 
 
-def _held_out_misses(data: FilmData, segments: Segments, own: Validated) -> Array:
-    return misses(data, held_out_poses(data, segments, own), measured(data, segments))
+def _held_out_misses(data: FilmData, segments: Segments, model: Validated) -> Array:
+    return misses(data, held_out_poses(data, segments, model), measured(data, segments))
 
 
-def held_out_poses(data: FilmData, segments: Segments, own: Validated) -> Array:
+def held_out_poses(data: FilmData, segments: Segments, validated: Validated) -> Array:
     """(n, k, 3) poses of the segments, each predicted by the fit without its fold."""
-    found = np.full((*segments.instants_s.shape, 3), np.nan)
-    fold, model = folds(data)[segments.release], own.fit.model
-    for k, p in enumerate(own.held_out.parameters):
+    poses = np.full((*segments.instants_s.shape, 3), np.nan)
+    fold, model = folds(data)[segments.release], validated.fit.model
+    for k, p in enumerate(validated.held_out.parameters):
         held = segments.only(fold == k)
         if len(held):
             world = model.world(p, data.order[held.release])
-            changes = own.changes_at(p) if isinstance(own, Learnt) else ()
-            found[fold == k] = predicted_poses(data, held, world, changes)
-    return found
+            changes = validated.changes_at(p) if isinstance(validated, Learnt) else ()
+            poses[fold == k] = predicted_poses(data, held, world, changes)
+    return poses
 
 
 def measured(data: FilmData, segments: Segments) -> Array:
     """(n, k, 3) poses of the segments in the film, NaN beyond the last frame; angles that were not measured are NaN."""
-    found = np.full((*segments.instants_s.shape, 3), np.nan)
+    poses = np.full((*segments.instants_s.shape, 3), np.nan)
     for i, rows in enumerate(segments.frames):
-        found[i, : len(rows)] = data.film.pose[rows]
-    found[~data.film.angle_known[segments.release], :, THETA] = np.nan
-    return found
+        poses[i, : len(rows)] = data.film.pose[rows]
+    poses[~data.film.angle_known[segments.release], :, THETA] = np.nan
+    return poses
 
 
-def misses(data: FilmData, poses: Array, other: Array) -> Array:
-    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `other` is not NaN."""
-    return np.sqrt(np.nanmean(((poses - other) / data.film.noise) ** 2, axis=(1, 2)))
+def misses(data: FilmData, poses: Array, reference: Array) -> Array:
+    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `reference` is not
+    NaN."""
+    return np.sqrt(np.nanmean(((poses - reference) / data.film.noise) ** 2, axis=(1, 2)))
 
 
 def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:
@@ -170,11 +173,11 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     covariance = data.true_covariance(world, segments.flight, dt, starts)
     root = np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(starts.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    found = []
+    misses_of_draws = []
     for _ in range(REPLICATES):
         shift = np.einsum("nij,nj->ni", root, rng.normal(size=starts.shape))
         drawn = with_drawn_soils(fit, world, len(segments), rng)
         poses = predicted_poses(data, segments, drawn, changes, shift)
         poses += rng.normal(size=poses.shape) * data.film.noise
-        found.append(misses(data, poses, seen))
-    return np.array(found)
+        misses_of_draws.append(misses(data, poses, seen))
+    return np.array(misses_of_draws)

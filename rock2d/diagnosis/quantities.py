@@ -172,14 +172,14 @@ def read_basis(content: Mapping[str, Any]) -> Basis:
 
 def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str, Basis]:
     """Name of a dependence -> basis for measured quantities (n,). Quantities that do not vary are left out."""
-    found = {}
+    basis_of = {}
     for name, parts in dependences.items():
         curves = [
             c for quantity, kind in parts if (c := _curve(quantity, kind, quantities[quantity])) is not None
         ]
         if curves or not parts:
-            found[name] = Basis(name, tuple(curves))
-    return found
+            basis_of[name] = Basis(name, tuple(curves))
+    return basis_of
 
 
 def waves(times_s: Array, pace_s: float) -> list[Basis]:
@@ -264,6 +264,6 @@ def history_quantities(release: Array, order: Array, began: Array) -> dict[str, 
     instants at which the impacts `began`."""
     number = np.zeros(len(release))
     for r in np.unique(release):
-        own = release == r
-        number[own] = np.argsort(np.argsort(began[own]))
+        rows = release == r
+        number[rows] = np.argsort(np.argsort(began[rows]))
     return {SERIES: order.astype(float), HISTORY: np.minimum(number, MOST_COUNTED_IMPACTS)}

@@ -64,8 +64,8 @@ def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
 
     Several definitions of "nearly the same state" are tried. The one with the lowest upper bound counts.
     """
-    found = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
-    return min([NO_PAIRS, *found], key=lambda ratio: ratio.upper_bound)
+    ratios = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
+    return min([NO_PAIRS, *ratios], key=lambda ratio: ratio.upper_bound)
 
 
 def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:
@@ -76,13 +76,13 @@ def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:
     lean = HARMONIC * q[LEAN_RAD]
     speeds, turn = [q[NORMAL_SPEED_M_S], q[TANGENTIAL_SPEED_M_S], q[SPIN_M_S]], [np.sin(lean), np.cos(lean)]
     cell = data.impact_block * (data.impact_zone.max() + 1) + data.impact_zone
-    found = []
+    pairs = []
     for features in (speeds, [q[PLACE_M]], [*speeds, *turn], [*speeds, *turn, q[PLACE_M]]):
         first, second, distance = _pairs(np.column_stack(features), cell, data.impact_release)
         near = distance <= np.quantile(distance, NEAR_SHARE) if len(distance) else np.empty(0, bool)
         if near.sum() >= FEWEST_NEAR_PAIRS:
-            found.append((first[near], second[near]))
-    return found
+            pairs.append((first[near], second[near]))
+    return pairs
 
 
 def _ratio(pairs: tuple[Array, Array], z: Array, release: Array) -> Ratio:
@@ -107,16 +107,16 @@ def _pairs(features: Array, cell: Array, release: Array) -> tuple[Array, Array, 
     """Pairs of impacts in the same cell and in different releases: the two impacts, and their distance."""
     parts: list[Sequence[Array]] = []
     for c in np.unique(cell):
-        own = np.flatnonzero(cell == c)
-        own = own[:: -(-len(own) // MOST_IN_CELL)]
-        if len(own) < FEWEST_IN_CELL:
+        members = np.flatnonzero(cell == c)
+        members = members[:: -(-len(members) // MOST_IN_CELL)]
+        if len(members) < FEWEST_IN_CELL:
             continue
-        x = features[own]
+        x = features[members]
         x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
-        i, j = np.triu_indices(len(own), 1)
-        other = release[own[i]] != release[own[j]]
-        i, j = i[other], j[other]
-        parts.append((own[i], own[j], np.sqrt(((x[i] - x[j]) ** 2).sum(axis=1))))
+        i, j = np.triu_indices(len(members), 1)
+        different = release[members[i]] != release[members[j]]
+        i, j = i[different], j[different]
+        parts.append((members[i], members[j], np.sqrt(((x[i] - x[j]) ** 2).sum(axis=1))))
     if not parts:
         none = np.empty(0, np.int64)
         return none, none, np.empty(0)

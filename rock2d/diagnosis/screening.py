@@ -51,38 +51,38 @@ class Screening:
 
     def expected(self, effect: Effect, alone: Array) -> Expected:
         """Expected gain of an effect; `alone`: parameters of the fit of the base law with it."""
-        own = self._fit
-        model = replace(own.model, effects=[*own.model.effects, effect], known_p=own.p)
-        start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
+        fit = self._fit
+        model = replace(fit.model, effects=[*fit.model.effects, effect], known_p=fit.p)
+        start, first, parameters = extended(fit, model), len(fit.p), model.parameters[-1]
         must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]
-        tries, steps, chance = list[tuple[Array, Array]](), np.eye(model.size), []
+        trials, steps, chance = list[tuple[Array, Array]](), np.eye(model.size), []
         for at in _starts(start, first, parameters):
             if not free or must_choose:
                 break
             changes = [self._change(model, at, DIFFERENCE_STEP * steps[k]) for k in free]
             columns = _stacked([_scaled(c, 1.0 / DIFFERENCE_STEP) for c in changes])
-            found = self._linear.expected(columns, [np.ones(len(free))])
-            step = np.clip(found.step, -LARGEST_STEP, LARGEST_STEP)
-            tries.append((found.gain, at - step @ steps[free]))
+            linear_step = self._linear.expected(columns, [np.ones(len(free))])
+            step = np.clip(linear_step.step, -LARGEST_STEP, LARGEST_STEP)
+            trials.append((linear_step.gain, at - step @ steps[free]))
             chance.append(self._linear.chance_gains(columns))
         base = len(BASE_WIDTH)
-        at, whole = start.copy(), np.zeros(model.size)
-        whole[first:] = alone[base:] - start[first:]
+        at, full_step = start.copy(), np.zeros(model.size)
+        full_step[first:] = alone[base:] - start[first:]
         if must_choose:  # the law was fitted with the choice
-            whole[:base] = alone[:base] - start[:base]
+            full_step[:base] = alone[:base] - start[:base]
         for k, q in enumerate(parameters, first):
             if q.has_neutral_choice:
-                at[k], whole[k] = start[k] + whole[k], 0.0
-        if np.abs(whole).max(initial=0.0) > DIFFERENCE_STEP:
-            columns = _stacked([self._change(model, at, whole)])
-            found = self._linear.expected(columns, [np.ones(1)])
-            share = 1.0 if must_choose else float(np.clip(-found.step[0], 0.0, LARGEST_MULTIPLE))
-            tries.append((found.gain, at + share * whole))
+                at[k], full_step[k] = start[k] + full_step[k], 0.0
+        if np.abs(full_step).max(initial=0.0) > DIFFERENCE_STEP:
+            columns = _stacked([self._change(model, at, full_step)])
+            linear_step = self._linear.expected(columns, [np.ones(1)])
+            share = 1.0 if must_choose else float(np.clip(-linear_step.step[0], 0.0, LARGEST_MULTIPLE))
+            trials.append((linear_step.gain, at + share * full_step))
             chance.append(self._linear.chance_gains(columns))
-        if not tries:
+        if not trials:
             return Expected(np.zeros(len(self._data.order)), start, np.zeros(CHANCE_DRAWS))
-        gain, p = max(tries, key=lambda one: float(one[0].sum()))
+        gain, p = max(trials, key=lambda one: float(one[0].sum()))
         low, high = model.bounds()
         return Expected(gain, np.clip(p, low, high), np.max(chance, axis=0))
 

@@ -45,20 +45,20 @@ class Segments:
     @classmethod
     def of(cls, data: FilmSegments) -> Segments:
         """The segments of a film, after flights from which a simulation can start and that are followed by frames."""
-        film, own = data.film, data.segmentation.flights
-        ends = np.searchsorted(film.release, own.release, side="right")
-        later = np.flatnonzero(own.follows >= 0)
-        ends[own.follows[later]] = own.last[later]
-        flight = np.flatnonzero(np.isfinite(data.start_s) & (own.last < ends))
-        frames = [np.arange(own.last[f], ends[f]) for f in flight]
+        film, flights = data.film, data.segmentation.flights
+        ends = np.searchsorted(film.release, flights.release, side="right")
+        later = np.flatnonzero(flights.follows >= 0)
+        ends[flights.follows[later]] = flights.last[later]
+        flight = np.flatnonzero(np.isfinite(data.start_s) & (flights.last < ends))
+        frames = [np.arange(flights.last[f], ends[f]) for f in flight]
         instants = np.full((len(flight), max(map(len, frames), default=0)), np.inf)
         begins = data.basis.middle[flight] + data.start_s[flight]
         for i, rows in enumerate(frames):
             instants[i, : len(rows)] = film.t_s[rows] - begins[i]
-        release = own.release[flight]
+        release = flights.release[flight]
         first = np.searchsorted(release, release)  # flights are in the order of their releases
         return cls(
-            flight, own.block[flight], release, np.arange(len(flight)) - first, frames, instants,
+            flight, flights.block[flight], release, np.arange(len(flight)) - first, frames, instants,
             begins - film.t_s[np.searchsorted(film.release, release)],
             float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0])),
         )  # fmt: skip

@@ -34,25 +34,25 @@ def unseen(
     some_data = data.only(some).coarse()
     at = base.model.residuals(base.p, some_data)
     sd = standard_deviations(part.covariance())
-    found = _hidden_by_spin(data, film)
-    found |= film.unjudged if film is not None else {}
+    reasons = _hidden_by_spin(data, film)
+    reasons |= film.unjudged if film is not None else {}
     for name, effect in effects.items():
-        if name not in found:
+        if name not in reasons:
             model = replace(base.model, effects=[effect])
             in_flight = len(data.flight_release) or effect.phase != "flight"
             if not (in_flight and _changes_residuals(model, base.p, some_data, at, sd)):
-                found[name] = _reason_unseen(data, effect)
-    return {name: reason for name, reason in found.items() if name in effects}
+                reasons[name] = _reason_unseen(data, effect)
+    return {name: reason for name, reason in reasons.items() if name in effects}
 
 
 def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
     """Effects that cannot be distinguished from others without a measured spin -> reason."""
     if not isinstance(data, FilmData) or data.film.angle_known.any():
         return {}
-    found = {name: f"without the spin it cannot be told from {twin}" for name, twin in SPIN_TWINS.items()}
+    reasons = {name: f"without the spin it cannot be told from {twin}" for name, twin in SPIN_TWINS.items()}
     if film is not None and film.spin_hides:
-        found |= dict.fromkeys(SCALE_OR_RATE, "without the spin it cannot be told from its lift")
-    return found
+        reasons |= dict.fromkeys(SCALE_OR_RATE, "without the spin it cannot be told from its lift")
+    return reasons
 
 
 def _reason_unseen(data: Data, effect: Effect) -> str:

@@ -124,7 +124,7 @@ class Effect:
     def on_each(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
         """The world with the effect on some blocks; `values`: block -> values of the parameters. Only for an effect
         that changes only blocks."""
-        changed = {name: self.apply(world, own).blocks[name] for name, own in values.items()}
+        changed = {name: self.apply(world, parameters).blocks[name] for name, parameters in values.items()}
         return replace(world, blocks={**world.blocks, **changed})
 
     def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:

@@ -44,10 +44,10 @@ def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:
     ]
     laws = {}
     for name, effect in catalogue().items():
-        own = getattr(effect, law)
-        if own is None:
+        compiled = getattr(effect, law)
+        if compiled is None:
             continue
-        laws[name] = own
+        laws[name] = compiled
         columns = [f"row[first + {names.index(c)}]" for c in effect.columns]
         source += [
             f"    if {' or '.join(f'{c} != 0.0' for c in columns)}:",
@@ -86,7 +86,7 @@ def ground_forces(row, first, motion, force_n):
     motion : (depth in m, its rate in m/s, slip in m/s, peak depth in m, depth of the indentation's bottom in m)
     """
     depth, rate, slip, peak, bottom = motion
-    whole = force_n + normal(row, first, depth, rate, peak, bottom, force_n)
+    total = force_n + normal(row, first, depth, rate, peak, bottom, force_n)
     if depth >= bottom:
-        whole = max(0.0, whole)
-    return whole, friction(row, first, slip), tangential(row, first, depth, slip, whole)
+        total = max(0.0, total)
+    return total, friction(row, first, slip), tangential(row, first, depth, slip, total)

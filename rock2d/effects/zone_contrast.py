@@ -38,7 +38,9 @@ def remedy(fitted: FittedEffect) -> str:
     if round(fitted.values["place"]) == FACE:
         where, facets = "face of the embankment", facing_facets
     differ = facet_zones(section, facets(section))
-    zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, differ, strict=True) if own)
+    zones = ", ".join(
+        f"`{name}`" for name, differs in zip(section.zone_names, differ, strict=True) if differs
+    )
     k_l = law["k_l_N_m"] * stiffness
     k_ul = max(k_l, law["k_ul_N_m"] * stiffness / restitution**2)
     angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))

@@ -111,7 +111,7 @@ def test_different_verdicts_probabilities_and_places_stand_side_by_side(compared
 
 def test_what_cannot_be_compared_is_said(compared):
     same = compared(diagnosis(), diagnosis())[0]["notes"]
-    assert len(same) == 1 and "do not say whether they are of the same film" in same[0]
+    assert len(same) == 1 and "do not show whether both are of the same film" in same[0]
     content, page, lines = compared(diagnosis(), diagnosis(experiment="other", schema=2))
     assert any(note.startswith("The experiments differ") for note in content["notes"])
     assert any("different schemas, 1 and 2" in note for note in content["notes"])

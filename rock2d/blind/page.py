@@ -47,7 +47,7 @@ KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # in the order of 
 GROUP_NAMES = {
     "all": "all cases",
     "without_outside": "no outside cause",
-    "with_outside": "beside an outside cause",
+    "with_outside": "with an outside cause",
 }
 
 

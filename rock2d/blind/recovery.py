@@ -34,12 +34,10 @@ from rock2d.files.text_files import read_json
 
 Array = np.ndarray
 
-LARGEST_SHARE_OF_RANGE = (
-    0.9  # largest sum of the added effect and that of the record, as a share of the plausible range
-)
-LARGEST_RELATIVE_ERROR = (
-    0.5  # largest error of an effect that the original record has, too, as a share of the added size
-)
+# largest sum of the added effect and that of the record, as a share of the plausible range
+LARGEST_SHARE_OF_RANGE = 0.9
+# largest error of an effect that the original record has, too, as a share of the added size
+LARGEST_RELATIVE_ERROR = 0.5
 
 
 @dataclass(frozen=True)

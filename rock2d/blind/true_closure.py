@@ -24,9 +24,8 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-LEAST_GAP_RATIO = (
-    1.03  # smallest ratio of the gap of the base law to the floor for which the share is computed
-)
+# smallest ratio of the gap of the base law to the floor for which the share is computed
+LEAST_GAP_RATIO = 1.03
 
 
 def true_closure(case: Path, result: Diagnosis) -> float | None:

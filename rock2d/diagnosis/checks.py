@@ -42,13 +42,11 @@ from rock2d.kinematics.impacts import ground_axes
 
 Array = np.ndarray
 
-FALSE_ALARMS = (
-    0.03  # probability that any check of means fails although the model is right; the same for spreads
-)
+# probability that any check of means fails although the model is right; the same for spreads
+FALSE_ALARMS = 0.03
 REPLICATES = 5000
-LEAST_UNABSORBED_SHARE = (
-    0.05  # least share of the variance of a pattern that fitted parameters must not absorb
-)
+# least share of the variance of a pattern that fitted parameters must not absorb
+LEAST_UNABSORBED_SHARE = 0.05
 DEPENDENCE_WORDS = {
     "series": "release",
     "orientation to the ground": "orientation",

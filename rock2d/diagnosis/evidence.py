@@ -38,9 +38,8 @@ Array = np.ndarray
 
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
 LEAST_CHANCE = 1e-6  # smallest p value
-EVEN_RATIO = (
-    0.5  # gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
-)
+# gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
+EVEN_RATIO = 0.5
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
@@ -160,42 +159,45 @@ def evidence_of_members(
     the gain of the member has changed little.
     """
     best = search.best
-    found, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
+    evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
-        own, less = _evidence_of_member(search, learnt, name, others_gain)
+        evidence, without = _evidence_of_member(search, learnt, name, others_gain)
         scatter = search.effects[name].scatter
-        if not (scatter or own.named(name)) and learnt.changes and search.without(best)[name].fit.free:
+        if not (scatter or evidence.named(name)) and learnt.changes and search.without(best)[name].fit.free:
             # The learnt changes may have taken its place. It then must gain nearly as much without them, and either
             # more than changes learnt in its place, or more than the forms of the other laws leave to be learnt.
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
-            own, less = _evidence_of_member(search, Learnt(best.fit, best.held_out, []), name, others_gain)
-        found[name], before = own, known.get(name)
-        if not scatter and own.named(name):
+            evidence, without = _evidence_of_member(
+                search, Learnt(best.fit, best.held_out, []), name, others_gain
+            )
+        evidence_of[name], before = evidence, known.get(name)
+        if not scatter and evidence.named(name):
             if (
                 before is None
-                or abs(own.own_gain.total - before.own_gain.total) >= RELEARN_CHANGE * before.own_gain.total
+                or abs(evidence.own_gain.total - before.own_gain.total)
+                >= RELEARN_CHANGE * before.own_gain.total
             ):
-                fewer[name] = less
+                fewer[name] = without
                 continue
-            found[name] = replace(own, replacement_gain=before.replacement_gain)
+            evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
         bar.step(name)
-    jobs = [(less, search.effects[name].phase) for name, less in fewer.items()]
+    jobs = [(without, search.effects[name].phase) for name, without in fewer.items()]
     for k, gain in search.processes.as_finished(_replacement_gain, jobs):
         name = list(fewer)[k]
-        found[name] = replace(found[name], replacement_gain=gain)
+        evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
         bar.step(name)
     for name in doubted:
-        if not found[name].own_gain.total > found[name].replacement_gain.total > 0.0:
-            found[name] = replace(found[name], form_share=FORM_SHARE)
-    return found
+        if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
+            evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
+    return evidence_of
 
 
-def _replacement_gain(data: Data, less: Validated, phase: str) -> Gain:
+def _replacement_gain(data: Data, without: Validated, phase: str) -> Gain:
     """Gain of changes that are learnt in the place of an effect of this phase."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
-    return held_out_gain(data, learn(less, data, levers), less)
+    return held_out_gain(data, learn(without, data, levers), without)
 
 
 def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
@@ -203,19 +205,19 @@ def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
     best, phase = search.best, search.effects[name].phase
     gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
     return gain + sum(
-        _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, less)
-        for other, less in search.without(best).items()
+        _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
+        for other, without in search.without(best).items()
         if other != name
     )
 
 
-def _gain_in(phase: str, own: Validated, other: Validated) -> float:
+def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
     """Gain in log likelihood of a model over another, in the segments that an effect of this phase changes."""
     gain = 0.0
-    for sign, model in ((1.0, own), (-1.0, other)):
-        residuals = model.held_out.residuals
+    for sign, scored in ((1.0, model), (-1.0, reference)):
+        residuals = scored.held_out.residuals
         if phase != "flight":
-            gain += sign * float(log_likelihood(residuals.impacts, model.fit.covariance()).sum())
+            gain += sign * float(log_likelihood(residuals.impacts, scored.fit.covariance()).sum())
         if phase != "impact":
             gain += sign * float(flight_log_likelihood(residuals.flights).sum())
     return gain
@@ -254,27 +256,29 @@ def _evidence_of_member(
     large_enough, inside = possible_size(
         effect, [size(fit, name) for fit in (best.fit, learnt.fit)], large_gain
     )
-    found = Evidence(
+    evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z, negligible=not large_enough,
         possible=large_enough and inside,
     )  # fmt: skip
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
-        even = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
-        found = replace(found, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even)
-    return found, without
+        even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
+        evidence = replace(
+            evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio
+        )
+    return evidence, without
 
 
-def _gain_of_free_scatter(data: Data, less: Validated) -> Gain:
+def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     """Gain of a model if each velocity after an impact has a free scatter of its own."""
-    own, units = less.fit, state_units(less.fit.model.setup)[RATES]
-    columns = np.zeros((*own.residuals.impacts.shape, len(units)))
+    fit, units = model.fit, state_units(model.fit.model.setup)[RATES]
+    columns = np.zeros((*fit.residuals.impacts.shape, len(units)))
     columns[:, -len(units) :] = np.diag(units)
-    slope = replace(own.jacobian, scatter=np.concatenate([own.jacobian.scatter, columns], axis=-1))
-    start = np.concatenate([own.scatter, np.full(len(units), START_SCATTER)])
-    wide = residual_covariance(slope, fit_scatter(own.residuals.impacts, slope, start))
+    slope = replace(fit.jacobian, scatter=np.concatenate([fit.jacobian.scatter, columns], axis=-1))
+    start = np.concatenate([fit.scatter, np.full(len(units), START_SCATTER)])
+    wide = residual_covariance(slope, fit_scatter(fit.residuals.impacts, slope, start))
     scores = [
-        by_release(data, less.held_out.residuals, covariance) for covariance in (wide, own.covariance())
+        by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())
     ]
     return Gain(scores[0] - scores[1])
 
@@ -307,11 +311,11 @@ def probability_of_no_closure(search: Search, name: str) -> float:
     sizes = ResidualSizes(search.data, search.best.fit.covariance())
     draws = GapBootstrap(sizes, seed=0)
 
-    def gap(own: CauseSet) -> Array:
-        return draws.gap(sizes.of_joint_channels(own.held_out.residuals))
+    def gap(with_effect: CauseSet) -> Array:
+        return draws.gap(sizes.of_joint_channels(with_effect.held_out.residuals))
 
     pairs = [(search.alone[name], search.base), (search.best, search.without(search.best)[name])]
-    return min(float(np.mean(gap(less) <= gap(own))) for own, less in pairs)
+    return min(float(np.mean(gap(without) <= gap(with_effect))) for with_effect, without in pairs)
 
 
 def _form_share(effect: Effect) -> float:
@@ -321,12 +325,15 @@ def _form_share(effect: Effect) -> float:
     return CAMERA_SHARE if effect.camera else FORM_SHARE
 
 
-def gain_left_by_forms(search: Search, own: CauseSet) -> float:
+def gain_left_by_forms(search: Search, cause_set: CauseSet) -> float:
     """Log likelihood that learnt changes may gain because the forms of the laws of a set are not exact."""
-    gains = {name: max(search.gain(own, less).total, 0.0) for name, less in search.without(own).items()}
+    gains = {
+        name: max(search.gain(cause_set, without).total, 0.0)
+        for name, without in search.without(cause_set).items()
+    }
     shares = {name: _form_share(search.effects[name]) for name in gains}
     left = sum(shares[name] * gain for name, gain in gains.items()) / max(sum(gains.values()), 1e-9)
-    return left * max(search.gain(own, search.base).total, 0.0)
+    return left * max(search.gain(cause_set, search.base).total, 0.0)
 
 
 def outside_probability(learnt: Gain, left: float) -> float:
@@ -344,11 +351,11 @@ def outside_probability(learnt: Gain, left: float) -> float:
 
 def inclusion_probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
     """Effect -> probability that it is one of the causes, for the effects with evidence and their rivals."""
-    found = dict[str, float]()
-    for name, own in evidence.items():
-        for other, p in own.probabilities(name).items():
-            found[other] = max(found.get(other, 0.0), p)
-    return found
+    probabilities = dict[str, float]()
+    for name, member in evidence.items():
+        for other, p in member.probabilities(name).items():
+            probabilities[other] = max(probabilities.get(other, 0.0), p)
+    return probabilities
 
 
 def single_answers(
@@ -359,16 +366,18 @@ def single_answers(
     An effect is the first cause if it acts and none with a larger gain does. A cause that cannot be named counts as
     "unknown". `p_outside`: `outside_probability`; `effects`: names of the catalogue.
     """
-    found, rest = {"none": 0.0, "unknown": 0.0, **dict.fromkeys(effects, 0.0)}, 1.0
+    answers, rest = {"none": 0.0, "unknown": 0.0, **dict.fromkeys(effects, 0.0)}, 1.0
     for name in sorted(evidence, key=lambda name: -evidence[name].own_gain.total):
-        own = evidence[name]
-        for other, p in own.probabilities(name).items() if own.named(name) else [("unknown", own.p)]:
-            found[other] += rest * p
-        rest *= 1.0 - own.p
+        member = evidence[name]
+        for other, p in member.probabilities(name).items() if member.named(name) else [("unknown", member.p)]:
+            answers[other] += rest * p
+        rest *= 1.0 - member.p
     # a member that is refused because something else explains it better, and is not negligible, shows a cause
-    refused = [own.p_acts for name, own in evidence.items() if not (own.named(name) or own.negligible)]
+    refused = [
+        member.p_acts for name, member in evidence.items() if not (member.named(name) or member.negligible)
+    ]
     p_unknown = max([p_outside, *refused])
-    found["unknown"] += rest * p_unknown
-    found["none"] += rest * (1.0 - p_unknown)
+    answers["unknown"] += rest * p_unknown
+    answers["none"] += rest * (1.0 - p_unknown)
     expected = PRIOR | dict.fromkeys(effects, (1.0 - sum(PRIOR.values())) / len(effects))
-    return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in found.items()}
+    return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in answers.items()}

@@ -23,9 +23,8 @@ BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_ra
 BASE_K_L, BASE_RATIO, BASE_K_T, BASE_MU, BASE_K_R = range(5)
 # logarithmic standard deviation of the prior of the base parameters
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
-LARGEST_LOG_K_L = (
-    4.5  # logarithm of k_l / start; stiffer ground takes longer to simulate and gives the same motion
-)
+# logarithm of k_l / start; stiffer ground takes longer to simulate and gives the same motion
+LARGEST_LOG_K_L = 4.5
 STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
 STIFFNESS_HEADROOM = 2.0  # logarithm of the factor by which they may grow in a fit with effects
 SMALLEST_STIFFNESS_RATIO = 1.02  # least ratio of unloading to loading stiffness

@@ -16,9 +16,8 @@ SETS, EVIDENCE, GAP, REPORT = "sets of effects", "evidence", "gap", "report"
 STARTING = "processes"  # they start during the exploring
 
 START = 300.0  # start of the processes
-SHARED_CORES = (
-    0.3  # speed grows with this power of the number of processes: other programs use the cores, too
-)
+# speed grows with this power of the number of processes: other programs use the cores, too
+SHARED_CORES = 0.3
 BASE_ON_ALL, BASE_ON_SOME = 170.0, 320.0  # the latter if some releases are all of them
 EXPLORED, FITTED = 70.0, 27.0  # for each effect; the first if some releases are all of them
 ONE_OF_A_SET, SCREENED = 60.0, 18.0  # for each set: in a worker process, and in the main process

@@ -37,7 +37,7 @@ def remedy(fitted: FittedEffect) -> str:
     """Measure the pull in N."""
     pull = fitted.number("pull_per_weight", mean_mass_kg(fitted.setup) * STANDARD_GRAVITY_M_S2)
     return (
-        "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
+        "Press a block into the soil and lift it with a spring balance: in addition to its weight a pull of "
         f"{pull} N is expected. Dry the soil or clean the blocks and film again, or add "
         "the pull to the contact law while the block leaves."
     )

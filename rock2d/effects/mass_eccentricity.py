@@ -11,9 +11,8 @@ from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
-SMALLEST_INERTIA = (
-    0.1  # least inertia as a share of the stated one, which matters for blocks much smaller than others
-)
+# least inertia as a share of the stated one, which matters for blocks much smaller than others
+SMALLEST_INERTIA = 0.1
 
 
 def apply(world: World, values: Sequence[float]) -> World:

@@ -37,7 +37,7 @@ def remedy(fitted: FittedEffect) -> str:
     deep = fitted.values["deep_rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
     return (
         "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
-        "one should rebound less. If so, add a dashpot beside the normal spring: F = (c + h δ) dδ/dt with c = "
+        "one should rebound less. If so, add a dashpot parallel to the normal spring: F = (c + h δ) dδ/dt with c = "
         f"{number(constant)} N s/m and h = {number(deep)} N s/m²."
     )
 
@@ -45,8 +45,9 @@ def remedy(fitted: FittedEffect) -> str:
 EFFECT = Effect(
     name="viscous_damping",
     summary="rate-dependent normal force while the ground presses on the block",
-    source="dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies; one that "
-    "grows with the depth: Hunt & Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact",
+    source="dashpot parallel to the spring: Cundall & Strack (1979), A discrete model for granular assemblies; one "
+    "that grows with the depth: Hunt & Crossley (1975), Coefficient of restitution interpreted as damping in "
+    "vibroimpact",
     phase="impact",
     origin="impact law",
     # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks, if they penetrate by a tenth of their size

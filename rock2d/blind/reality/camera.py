@@ -1,4 +1,4 @@
-"""What a camera records of the motion: its flaws, its noise, and the frames it loses."""
+"""Recording of the motion by a camera, with its flaws, noise and lost frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def record_poses(poses: Array, times_s: Array, camera: Camera, hidden: Sequence[
     """
     record = np.array(poses, float)
     view = View(np.array(times_s, float), np.asarray(camera.centre_m, float), camera.extent_m, seed)
-    # software mirrors an axis, after the lens
+    # an axis is mirrored by software, after the lens
     for cause in sorted(hidden, key=lambda own: own.name == "mirrored_axis"):
         recorded = CAUSES[cause.name].recorded
         if recorded is not None:

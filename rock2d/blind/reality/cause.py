@@ -1,4 +1,4 @@
-"""What a cause is: something that a blind trial can hide. Every cause is one file in `known/` or `outside/`."""
+"""Causes that a blind trial can hide. Every cause is one file in `known/` or `outside/`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LAST_IN_DRAW_ORDER = 1000
 
 
 class View(NamedTuple):
-    """What a camera looks at: instants (frames,), centre (2,) of the picture, length by which distortions scale."""
+    """View of a camera: instants (frames,), centre (2,) of the picture, length by which distortions scale, and seed."""
 
     times_s: Array
     centre_m: Array
@@ -32,7 +32,7 @@ class View(NamedTuple):
 
 @dataclass(frozen=True)
 class Cause:
-    """Something that a blind trial can hide.
+    """A cause that a blind trial can hide.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Cause:
     switches : columns of `parameters` that are 1 while the cause acts
     recorded : (poses, view, values) -> poses (releases, frames, 3) that the camera records; None if the recording is
         correct
-    draw_order : place among the causes when a seed assigns them to cases; causes of the same place follow by name
+    draw_order : position among the causes when a seed assigns them to cases; equal positions are sorted by name
     """
 
     sizes: Sizes

@@ -1,4 +1,4 @@
-"""State that travels together through the compiled motion, as named tuples of arrays and numbers."""
+"""Records of the compiled motion: named tuples of arrays and numbers."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class ImpactDraws(NamedTuple):
 
 
 class MotionInputs(NamedTuple):
-    """Everything that the releases of one call share.
+    """Inputs that all releases of a call share.
 
     `corners` (blocks, most corners, 2) of which `corner_counts` (blocks,) are used; `bodies` (blocks, 8);
     `law.soil` has a row for each facet of the set-up.
@@ -82,7 +82,7 @@ class Contacts(NamedTuple):
 
 
 class ContactRows(NamedTuple):
-    """Rows of contacts to look at: 0 to `corners`, and `low` to `high`."""
+    """Rows of contacts to check: 0 to `corners`, and `low` to `high`."""
 
     corners: int
     low: int

@@ -55,15 +55,16 @@ def row_of(i: int, rows: ContactRows) -> int:
 
 @numba.njit
 def begin_contact(
-    j: int, state: Array, late: float, ground: Ground, contacts: Contacts, values: Array
+    j: int, state: Array, late_depth: float, ground: Ground, contacts: Contacts, values: Array
 ) -> None:
-    """Contact j begins. One that is found deeper than `late` in m was covered before: it begins without force."""
+    """Begin contact j. One that is found deeper than `late_depth` in m was not found in time: it begins without
+    force."""
     found, memory = contacts.found, contacts.memory
     for k in range(N_MEMORY):
         memory[j, k] = 0.0
     memory[j, ACTIVE] = 1.0
     memory[j, ZONE] = ground.zone[int(found[j, FACET])]
-    memory[j, START_DEPTH] = found[j, DEPTH] if found[j, DEPTH] > late else 0.0
+    memory[j, START_DEPTH] = found[j, DEPTH] if found[j, DEPTH] > late_depth else 0.0
     factor = 1.0
     if values[parameters.STRIP_FACTOR] > 0.0:
         into = (found[j, PX] - values[parameters.STRIP_LEFT]) % values[parameters.STRIP_PERIOD]
@@ -82,9 +83,9 @@ def begin_contact(
 
 @numba.njit
 def update_contacts(
-    rows: ContactRows, state: Array, late: float, ground: Ground, contacts: Contacts, values: Array
+    rows: ContactRows, state: Array, late_depth: float, ground: Ground, contacts: Contacts, values: Array
 ) -> int:
-    """Let contacts begin and end. Returns the number of active ones."""
+    """Begin and end contacts; `late_depth`: see `begin_contact`. Returns the number of active contacts."""
     active = 0
     for i in range(rows.corners + rows.high - rows.low):
         j = row_of(i, rows)
@@ -92,7 +93,7 @@ def update_contacts(
             contacts.memory[j, ACTIVE] = 0.0
             continue
         if contacts.memory[j, ACTIVE] == 0.0:
-            begin_contact(j, state, late, ground, contacts, values)
+            begin_contact(j, state, late_depth, ground, contacts, values)
         active += 1
     return active
 

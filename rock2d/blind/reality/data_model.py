@@ -85,7 +85,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A cause at work: its name, its form, and its values in SI."""
+    """A hidden cause: its name, its form, and its values in SI."""
 
     name: str
     form: int
@@ -123,7 +123,7 @@ class Releases:
 
 @dataclass(frozen=True)
 class Camera:
-    """Noise of a camera, and what it looks at.
+    """Noise and view of a camera.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class Camera:
 
 
 def soil_of(soil: Soil, zone: str) -> Law:
-    """The law of a zone; "default" serves zones that are not named."""
+    """The law of a zone; that of "default" for zones that are not named."""
     if isinstance(soil, Law):
         return soil
     return soil[zone] if zone in soil else soil["default"]

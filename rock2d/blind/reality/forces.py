@@ -95,7 +95,8 @@ def contact_force(
 
 @numba.njit
 def air_acceleration(state: Array, velocity: Array, gap: float, values: Array) -> tuple[float, float, float]:
-    """Accelerations (m/s², m/s², rad/s²) beside gravity of a block at a clearance `gap` in m from the ground."""
+    """Accelerations (m/s², m/s², rad/s²), in addition to gravity, of a block at a clearance `gap` in m from the
+    ground."""
     x, y, vx, vy, omega = state[0], state[1], velocity[0], velocity[1], velocity[2]
     speed = np.sqrt(vx * vx + vy * vy)
     decay = values[parameters.VELOCITY_DECAY]
@@ -116,7 +117,7 @@ def air_acceleration(state: Array, velocity: Array, gap: float, values: Array) -
 
 @numba.njit
 def acts_in_flight(values: Array) -> bool:
-    """Whether any force beside gravity acts in flight."""
+    """Whether any force other than gravity acts in flight."""
     return (
         values[parameters.DRAG] != 0.0
         or values[parameters.VELOCITY_DECAY] != 0.0

@@ -41,7 +41,7 @@ def nearest_on_facet(x: float, y: float, f: int, points: Array) -> tuple[float, 
 
 @numba.njit
 def is_below(x: float, y: float, f: int, points: Array) -> bool:
-    """Whether a point that facet f spans in x is in the solid."""
+    """Whether a point above or below facet f is in the solid."""
     ax, ay = points[f, 0], points[f, 1]
     bx, by = points[f + 1, 0] - ax, points[f + 1, 1] - ay
     return bx * (y - ay) - by * (x - ax) < 0.0

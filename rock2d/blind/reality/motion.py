@@ -157,7 +157,7 @@ def simulate_release(
         np.zeros(N_GROUND_MOTION),
     )
     steps = time_steps(impact_law.soil, body, values)
-    windy, shaking = acts_in_flight(values), values[parameters.SHAKE_AMPLITUDE] > 0.0
+    air_acts, shaking = acts_in_flight(values), values[parameters.SHAKE_AMPLITUDE] > 0.0
     t, done, impact, in_contact = times[0], 0, -1, False
     last, gap = 0.0, -1.0
     resting_from, end = t, times[times.size - 1]
@@ -179,7 +179,7 @@ def simulate_release(
                 gap = max(gap, min(near, 0.4 * reach))
             h = 0.8 * gap / (speed + np.sqrt(gravity * max(gap, 0.0)) + 1e-12)
             h = max(LANDING_STEP * steps.unloading, min(h, end - t + 1e-9))
-            if windy:
+            if air_acts:
                 h = min(h, AIR_STEP * time_scale, AIR_STEP_SIZE * size / (speed + 1e-12))
         if moving or shaking:
             h = min(h, max(steps.unloading, AIR_STEP * time_scale))
@@ -199,8 +199,8 @@ def simulate_release(
         # contacts begin and end, and press, in the middle of the step
         if in_contact or gap < 2.0 * h * speed + gravity * h * h + 0.01 * body.rounding:
             rows, gap = find_contacts(q, body, ground, contacts.found)
-            late = 4.0 * h * speed + 1e-6 * size
-            active = update_contacts(rows, q, late, ground, contacts, values)
+            late_depth = 4.0 * h * speed + 1e-6 * size
+            active = update_contacts(rows, q, late_depth, ground, contacts, values)
             if active > 0 and not in_contact:
                 in_contact, last = True, 0.0
                 impact = min(impact + 1, draws.soil_factors.shape[0] - 1)
@@ -223,8 +223,8 @@ def simulate_release(
                     body = _without_shed_mass(body, q, values[parameters.SHED_SHARE])
                     steps = time_steps(impact_law.soil, body, values)
                 _change_velocity_at_lift_off(q, reach, draws.speed_losses[impact], sums, values)
-                _release_ground(base, values, ground_motion, ground.points, sums)
-        if windy:
+                _end_impact_of_ground(base, values, ground_motion, ground.points, sums)
+        if air_acts:
             bx, by, beta = air_acceleration(q, velocity, gap, values)
             ax, ay, alpha = ax + bx, ay + by, alpha + beta
         accel[0], accel[1], accel[2] = ax, ay - gravity, alpha
@@ -234,7 +234,7 @@ def simulate_release(
         for k in range(3):
             q[3 + k] += h * accel[k]
             q[k] += 0.5 * h * q[3 + k]
-        path = PathPiece(t, t + h, old, q, 0.0 if in_contact or windy else gravity)
+        path = PathPiece(t, t + h, old, q, 0.0 if in_contact or air_acts else gravity)
         done = fill_poses(done, path, body, times, poses)
         t += h
         if impact < 0 or _has_moved(q, rested, size):
@@ -248,13 +248,13 @@ def simulate_release(
 
 @numba.njit
 def _embankment_moves(motion: Array, values: Array) -> bool:
-    """Whether the embankment moves, or will be pushed back by its spring."""
+    """Whether the embankment moves, or its spring will push it back."""
     return abs(motion[DRIFT]) > 1e-9 or (motion[SHIFT] != 0.0 and values[parameters.RECOIL_SPRING] > 0.0)
 
 
 @numba.njit
 def _shake(t: float, values: Array, motion: Array) -> None:
-    """Lift of shaking ground at the time t, and its velocity."""
+    """Set the lift of shaking ground at the time t, and its velocity."""
     angle = values[parameters.SHAKE_RATE] * t + values[parameters.SHAKE_PHASE]
     motion[LIFT] = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
     motion[HEAVE] = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
@@ -262,13 +262,13 @@ def _shake(t: float, values: Array, motion: Array) -> None:
 
 @numba.njit
 def _tilt_ground(tilt: float, pivot: tuple[float, float], motion: Array) -> None:
-    """The ground is turned about a point during an impact."""
+    """Turn the ground about a point for the time of an impact."""
     motion[TILT], motion[PIVOT_X], motion[PIVOT_Y] = tilt, pivot[0], pivot[1]
 
 
 @numba.njit
-def _release_ground(base: Ground, values: Array, motion: Array, points: Array, sums: Array) -> None:
-    """An impact ends: the embankment stays where it is unless a spring pushes it back, and turned ground turns back."""
+def _end_impact_of_ground(base: Ground, values: Array, motion: Array, points: Array, sums: Array) -> None:
+    """End of an impact: the embankment stops unless a spring pushes it back, and turned ground turns back."""
     if values[parameters.RECOIL_SPRING] == 0.0:
         motion[DRIFT] = 0.0
     if motion[TILT] != 0.0:

@@ -1,4 +1,4 @@
-"""Everything that the compiled motion reads: ground, blocks, soil and parameters, with the hidden causes in them."""
+"""Inputs of the compiled motion: ground, blocks, soil and parameters, with the hidden causes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rock2d.blind.reality.ground import RIDGE_TURN_RAD, ground_patches, ground_t
 
 
 def motion_inputs(world: World, hidden: Sequence[Hidden]) -> MotionInputs:
-    """The arrays of a world with the hidden causes in them."""
+    """Inputs of the motion in a world with the hidden causes."""
     values = {cause.name: cause.values for cause in hidden}
     size = mean_size_m(world.blocks)
     setup = world.setup

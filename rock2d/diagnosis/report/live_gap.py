@@ -188,7 +188,7 @@ def _cause_boxes(
         boxed(cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], said)
     if LEARNT in names and (learnt := content["outside"]["learnt"]):
         beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
-        said = "; fitted beside all causes" if causes else ""
+        said = "; fitted together with all causes" if causes else ""
         boxed(
             f"learnt: {listed(learnt['changes'])}{beside}",
             "no name",

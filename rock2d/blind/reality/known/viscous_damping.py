@@ -1,4 +1,4 @@
-"""Viscous damping: a dashpot beside the spring, or one that grows with the depth (Hunt and Crossley)."""
+"""Viscous damping: a dashpot parallel to the spring, or one that grows with the depth (Hunt and Crossley)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ground has small hills and dips that nobody surveyed; they are the same for all releases."""
+"""The ground has small hills and dips that the survey missed; they are the same for all releases."""
 
 from __future__ import annotations
 

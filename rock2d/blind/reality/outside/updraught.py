@@ -8,7 +8,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    # narrow, or the flights that it carries would show no more than another gravity
+    # narrow, because a wide band would act like another gravity
     left = scale.low[0] + rng.uniform(0.0, 4.0) * scale.size
     return {"lift_m_s2": 1.2 * share * scale.gravity, "left_m": left, "right_m": left + 3.0 * scale.size}
 

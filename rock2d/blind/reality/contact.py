@@ -57,8 +57,8 @@ def row_of(i: int, rows: ContactRows) -> int:
 def begin_contact(
     j: int, state: Array, late_depth: float, ground: Ground, contacts: Contacts, values: Array
 ) -> None:
-    """Begin contact j. One that is found deeper than `late_depth` in m was not found in time: it begins without
-    force."""
+    """Begin contact j. One that is found deeper than `late_depth` in m was covered by another one before: it begins
+    without force."""
     found, memory = contacts.found, contacts.memory
     for k in range(N_MEMORY):
         memory[j, k] = 0.0

@@ -14,17 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
-from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
-    NAMED_PROBABILITY,
     Evidence,
     evidence_of_members,
     gain_left_by_forms,
     outside_probability,
-    probability_from_p_value,
     single_answers,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
@@ -96,7 +93,6 @@ class Attribution:
     named : the effects that are named, all of them in the chain; there may be none
     sets : names -> set, for the share that each named effect closes: no effect, all, each alone, and all but one; for
         up to three effects all subsets
-    checks : whether the model with the learnt changes would have made these data
     """
 
     base: Fit
@@ -113,7 +109,6 @@ class Attribution:
     learnt_regressed: RegressedResiduals
     named: Names
     sets: dict[Names, CauseSet]
-    checks: Checks
 
     @property
     def best(self) -> str:
@@ -242,7 +237,6 @@ def attribute(
     effects: Mapping[str, Effect],
     *,
     refitted: Fit | None = None,
-    seed: int = 0,
     workers: int = 1,
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
@@ -253,7 +247,7 @@ def attribute(
     base, it becomes the base and the search starts again. The same happens if a law that is fitted anew with the best
     effects fits much better.
 
-    `refitted`: the base law for measuring gains, if effects are fitted from another one; `seed`: of the checks;
+    `refitted`: the base law for measuring gains, if effects are fitted from another one;
     `folder`: keeps finished fits.
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
@@ -276,7 +270,7 @@ def attribute(
             if again is not search:
                 again.run()
             search = again
-        return _attribution(search, seed)
+        return _attribution(search)
 
 
 def _better_base(search: Search) -> CauseSet | None:
@@ -311,7 +305,7 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
     return restarted
 
 
-def _attribution(search: Search, seed: int) -> Attribution:
+def _attribution(search: Search) -> Attribution:
     data, first_best = search.data, search.best
     evidence, learnt, learnt_at_first = _evidence_of_sets(search)
     best = search.best
@@ -319,12 +313,6 @@ def _attribution(search: Search, seed: int) -> Attribution:
     learnt = best_predicting(data, learnt, learnt_at_first)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
-    checks = predictive_checks(data, learnt.fit, seed)
-    if not best.names and not any(
-        own.negligible and own.p_acts > NAMED_PROBABILITY for own in evidence.values()
-    ):
-        # with no cause in the model, neither the form of a law nor a negligible cause explains a failed check
-        p_outside = max(p_outside, probability_from_p_value(checks.p))
     candidates = {
         name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -336,7 +324,7 @@ def _attribution(search: Search, seed: int) -> Attribution:
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
-        learnt, left, best.names, search.known_subsets(best.names), checks,
+        learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, register_by_fit
 from rock2d.diagnosis.budget import Budget, Share
-from rock2d.diagnosis.checks import Checks
+from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
 from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, gap_cells, impact_part
@@ -57,6 +57,7 @@ class Diagnosis:
     found : the attribution
     gaps : effect -> share of the gap that it closes alone
     predicted : errors of predictions of whole segments; None without impacts of a film
+    checks : whether the model with the learnt changes would have made these data
     cells : where the gap lies
     unseen : effects that these data cannot show -> reason
     seed : seed of the bootstrap
@@ -71,6 +72,7 @@ class Diagnosis:
     gaps: dict[str, Share] | None = None
     budget: Budget | None = None
     predicted: PredictedGap | None = None
+    checks: Checks | None = None
     cells: list[Cell] | None = None
     unseen: dict[str, str] | None = None
     seed: int | None = None
@@ -81,10 +83,6 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         return self.found.verdict if self.found is not None else "unknown"
-
-    @property
-    def checks(self) -> Checks | None:
-        return self.found.checks if self.found is not None else None
 
 
 def diagnose(
@@ -142,16 +140,18 @@ def diagnose(
         hidden_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in hidden_effects}
         attribution = attribute(
-            base, data, visible, refitted=refitted, seed=seed, workers=workers, folder=folder, bars=bars
+            base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars
         )
     result.data, result.found, result.unseen, result.seed = data, attribution, hidden_effects, seed
-    with bars.stage(GAP, 3, "steps") as bar:
+    with bars.stage(GAP, 4, "steps") as bar:
         gaps = Gaps(data, attribution, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in attribution.candidates.items()}
         result.budget = gaps.budget
         bar.step("budget")
         result.cells = locate_gap(experiment, data, attribution, setup)
         bar.step("places")
+        result.checks = predictive_checks(data, attribution.learnt.fit, seed)
+        bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
             result.predicted = predicted_gap(data, attribution.sets[frozenset()], attribution.learnt, seed)
         bar.step("predictions")

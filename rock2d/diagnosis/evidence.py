@@ -80,8 +80,8 @@ class Evidence:
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others_gain` that may only correct the forms of the other laws
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
-    negligible : whether its size is too small to matter
-    possible : whether its size is neither negligible nor at the end of the plausible range
+    negligible : whether it is too small to matter
+    out_of_range : whether its size lies at the end of the plausible range
     """
 
     own_gain: Gain
@@ -92,7 +92,12 @@ class Evidence:
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
     negligible: bool = False
-    possible: bool = True
+    out_of_range: bool = False
+
+    @property
+    def possible(self) -> bool:
+        """Whether its size is neither negligible nor at the end of the plausible range."""
+        return not (self.negligible or self.out_of_range)
 
     @property
     def p(self) -> float:
@@ -245,7 +250,7 @@ def _evidence_of_member(
         rival: z
         for rival, z in search.rivals(best, name, RIVAL_Z).items()
         if (own := search.known.get(other_names | {rival})) is None
-        or all(possible_size(search.effects[rival], [size(own.fit, rival)], large_gain))
+        or not any(impossible_size(search.effects[rival], [size(own.fit, rival)], large_gain))
     }
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # only contacts could tell them apart, and something in the contacts is not understood
@@ -253,12 +258,12 @@ def _evidence_of_member(
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             rival_z = {other: min(OTHER_FORM_Z, rival_z.get(other, np.inf))} | rival_z
-    large_enough, inside = possible_size(
+    negligible, out_of_range = impossible_size(
         effect, [size(fit, name) for fit in (best.fit, learnt.fit)], large_gain
     )
     evidence = Evidence(
-        own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z, negligible=not large_enough,
-        possible=large_enough and inside,
+        own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z, negligible=negligible,
+        out_of_range=out_of_range,
     )  # fmt: skip
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
@@ -298,12 +303,11 @@ def size(fit: Fit, name: str) -> float:
     return float(max(sizes))
 
 
-def possible_size(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
-    """Whether an effect with these sizes, see `size`, is large enough to matter, and whether it lies within the
-    plausible range. An effect with a large gain may be small."""
-    return min(sizes) >= LEAST_SIZE or large_gain, max(sizes) <= LARGEST_SIZE or effect.parameters[
-        0
-    ].must_choose
+def impossible_size(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
+    """Whether an effect with these sizes, see `size`, is too small to matter, and whether it lies at the end of the
+    plausible range. An effect with a large gain may be small, and a choice has no range."""
+    is_choice = effect.parameters[0].must_choose
+    return min(sizes) < LEAST_SIZE and not large_gain, max(sizes) > LARGEST_SIZE and not is_choice
 
 
 def probability_of_no_closure(search: Search, name: str) -> float:

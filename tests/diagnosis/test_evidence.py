@@ -103,7 +103,7 @@ def test_what_is_refused_and_not_negligible_is_unknown():
     refused = found(own_gain=100.0, replacement_gain=1000.0)
     answers = single_answers({"adhesion": refused}, 0.03, EFFECTS)
     assert answers["unknown"] > 0.9
-    small = replace(refused, negligible=True, possible=False)
+    small = replace(refused, negligible=True)
     assert single_answers({"adhesion": small}, 0.03, EFFECTS)["none"] > 0.9
 
 

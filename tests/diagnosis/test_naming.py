@@ -117,7 +117,7 @@ def test_a_member_of_impossible_size_gives_way_to_a_rival_that_does_as_well(stay
 
     def judged(name, names):
         if name == "scale_error":
-            return replace(member(name, SURE, {"camera_tilt": 0.2}), negligible=True, possible=False)
+            return replace(member(name, SURE, {"camera_tilt": 0.2}), negligible=True)
         return member(name, SURE)
 
     members, weighed = stay(judged, "scale_error", "adhesion")

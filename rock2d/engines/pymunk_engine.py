@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pymunk
@@ -22,6 +22,8 @@ from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_stride import (
+    K_ACTIVE,
+    K_FLEW,
     LIFTED,
     N_ROW,
     OPEN,
@@ -37,9 +39,9 @@ from rock2d.laws.contact import ContactParameters, contact_rows
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
-    INSTANT_STATE,
     N_AUDIT,
     N_IMPACT,
+    N_INSTANT,
     N_STATE,
     STATE_NAMES,
     VX,
@@ -58,18 +60,6 @@ LONGEST_FLIGHT_STRIDE = 2.0  # longest step in flight, in √(radius / g)
 
 class CallbackError(RuntimeError):
     """An exception inside a pymunk callback, raised after the step."""
-
-
-class Knot(NamedTuple):
-    """State at one instant; number of active contacts, sum of their normal forces in N and largest penetration in m;
-    whether the block flew freely since the knot before."""
-
-    time: float
-    q: np.ndarray
-    active: int = 0
-    force: float = 0.0
-    depth: float = 0.0
-    flew: bool = True
 
 
 class PymunkRelease:
@@ -116,7 +106,7 @@ class PymunkRelease:
         self._watch = np.empty(rest.N_WATCH)
         rest.forget_rest(self._watch)
         self._error: BaseException | None = None
-        self._events: list[Knot] = []
+        self._knots: list[np.ndarray] = []  # of the present step
         self.impacts: list[np.ndarray] = []
         self._impacts = Impacts(np.full(N_IMPACT, np.nan), np.empty((ROOM, N_IMPACT)), np.zeros(2, np.int64))
         self._build_space()
@@ -213,10 +203,9 @@ class PymunkRelease:
             used, closed, gone = self._advance(
                 self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows
             )
-            self.impacts += list(self._impacts.closed[:closed].copy())
-            for row in self._rows[:used].copy():
-                t, *_, active, force, depth, flew = row.tolist()
-                self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, flew > 0))
+            if closed:
+                self.impacts += list(self._impacts.closed[:closed].copy())
+            self._knots.append(self._rows[:used].copy())
 
     def stride(self) -> float:
         """The longest step in s in which the block cannot pass through the ground undetected."""
@@ -238,23 +227,24 @@ class PymunkRelease:
         g = max(self.gravity + extra, 1e-9)
         return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
 
-    def step(self) -> list[Knot]:
-        """Make one pymunk step. Returns the knots at its end and at the events of the law within it.
+    def step(self) -> np.ndarray:
+        """Make one pymunk step. Returns the knots at its end and at the events of the law within it, (n, N_ROW) with
+        the columns of `pymunk_stride`.
 
         Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
         """
         dt = self.stride()
-        self._events.clear()
+        self._knots.clear()
         self.space.step(dt)
         if self._error is not None:
             error, self._error = self._error, None
             if isinstance(error, KeyboardInterrupt):
                 raise error
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
-        knots = self._events.copy() or [Knot(self.time + dt, self.q.copy())]
         self.time += dt
+        knots = np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q)
         self._near = _range(self._near_facets)
-        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(knots[-1].active > 0)
+        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(bool(knots[-1, K_ACTIVE] > 0))
         return knots
 
     def _check_depth_and_rest(self, touching: bool) -> tuple[float, bool]:
@@ -280,6 +270,14 @@ class PymunkRelease:
         """The present energy balance in J, by ENERGY_NAMES; see `energy_balance.energy_balance`."""
         self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
+
+
+def _flight_knot(time_s: float, q: np.ndarray) -> np.ndarray:
+    """A knot without contacts, (1, N_ROW)."""
+    knot = np.zeros((1, N_ROW))
+    knot[0, :N_INSTANT] = time_s, *q
+    knot[0, K_FLEW] = 1.0
+    return knot
 
 
 def _range(facets: set[int]) -> tuple[int, int] | None:
@@ -315,12 +313,12 @@ def run_pymunk(
         block, cross_section, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
     )
     x_exit = (cross_section.points_m[0, 0], cross_section.points_m[-1, 0])
-    knots = [Knot(0.0, sim.q.copy())]
+    strides = [_flight_knot(0.0, sim.q)]
     stop = "time"
     if sim.centroid_depth_m > 0:
         stop, time_limit_s = "buried", 0.0
     while sim.time < time_limit_s:
-        knots += sim.step()
+        strides.append(sim.step())
         if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
@@ -334,12 +332,13 @@ def run_pymunk(
             stop = "rest"
             break
     sim.close()
-    flight = [knot.flew and not in_air(sim._block) for knot in (*knots[1:], knots[0])]
+    knots = np.concatenate(strides)
+    flew = np.roll(knots[:, K_FLEW] > 0, -1)  # of the time that follows a knot
     return Track(
         release,
         block.name,
-        np.array([[knot.time, *knot.q] for knot in knots]),
-        np.array(flight),
+        knots[:, :N_INSTANT],
+        flew & (not in_air(sim._block)),
         impact_mappings(sim.impacts, cross_section.zone_names),
         stop,
         gravity_m_s2,

@@ -7,9 +7,10 @@ significant, and "unknown" if the residuals of even the best effect can be predi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
+    PERMANENT,
     Evidence,
     evidence_of_members,
     gain_left_by_forms,
@@ -306,11 +308,11 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
 
 
 def _attribution(search: Search) -> Attribution:
-    data, first_best = search.data, search.best
-    evidence, learnt, learnt_at_first = _evidence_of_sets(search)
+    data = search.data
+    evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
-    p_outside = _outside_probability(search, ((learnt, best), (learnt_at_first, first_best)))
-    learnt = best_predicting(data, learnt, learnt_at_first)
+    p_outside = _outside_probability(search, (of_final, of_first))
+    learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
     candidates = {
@@ -328,20 +330,55 @@ def _attribution(search: Search) -> Attribution:
     )  # fmt: skip
 
 
-def _outside_probability(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float:
-    """Probability that something outside the catalogue acts: the smallest over models (learnt changes, set of causes).
-    Models that explain much less than the best one do not count."""
-    data, base = search.data, search.base
-    explained = [held_out_gain(data, learnt, base).total for learnt, _ in models]
+def _outside_probability(search: Search, models: Sequence[WeighedSet]) -> float:
+    """Probability that something outside the catalogue acts: the smallest over models. Models that explain much less
+    than the best one do not count. What is learnt as a part of a cause that is named is not outside."""
+    data, base, named = search.data, search.base, search.best.names
+    explained = [held_out_gain(data, model.learnt, base).total for model in models]
     return min(
-        outside_probability(held_out_gain(data, learnt, cause_set), gain_left_by_forms(search, cause_set))
-        for (learnt, cause_set), total in zip(models, explained, strict=True)
+        outside_probability(
+            held_out_gain(
+                data, model.learnt, model.permanent if named & PERMANENT.keys() else model.cause_set
+            ),
+            gain_left_by_forms(search, model.cause_set),
+        )
+        for model, total in zip(models, explained, strict=True)
         if total >= LEAST_EXPLAINED_SHARE * max(explained)
     )
 
 
-def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
-    """Evidence for all effects that were in a best set; the changes learnt with the last best set, and with the first.
+class WeighedSet(NamedTuple):
+    """A set of causes, what is learnt beside it, the part of that which belongs to members, see `evidence.PERMANENT`,
+    and the evidence for each member."""
+
+    cause_set: CauseSet
+    learnt: Learnt
+    permanent: Learnt
+    evidence: dict[str, Evidence]
+
+
+def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[str]) -> WeighedSet:
+    """The best set with its evidence. If something is learnt that may belong to an effect of the catalogue, the effect
+    becomes a member, unless it was `removed`."""
+    with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
+        data, learnt = search.data, learn(search.best, search.data)
+        levers = {change.lever for change in learnt.changes}
+        belongs = {
+            name: lever for name, lever in PERMANENT.items() if lever in levers and name in search.effects
+        }
+        if joining := belongs.keys() - search.best.names - {*removed}:
+            search.best = search.set_of(search.best.names | joining)
+        best = search.best
+        permanent = Learnt(best.fit, best.held_out, [])
+        if own := [lever for name, lever in belongs.items() if name in best.names]:
+            permanent = learn(permanent, data, own)
+            learnt = learn(permanent, data)
+        bar.step("what is left")
+        return WeighedSet(best, learnt, permanent, evidence_of_members(search, learnt, permanent, known, bar))
+
+
+def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, WeighedSet]:
+    """Evidence for all effects that were in a best set; the last best set, and the first.
 
     A rival that gains more replaces a member. A member of impossible size is replaced for good by a rival that gains as
     much. Then members that cannot be named are removed for good, first the half that gains less; a removed rival gives
@@ -349,18 +386,16 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
     """
     evidence, by_set, removed = (
         dict[str, Evidence](),
-        dict[Names, tuple[dict[str, Evidence], Learnt]](),
+        dict[Names, WeighedSet](),
         set[str](),
     )
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
     while True:
+        if search.best.names not in by_set:
+            weighed = _weighed(search, evidence, removed)
+            by_set[search.best.names] = weighed
         names = search.best.names
-        if names not in by_set:
-            with search.bars.stage(EVIDENCE, len(names) + 1, "models") as bar:
-                learnt = learn(search.best, search.data)
-                bar.step("what is left")
-                by_set[names] = evidence_of_members(search, learnt, evidence, bar), learnt
-        found, learnt = by_set[names]
+        found = by_set[names].evidence
         evidence |= found
         exchanges = sorted(
             (z, name, rival)
@@ -389,7 +424,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
             names -= leaving
             names |= {name for name in back - removed if TWINS.get(name) not in names}
         else:
-            return evidence, learnt, next(iter(by_set.values()))[1]
+            return evidence, by_set[names], next(iter(by_set.values()))
         search.best = search.set_of(names)
 
 

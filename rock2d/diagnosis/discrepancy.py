@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, LEVERS, OUTCOME, SLOPE, STATE, Levers
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, LEVERS, OUTCOME, PROFILE, SLOPE, STATE, Levers
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.quantities import CONSTANT, Basis
 from rock2d.diagnosis.significance import SummedGain
@@ -29,6 +29,7 @@ WIDTHS = {
     STATE: (0.02, 0.1, 0.4),
     OUTCOME: (0.1, 0.4, 1.6),
     SLOPE: (0.01, 0.05, 0.2),
+    PROFILE: (0.01, 0.05, 0.2),
     FRAME: (0.01, 0.05, 0.2),
     FLIGHT: (0.003, 0.03, 0.3),
 }

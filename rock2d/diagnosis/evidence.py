@@ -25,7 +25,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
-from rock2d.diagnosis.levers import FLIGHT, LEVERS, state_units
+from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.soil_scatter import fit_scatter
@@ -49,6 +49,8 @@ RATIO_STEEPNESS = 8.0  # slope of the logarithm of the odds over the logarithm o
 RIVAL_Z = 2.0  # effects within so many standard errors cannot be separated
 # An effect with many parameters can absorb another effect whose form differs from that of the catalogue.
 OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
+# effect that widens the scatter -> the lever that it changes with the place if it is the same in every release
+PERMANENT = {"surface_roughness": PROFILE}
 MOST_RIVALS = 2  # rivals that may share the name of a member
 NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at which it is named as a cause
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
@@ -156,12 +158,13 @@ def chance_p_value(gain: float, draws: Array) -> float:
 
 
 def evidence_of_members(
-    search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Bar
+    search: Search, learnt: Learnt, permanent: Learnt, known: Mapping[str, Evidence], bar: Bar
 ) -> dict[str, Evidence]:
     """Evidence for each member of the best set.
 
-    `learnt`: changes learnt with that set; `known`: evidence from larger sets, whose `replacement_gain` is reused where
-    the gain of the member has changed little.
+    `learnt`: changes learnt with that set; `permanent`: those of them that are the permanent part of a member, see
+    `PERMANENT`; `known`: evidence from larger sets, whose `replacement_gain` is reused where the gain of the member has
+    changed little.
     """
     best = search.best
     evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
@@ -174,9 +177,9 @@ def evidence_of_members(
             # more than changes learnt in its place, or more than the forms of the other laws leave to be learnt.
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
-            evidence, without = _evidence_of_member(
-                search, Learnt(best.fit, best.held_out, []), name, others_gain
-            )
+            evidence, without = _evidence_of_member(search, permanent, name, others_gain)
+        if name in PERMANENT and permanent.changes and not evidence.named(name):
+            evidence = _evidence_of_permanent(search, permanent, name)
         evidence_of[name], before = evidence, known.get(name)
         if not scatter and evidence.named(name):
             if (
@@ -272,6 +275,19 @@ def _evidence_of_member(
             evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio
         )
     return evidence, without
+
+
+def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evidence:
+    """Evidence for a member that is the same in every release: it gains by its scatter and by its lever, over the set
+    without both, where other changes may be learnt in its place."""
+    data, without = search.data, search.without(search.best)[name]
+    own_gain = held_out_gain(data, permanent, without)
+    others = learn(without, data, {*LEVERS} - {PERMANENT[name]})
+    none_learnt = Learnt(search.best.fit, search.best.held_out, [])
+    return Evidence(
+        own_gain, held_out_gain(data, others, without), _gain_of_others(search, none_learnt, name),
+        float(norm.sf(own_gain.significance)), {}, form_share=FORM_SHARE,
+    )  # fmt: skip
 
 
 def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:

@@ -11,7 +11,7 @@ simulates the rest. For a block that rolls, slides or lies still the engine alon
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from rock2d.diagnosis import quantities as q
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
 from rock2d.diagnosis.impact_prediction import turned
-from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
+from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
@@ -40,6 +40,7 @@ from rock2d.records.columns import (
     X,
 )
 from rock2d.scene.nearest_facet import nearest_facets
+from rock2d.scene.rough_ground import raised
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -169,6 +170,8 @@ class LearntMotion:
                 self._world = with_changed_law(self._world, amount)
             elif change.lever == STATE:
                 self._start += amount
+            elif change.lever == PROFILE:
+                self._world = _with_profile(self._world, change)
 
     def _run(self, world: World, start: Array, which: Array | None = None, **more: Any) -> BatchResult:
         """The segments `which` (default: all), simulated from their states `start`."""
@@ -325,3 +328,10 @@ class LearntMotion:
             for change in changes:
                 acceleration += change.of(quantities)
         return acceleration
+
+
+def _with_profile(world: World, change: KnownChange) -> World:
+    """The world with a learnt profile of the ground."""
+    x_m = change.basis.curves[0].grid()
+    ground = raised(world.cross_section, x_m, change.of({q.PLACE_M: x_m})[:, 0])
+    return replace(world, cross_section=ground)

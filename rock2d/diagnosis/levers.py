@@ -1,9 +1,9 @@
 """Levers: the few numbers of a model that a learnt change may change, and the response of all residuals to them.
 
-The levers of an impact are the parameters of the law, the slope of the ground, the state before it, its outcome, and
-the frame: what camera or ground add equally to the motion before and after it. The lever of a flight is its
-acceleration. Each may be a function on a basis (`quantities.Basis`). The responses to all coefficients follow from a
-few simulations by the chain rule.
+The levers of an impact are the parameters of the law, the slope of the ground, its profile (its height, and with it
+its slope), the state before it, its outcome, and the frame: what camera or ground add equally to the motion before and
+after it. The lever of a flight is its acceleration. Each may be a function on a basis (`quantities.Basis`). The
+responses to all coefficients follow from a few simulations by the chain rule.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from rock2d.diagnosis.quantities import (
     FLIGHT_DEPENDENCES,
     FRAME_DEPENDENCES,
     IMPACT_DEPENDENCES,
+    PLACE_M,
+    PROFILE_DEPENDENCES,
     SLOPE_DEPENDENCES,
     TIME_S,
     Basis,
@@ -32,15 +34,15 @@ from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 
 Array = np.ndarray
 
-LAW, SLOPE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
-    "law", "slope", "incident state", "outcome", "frame", "flight",
+LAW, SLOPE, PROFILE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
+    "law", "slope", "profile", "incident state", "outcome", "frame", "flight",
 )  # fmt: skip
 # number of components of each; an outcome has 6 in a film and 3 in an impact table
-LEVER_SIZES = {LAW: (5,), SLOPE: (1,), STATE: (6,), OUTCOME: (6, 3), FRAME: (4,), FLIGHT: (3,)}
+LEVER_SIZES = {LAW: (5,), SLOPE: (1,), PROFILE: (1,), STATE: (6,), OUTCOME: (6, 3), FRAME: (4,), FLIGHT: (3,)}
 # what a change of each may depend on
 DEPENDENCES = {
-    LAW: IMPACT_DEPENDENCES, SLOPE: SLOPE_DEPENDENCES, STATE: IMPACT_DEPENDENCES, OUTCOME: IMPACT_DEPENDENCES,
-    FRAME: FRAME_DEPENDENCES, FLIGHT: FLIGHT_DEPENDENCES,
+    LAW: IMPACT_DEPENDENCES, SLOPE: SLOPE_DEPENDENCES, PROFILE: PROFILE_DEPENDENCES, STATE: IMPACT_DEPENDENCES,
+    OUTCOME: IMPACT_DEPENDENCES, FRAME: FRAME_DEPENDENCES, FLIGHT: FLIGHT_DEPENDENCES,
 }  # fmt: skip
 LEVER_QUANTITIES = {
     lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # the ground may oscillate
@@ -66,7 +68,8 @@ class Levers:
         if impacts and self._paths is not None:
             pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
             bases_of_lever[FRAME] += waves(quantities[TIME_S], pace_s)
-            bases_of_lever[SLOPE] = list(bases(DEPENDENCES[SLOPE], quantities).values())
+            for lever in (SLOPE, PROFILE):
+                bases_of_lever[lever] = list(bases(DEPENDENCES[lever], quantities).values())
         if self._paths is not None:
             bases_of_lever[FLIGHT] = list(bases(DEPENDENCES[FLIGHT], self._paths.quantities).values())
         return bases_of_lever
@@ -97,6 +100,7 @@ class Levers:
             STATE: state_units(self.world),
             OUTCOME: spread,
             SLOPE: np.ones(1),
+            PROFILE: np.array([size]),
             FRAME: np.array([pace, pace, pace / size, 1.0]),
             FLIGHT: np.array([gravity, gravity, gravity / size]),
         }
@@ -112,6 +116,8 @@ class Levers:
             return LeverResponse(size, law=each)
         if lever == SLOPE:
             return LeverResponse(size, slope=each[:, 0])
+        if lever == PROFILE:
+            return self._profile_response(each[:, 0], basis, units)
         if lever == FRAME:
             return self._frame_response(
                 each, _coefficient_columns(basis.features(self._outcome_quantities), units)
@@ -125,6 +131,16 @@ class Levers:
         shift[:, FRAME_COLUMNS], measured[:, FRAME_COLUMNS] = before, after
         along = _along_ground(self._data.tangent, measured)
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
+
+    def _profile_response(self, heights: Array, basis: Basis, units: Array) -> LeverResponse:
+        """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
+        and after the impact, and the ground is steeper."""
+        (n, c), tangent = heights.shape, self._data.tangent
+        shift = np.zeros((n, STATE_SIZE, c))
+        shift[:, Y] = -heights
+        steeper = basis.curves[0].slopes(self.impact_quantities[PLACE_M]) * units
+        along = _along_ground(tangent, shift)
+        return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
 
     def columns(self, response: LeverResponse) -> Residuals:
         """Derivatives of all residuals by the coefficients."""

@@ -12,8 +12,18 @@ import numpy as np
 
 from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
-from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, STATE
+from rock2d.diagnosis.levers import (
+    FRAME,
+    FRAME_COLUMNS,
+    LAW,
+    LEVER_QUANTITIES,
+    LEVER_SIZES,
+    OUTCOME,
+    PROFILE,
+    STATE,
+)
 from rock2d.diagnosis.model import with_changed_law
+from rock2d.diagnosis.quantities import SPLINE
 from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -116,6 +126,8 @@ def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
         if curve.quantity not in LEVER_QUANTITIES[change.lever]:
             message = f"no quantity {key_shown(curve.quantity)}"
             raise wrong(message, "curves", k, "quantity", code="unknown_name", name=curve.quantity)
+    if change.lever == PROFILE and [curve.kind for curve in change.curves] != [SPLINE]:
+        raise wrong("a profile is a spline of the place", "curves")
     given = read_changes([change.model_dump()])[0]
     try:
         functions = given.basis.features(

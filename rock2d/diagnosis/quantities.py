@@ -20,10 +20,13 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 CONSTANT = "nothing"  # name of the dependence of a constant
-SPLINE, FINE, HARMONICS, KINDS, LINE, WAVES = "spline", "fine", "harmonics", "kinds", "line", "waves"
+SPLINE, HARMONICS, KINDS, LINE, WAVES = "spline", "harmonics", "kinds", "line", "waves"
+FINE, FINEST = "fine", "finest"
 SPLINE_DEGREE = 2
-# number of pieces between quantiles of the measured values, for a usual and for a fine spline
-SPLINE_PIECES = {SPLINE: 5, FINE: 16}
+# number of pieces between quantiles of the measured values
+SPLINE_PIECES = {SPLINE: 5, FINE: 16, FINEST: 32}
+PARTS_OF_PIECE = 4  # straight parts by which a piece is drawn as ground
+COARSER = {FINE: SPLINE, FINEST: FINE}
 LEAST_VALUES_PER_PIECE = 6  # measured values
 SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
 WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
@@ -80,12 +83,11 @@ FRAME_DEPENDENCES: Dependences = {
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
     "series": ((SERIES, LINE),),
 }
-# dependences of a slope of the ground that the survey missed
-SLOPE_DEPENDENCES: Dependences = {
-    "zone": ((ZONE, KINDS),),
-    "place": ((PLACE_M, SPLINE),),
-    "place in detail": ((PLACE_M, FINE),),
-    "series": ((SERIES, SPLINE),),
+# dependences of a slope of the ground that the survey missed, and of the height of a ground that is not as surveyed
+SLOPE_DEPENDENCES: Dependences = {"zone": ((ZONE, KINDS),), "series": ((SERIES, SPLINE),)}
+PROFILE_DEPENDENCES: Dependences = {
+    "place": ((PLACE_M, FINE),),
+    "place in detail": ((PLACE_M, FINEST),),
 }
 HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of a turn
 
@@ -115,6 +117,13 @@ class Curve:
         beyond = np.maximum(np.maximum(ends[0] - values, values - ends[1]), 0.0)
         return np.clip(1.0 - beyond / (FADE * (ends[1] - ends[0])), 0.0, 1.0)
 
+    def grid(self) -> Array:
+        """Values of a spline's quantity between which its functions are nearly linear, to where they have faded."""
+        ends = np.array(self.numbers)
+        parts = np.linspace(ends[:-1], ends[1:], PARTS_OF_PIECE, endpoint=False, axis=1).ravel()
+        beyond = FADE * (ends[-1] - ends[0]) * np.arange(1, PARTS_OF_PIECE + 1) / PARTS_OF_PIECE
+        return np.concatenate([ends[0] - beyond[::-1], parts, ends[-1:], ends[-1] + beyond])
+
     def features(self, values: Array) -> Array:
         """(n, k) functions of values (n,): for a spline a line and B-splines, which keep their last value beyond its
         breakpoints."""
@@ -124,14 +133,25 @@ class Curve:
             return np.asarray(values[:, None] == np.array(self.numbers), float)
         if self.kind == LINE:
             return (values / self.numbers[0])[:, None]
+        # the line has a coefficient of its own: a linear trend then needs only one coefficient
+        inside, ends = self._inside(values), np.array(self.numbers)
+        return np.column_stack([(inside - ends.mean()) / ends.std(), self._parts(inside)])
+
+    def slopes(self, values: Array) -> Array:
+        """(n, k) derivatives of the functions of a spline by its quantity, within its breakpoints."""
+        inside, ends = self._inside(values), np.array(self.numbers)
+        return np.column_stack([np.full(len(values), 1.0 / ends.std()), self._parts(inside, derivative=1)])
+
+    def _inside(self, values: Array) -> Array:
+        return np.clip(values, self.numbers[0], self.numbers[-1])
+
+    def _parts(self, inside: Array, derivative: int = 0) -> Array:
+        """(n, k) B-splines, or their derivatives, at values (n,) within the breakpoints."""
         from scipy.interpolate import BSpline
 
-        ends = np.array(self.numbers)
-        knots = np.concatenate([[ends[0]] * SPLINE_DEGREE, ends, [ends[-1]] * SPLINE_DEGREE])
-        inside = np.clip(values, ends[0], ends[-1])
-        parts = BSpline.design_matrix(inside, knots, SPLINE_DEGREE).toarray()
-        # the line has a coefficient of its own: a linear trend then needs only one coefficient
-        return np.column_stack([(inside - ends.mean()) / ends.std(), parts])
+        ends = [*self.numbers[:1] * SPLINE_DEGREE, *self.numbers, *self.numbers[-1:] * SPLINE_DEGREE]
+        each = np.eye(len(ends) - SPLINE_DEGREE - 1)
+        return np.asarray(BSpline(np.array(ends), each, SPLINE_DEGREE)(inside, nu=derivative))
 
 
 @dataclass(frozen=True)
@@ -203,7 +223,7 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
         unit = float(np.sqrt(np.mean(values**2)))
         return Curve(quantity, kind, (unit,), (float(values.min()), float(values.max())))
     pieces = min(SPLINE_PIECES[kind], len(values) // LEAST_VALUES_PER_PIECE)
-    if kind == FINE and pieces <= SPLINE_PIECES[SPLINE]:
+    if kind in COARSER and pieces <= SPLINE_PIECES[COARSER[kind]]:
         return None
     ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, max(pieces, 1) + 1)))
     return Curve(quantity, SPLINE, tuple(map(float, ends)))

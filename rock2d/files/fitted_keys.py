@@ -115,7 +115,7 @@ class CurveKeys(Part):
 class ChangeKeys(Part):
     """A learnt change."""
 
-    lever: Literal["law", "slope", "incident state", "outcome", "frame", "flight"] = Field(
+    lever: Literal["law", "slope", "profile", "incident state", "outcome", "frame", "flight"] = Field(
         description="What changes"
     )
     depends_on: str = Field(description="What it depends on")

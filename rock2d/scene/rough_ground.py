@@ -10,6 +10,7 @@ import numpy as np
 from rock2d.scene.cross_section import CrossSection
 
 LARGEST_DEVIATION = 3.0  # standard deviations at which slopes are cut off
+LEAST_PIECE = 1e-3  # distance of a cut from the ends of its facet, as a share of the facet
 
 
 class Roughness(NamedTuple):
@@ -66,6 +67,26 @@ def roughened(
     points = np.vstack([cross_section.points_m[:1], ends])
     zones = np.array(cross_section.zones, object)[facet]
     return CrossSection(points, zones.tolist(), cross_section.measure_lines)
+
+
+def raised(cross_section: CrossSection, x_m: np.ndarray, height_m: np.ndarray) -> CrossSection:
+    """The cross-section with heights (n,) above it at places x_m (n,) in ascending order, linear in between.
+
+    Points above each other move alike, so that the surface cannot cross itself.
+    """
+    points, zones = list[np.ndarray](), list[str]()
+    for a, b, zone in zip(
+        cross_section.points_m[:-1], cross_section.points_m[1:], cross_section.zones, strict=True
+    ):
+        left, right = min(a[0], b[0]), max(a[0], b[0])
+        gap = LEAST_PIECE * (right - left)
+        cuts = x_m[(x_m > left + gap) & (x_m < right - gap)][:: 1 if b[0] >= a[0] else -1]
+        share = (cuts - a[0])[:, None] / (b[0] - a[0]) if len(cuts) else np.empty((0, 1))
+        points += [a, *(a + share * (b - a))]
+        zones += [zone] * (1 + len(cuts))
+    surface = np.array([*points, cross_section.points_m[-1]])
+    surface[:, 1] += np.interp(surface[:, 0], x_m, height_m)
+    return CrossSection(surface, zones, cross_section.measure_lines)
 
 
 def _pieces(length_m: float, roughness: Roughness | None) -> int:

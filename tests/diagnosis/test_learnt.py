@@ -13,12 +13,13 @@ from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
-from rock2d.diagnosis.levers import LAW, SLOPE, Levers
+from rock2d.diagnosis.levers import LAW, PROFILE, SLOPE, Levers
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_UL
+from rock2d.scene.rough_ground import raised
 from rock2d.scene.world import World
 from tests.diagnosed_files import with_learnt
 from tests.kinematics.synthetic_films import BLOCKS, base_fit, data_of, film, series_order, world
@@ -175,6 +176,22 @@ def test_the_answer_to_a_slope_is_that_of_a_turned_ground(hardened):
     change = data.residuals(steeper).impacts - base.residuals.impacts
     error = np.abs(columns.impacts[..., 0] * turn - change)
     assert np.median(error) < 0.1 * np.median(np.abs(change))
+
+
+def test_the_answer_to_a_profile_is_that_of_a_raised_ground(hardened):
+    """Hills of 0.1 mm, 1 m long: the place of a block of 2 cm is that of its centre, not of the contact."""
+    data, base, _ = hardened
+    levers = Levers(base, data)
+    basis = next(own for own in levers.bases[PROFILE] if own.name == "place")
+    response = levers.response(PROFILE, basis, np.ones(1))
+    x_m = levers.impact_quantities["x_m"]
+    hill_m = 1e-4 * np.sin(2.0 * np.pi * x_m)
+    coefficients = np.linalg.lstsq(basis.features({"x_m": x_m}), hill_m, rcond=None)[0]
+    grid_m = basis.curves[0].grid()
+    higher = raised(levers.world.cross_section, grid_m, basis.features({"x_m": grid_m}) @ coefficients)
+    change = data.residuals(replace(levers.world, cross_section=higher)).impacts - base.residuals.impacts
+    expected = levers.columns(response).impacts @ coefficients
+    assert np.median(np.abs(expected - change)) < 0.25 * np.median(np.abs(change))
 
 
 def test_a_constant_integrates_to_a_line():

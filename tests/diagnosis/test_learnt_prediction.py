@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from rock2d.diagnosis.predict import predict
+from rock2d.diagnosis.quantities import Curve
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import clearances
 from tests.diagnosed_files import with_learnt
@@ -84,6 +85,23 @@ def test_what_a_table_taught_is_used_for_a_film_and_a_film_says_what_a_table_can
         said = f"learnt a change of a film .{lever} of nothing"
         measured = impacts(plain_world(), 30, seed=4, noise=0.01)
         assert refusal(predict, measured, learnt((lever, STRONG[lever])), said=said).code == "wrong_kind"
+
+
+def test_blocks_come_to_rest_on_the_learnt_profile(other):
+    """It lies 1 mm higher than the stated ground. Blocks that were filmed below it start in an indentation of that depth."""
+    rise_m, x_m = 1e-3, other.cross_section.points_m[[0, -1], 0]
+    curve = Curve("x_m", "spline", tuple(np.linspace(*x_m, 6).tolist()))
+    at = np.linspace(*x_m, 60)
+    level = np.linalg.lstsq(curve.features(at), np.full(len(at), rise_m), rcond=None)[0]
+    change = {"lever": "profile", "depends_on": "place", "coefficients": [level.tolist()],
+              "curves": [{"quantity": "x_m", "kind": "spline", "numbers": list(curve.numbers)}]}  # fmt: skip
+    learnt_profile = {**known(), "model": with_learnt(SOIL, change)}
+    last = predict(other, known()).t_s.max()
+    higher, stated = (
+        table[table.t_s == last].y_m.to_numpy()
+        for table in (predict(other, own) for own in (learnt_profile, known()))
+    )
+    assert np.median(higher - stated) == pytest.approx(rise_m, rel=0.1)
 
 
 @pytest.mark.parametrize("lever", STRONG)

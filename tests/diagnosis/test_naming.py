@@ -29,12 +29,12 @@ class Sets:
     """Stands for a search: a set is its names."""
 
     def __init__(self, *names: str) -> None:
-        self.best = SimpleNamespace(names=frozenset(names))
+        self.best, self.effects = self.set_of(frozenset(names)), GAINS
         self.data, self.bars = None, DiagnosisBars(False, len(GAINS), 1)
         self.weighed: list[set[str]] = []
 
     def set_of(self, names: frozenset[str]) -> Any:
-        return SimpleNamespace(names=names)
+        return SimpleNamespace(names=names, fit=None, held_out=None)
 
 
 def member(name: str, chance: float, ahead: Mapping[str, float] | None = None) -> Evidence:
@@ -53,7 +53,7 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
             return {name: judged(name, own.best.names) for name in own.best.names}
 
         monkeypatch.setattr(attribution, "evidence_of_members", evidence_of_members)
-        monkeypatch.setattr(attribution, "learn", lambda best, data: best)
+        monkeypatch.setattr(attribution, "learn", lambda best, data: SimpleNamespace(changes=[]))
         attribution._evidence_of_sets(search)  # type: ignore[arg-type]
         return set(search.best.names), search.weighed
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, SLOPE, STATE
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, PLACE_M, ZONE, Curve
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import BLOCK_COLOURS
@@ -36,12 +36,14 @@ COMPONENTS = {
         ("normal", "m/s", 0.1), ("ω", "rad/s", 5.0),
     ),
     SLOPE: (("slope of the ground", "rad", 1.0),),
+    PROFILE: (("height of the ground above the stated one", "m", 1.0),),
     FRAME: (("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1), ("ω", "rad/s", 5.0), ("θ", "rad", 0.05)),
     FLIGHT: (("along x", "m/s²", 1.0), ("along y", "m/s²", 1.0), ("angular", "rad/s²", 100.0)),
 }  # fmt: skip
 LEVER_WORDS = {
     LAW: "parameters of the law", STATE: "measured state before the impact", OUTCOME: "outcome of the impact",
-    FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", FRAME: "motion of the camera or the ground",
+    FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", PROFILE: "profile of the ground",
+    FRAME: "motion of the camera or the ground",
 }  # fmt: skip
 UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m2_s2": "m²/s²", "m_s2": "m/s²", "s": "s"}
 POINTS = 200  # points of a curve

@@ -37,6 +37,7 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
     "outcome": "the outcomes of impacts are shifted",
     "flight": "blocks in flight are accelerated",
     "slope": "the ground has another slope than stated",
+    "profile": "the ground has another profile than stated",
     "frame": "camera or ground move",
 }
 SIGNIFICANT_PLACE_Z = 2.0  # standard errors from which on the gap in a place is significant

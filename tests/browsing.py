@@ -1,7 +1,5 @@
 """Pages with a script in a real browser."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import shutil

@@ -1,7 +1,5 @@
 """Fixtures that several tests share, and one thread of linear algebra for all of them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Who waits for the compiler is told so: once, by the command line, and only if there is something to compile."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

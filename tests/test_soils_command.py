@@ -1,7 +1,5 @@
 """The command `rock2d soils`: every class with its ranges and source; the parameters of a block."""
 
-from __future__ import annotations
-
 import pytest
 
 from rock2d.commands.soils import list_soils

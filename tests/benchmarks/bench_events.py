@@ -4,8 +4,6 @@ All of it is measured on the reference kernel in C, which makes the steps of the
 of the time need the profiler `perf`, and a kernel whose parts are not inlined, which is slower by about 15 %.
 """
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -8,8 +8,6 @@ PlatRock builds a part of itself, and needs GDAL (its 2D model does not). It loa
 soon as a simulation is made; there are no trees here, so that is left out.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

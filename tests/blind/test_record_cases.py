@@ -1,7 +1,5 @@
 """Blind cases from a real record: releases of it, with known causes put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blind trials: what is sealed stays sealed, is the same from the same seed, and the score says what it should."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

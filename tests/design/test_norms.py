@@ -1,7 +1,5 @@
 """Design values against sums by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Two embankments in one scenario: what blocks do there, which of them is sought, and what the page says."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

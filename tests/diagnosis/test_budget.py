@@ -1,7 +1,5 @@
 """The budget of the gap: shares that are known by hand, and a floor that near-replicates tell."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

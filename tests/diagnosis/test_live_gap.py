@@ -1,7 +1,5 @@
 """The live view of a diagnosis, in a browser: every control does its work, and the numbers are those of the tables."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Experiments without noise in positions, in angles or in both: a simulation is diagnosed, and the user is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Passing, energies and heights of films whose motion is known; charts and words of their numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Predictions of a diagnosed model on other releases, and the two commands."""
 
-from __future__ import annotations
-
 import copy
 import json
 from dataclasses import replace

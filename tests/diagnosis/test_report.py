@@ -1,7 +1,5 @@
 """The report: one page that needs no network, states the verdict, and never runs code from a name."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """The time that a diagnosis still takes, on the work of real diagnoses, replayed on a fake clock."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest

@@ -1,7 +1,5 @@
 """Tutorials run, with few releases; the diagnosis that one makes obeys the schema of diagnosis.json."""
 
-from __future__ import annotations
-
 import re
 
 import matplotlib

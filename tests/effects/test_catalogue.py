@@ -1,7 +1,5 @@
 """The catalogue as a whole: names, ranges, neutral values; adding an effect is adding a file."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Ensembles of the point-mass engine: the single engine's bits, whatever the order and the threads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Likelihood, posterior and forecasts of a field test: closed forms, and a soil that is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

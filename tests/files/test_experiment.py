@@ -1,7 +1,5 @@
 """Experiment folders: valid ones load, damaged ones get one clear message, writing is whole or not at all."""
 
-from __future__ import annotations
-
 import random
 import shutil
 

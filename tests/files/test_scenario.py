@@ -1,7 +1,5 @@
 """Scenario files: they say what they mean, mistakes get their place, what ships runs as it stands."""
 
-from __future__ import annotations
-
 import itertools
 import random
 import re

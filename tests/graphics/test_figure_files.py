@@ -1,7 +1,5 @@
 """Figures of a result as files: whichever process draws them they are the same, and what goes wrong is told."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import time

@@ -7,8 +7,6 @@ The files are read in a process of its own, which is stopped when a file takes t
 name, the smallest set of its changes that still fails, and the traceback.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import sys

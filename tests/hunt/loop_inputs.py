@@ -1,7 +1,5 @@
 """The files that a user brings or edits between two commands: scenarios, films, surveys, exports of other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

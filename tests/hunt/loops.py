@@ -6,8 +6,6 @@ of `loop_commands.TRUE_REFUSALS`, a page that differs from its tables, or a pred
 `loop_predictions` demands. `--repeat NAME` goes one loop again and shows its commands.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import multiprocessing

@@ -1,7 +1,5 @@
 """A small hunt with a fixed seed: damaged files end with a result or one clear message."""
 
-from __future__ import annotations
-
 import json
 
 import jsonschema

@@ -1,7 +1,5 @@
 """What becomes of damaged files: accepted, refused, or a failure. Every kind of file is read as its command does."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

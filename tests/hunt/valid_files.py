@@ -1,7 +1,5 @@
 """Valid files of every kind that a hunt damages. A set of files is a mapping from names to contents."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """Where two flights meet: impacts and their velocities, and what is none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

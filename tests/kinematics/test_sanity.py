@@ -1,7 +1,5 @@
 """What is said before a diagnosis: units, time step, axes, ground, numbers."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Arrivals from the paper's own simulations, and the candidates that are judged on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

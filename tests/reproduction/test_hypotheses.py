@@ -1,7 +1,5 @@
 """Hypotheses of the paper's set-up: their starts, their cross-sections, and what both models make of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

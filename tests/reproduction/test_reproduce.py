@@ -1,7 +1,5 @@
 """`rock2d reproduce`, small: everything is there, the same for the same seed; an interruption costs little."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a user of `rock2d run` sees: results that repeat, that are whole, and mistakes said in one line."""
 
-from __future__ import annotations
-
 import hashlib
 import signal
 import subprocess

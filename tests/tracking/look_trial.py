@@ -12,8 +12,6 @@ two standard errors, where the user states a wrong one, error of the restitution
 number of bounces, impacts where there was none.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import dataclass

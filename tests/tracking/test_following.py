@@ -1,7 +1,5 @@
 """From film to experiment: where blocks were, how they turned, how fast they went, against a film of known truth."""
 
-from __future__ import annotations
-
 import copy
 import re
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`rock2d.track`: a film and a set-up in, a result out that shows itself, is written and can be diagnosed."""
 
-from __future__ import annotations
-
 import webbrowser
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Campaigns: the same bytes whoever computed them, and however often they were stopped."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

@@ -18,16 +18,6 @@ from rock2d.files.experiment import load_experiment
 from tests.blind.test_scoring import write_trial
 
 
-@pytest.fixture
-def small(monkeypatch):
-    """Cases of ten releases."""
-
-    def draw(causes, seed):
-        return draw_case(causes, seed, smallest=True)
-
-    monkeypatch.setattr(case_files, "draw_case", draw)
-
-
 def test_every_effect_and_enough_other_cases_are_assigned():
     causes = assign_causes(200, np.random.SeedSequence(1))
     outside = [own for own in causes if set(own) & set(reality.OUTSIDE)]

@@ -5,6 +5,7 @@ import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ def scenarios() -> list[Files]:
     return [{"scenario.yaml": text} for text in texts if not any(key in text for key in MEASURED)]
 
 
+@cache
 def experiments() -> list[Files]:
     """Small experiments, a film and a table of impacts, and the first releases of those under ROCK2D_DATA."""
     own = [film(world(), 4, seed=1, duration_s=0.25), _impacts()]

@@ -10,7 +10,8 @@ from tests.hunt.mutations import mutant
 from tests.hunt.trials import ACCEPTED, FAILED, KINDS, Outcome, tried
 from tests.hunt.valid_files import diagnoses
 
-COUNTS = {"scenario": 60, "experiment": 30, "diagnosis": 120}  # those that take longest are fewest
+# what one of fifty damaged scenarios does is met with 96 %; those that take longest are fewest
+COUNTS = {"scenario": 160, "experiment": 30, "diagnosis": 120}
 
 
 @pytest.mark.parametrize("kind", KINDS)

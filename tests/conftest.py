@@ -36,6 +36,7 @@ FIRST = (
     "runs/test_found_causes.py",
 )
 _TESTS = Path(__file__).parent
+COARSE_DPI = 40
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -51,6 +52,21 @@ def one_thread() -> None:
     import numba
 
     numba.set_num_threads(1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_pictures() -> Iterator[None]:
+    """Figures have few pixels and videos few frames: to draw them takes longer than most of what tests ask for."""
+    from rock2d.diagnosis.report import side_by_side
+    from rock2d.graphics import figure_style, pages
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_style, "FILE_DPI", COARSE_DPI)
+        patch.setattr(figure_style.save_figure, "__defaults__", (COARSE_DPI,))
+        patch.setattr(pages, "PAGE_FIGURE_DPI", COARSE_DPI)
+        patch.setattr(side_by_side, "VIDEO_S", 0.5)
+        patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
+        yield
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def content():
-    found = diagnose(film(TILTED, 10, seed=1), effects=effects("camera_tilt", "angle_offset"))
+    found = diagnose(film(TILTED, 8, seed=1), effects=effects("camera_tilt", "angle_offset"))
     return json.loads(json.dumps(diagnosis_json(found)))
 
 

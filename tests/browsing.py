@@ -46,6 +46,12 @@ def until(page: Any, holds: Callable[[], bool]) -> None:
     raise AssertionError("still waiting")
 
 
+def ask_for_release(page: Any, number: object) -> None:
+    """Type the number of a release into its field."""
+    page.locator("#live-release").fill(str(number))
+    page.keyboard.press("Enter")
+
+
 def picture(page: Any, name: str) -> str:
     """What the canvases of this name show."""
     return page.evaluate(

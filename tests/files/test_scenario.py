@@ -45,9 +45,6 @@ incident:
     distribution: {x_m: 0.1, y_m: {normal: {mean: 0.4, sd: 0.01}}, vx_m_s: {uniform: {low: 1, high: 2}}, vy_m_s: 0}
 outputs: {fps: 100}
 """
-WITH_SOILS = SMALL.replace(
-    "model:\n", "model:\n  soils: {default: medium_scree, ditch: {like: swamp, restitution: 0.1}}\n"
-)
 FILMED = """\
 name: filmed
 model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}

@@ -43,15 +43,8 @@ def said(tmp_path):
     def run(*words: str) -> str:
         environment = {**os.environ, **cache}
         environment.pop("NUMBA_CACHE_DIR", None)
-        done = subprocess.run(
-            [sys.executable, *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stderr
+        options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
+        return subprocess.run([sys.executable, *words], **options).stderr
 
     return run
 

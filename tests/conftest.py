@@ -36,7 +36,7 @@ FIRST = (
     "runs/test_found_causes.py",
 )
 _TESTS = Path(__file__).parent
-COARSE_DPI = 40
+COARSE_DPI = 60
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -56,7 +56,9 @@ def one_thread() -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def coarse_pictures() -> Iterator[None]:
-    """Figures have few pixels and videos few frames: to draw them takes longer than most of what tests ask for."""
+    """Figures have few pixels, and are drawn without a process of their own; videos have few frames: to draw them takes
+    longer than most of what tests ask for. Tests of graphics see pictures as users do."""
+    from rock2d.commands import run
     from rock2d.diagnosis.report import side_by_side
     from rock2d.graphics import figure_style, pages
 
@@ -64,6 +66,7 @@ def coarse_pictures() -> Iterator[None]:
         patch.setattr(figure_style, "FILE_DPI", COARSE_DPI)
         patch.setattr(figure_style.save_figure, "__defaults__", (COARSE_DPI,))
         patch.setattr(pages, "PAGE_FIGURE_DPI", COARSE_DPI)
+        patch.setattr(run, "FEWEST_FOR_PROCESS", float("inf"))
         patch.setattr(side_by_side, "VIDEO_S", 0.5)
         patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
         yield

@@ -23,6 +23,10 @@ FIRST = (
     "reproduction/test_reproduce.py",
     "hunt/test_faults.py",
     "runs/test_run.py",
+    "blind/test_recovery.py",
+    "hunt/test_loops.py",
+    "tracking/test_following.py",
+    "tracking/test_first_setup.py",
     "docs/test_tutorials.py",
     "tracking/test_command.py",
     "effects/test_catalogue.py",
@@ -33,6 +37,9 @@ FIRST = (
     "diagnosis/test_predict.py",
     "hunt/test_files.py",
     "design/test_least_size.py",
+    "design/test_uncertainty.py",
+    "design/test_several_embankments.py",
+    "diagnosis/test_noise_free.py",
     "runs/test_found_causes.py",
 )
 _TESTS = Path(__file__).parent

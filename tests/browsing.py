@@ -1,7 +1,5 @@
 """Pages with a script in a real browser."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import shutil
@@ -46,6 +44,12 @@ def until(page: Any, holds: Callable[[], bool]) -> None:
             return
         page.wait_for_timeout(20)
     raise AssertionError("still waiting")
+
+
+def ask_for_release(page: Any, number: object) -> None:
+    """Type the number of a release into its field."""
+    page.locator("#live-release").fill(str(number))
+    page.keyboard.press("Enter")
 
 
 def picture(page: Any, name: str) -> str:

@@ -1,7 +1,5 @@
 """Fixtures that several tests share, and one thread of linear algebra for all of them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +23,10 @@ FIRST = (
     "reproduction/test_reproduce.py",
     "hunt/test_faults.py",
     "runs/test_run.py",
+    "blind/test_recovery.py",
+    "hunt/test_loops.py",
+    "tracking/test_following.py",
+    "tracking/test_first_setup.py",
     "docs/test_tutorials.py",
     "tracking/test_command.py",
     "effects/test_catalogue.py",
@@ -35,9 +37,13 @@ FIRST = (
     "diagnosis/test_predict.py",
     "hunt/test_files.py",
     "design/test_least_size.py",
+    "design/test_uncertainty.py",
+    "design/test_several_embankments.py",
+    "diagnosis/test_noise_free.py",
     "runs/test_found_causes.py",
 )
 _TESTS = Path(__file__).parent
+COARSE_DPI = 60
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -53,6 +59,24 @@ def one_thread() -> None:
     import numba
 
     numba.set_num_threads(1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_pictures() -> Iterator[None]:
+    """Figures have few pixels, and are drawn without a process of their own; videos have few frames: to draw them takes
+    longer than most of what tests ask for. Tests of graphics see pictures as users do."""
+    from rock2d.commands import run
+    from rock2d.diagnosis.report import side_by_side
+    from rock2d.graphics import figure_style, pages
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_style, "FILE_DPI", COARSE_DPI)
+        patch.setattr(figure_style.save_figure, "__defaults__", (COARSE_DPI,))
+        patch.setattr(pages, "PAGE_FIGURE_DPI", COARSE_DPI)
+        patch.setattr(run, "FEWEST_FOR_PROCESS", float("inf"))
+        patch.setattr(side_by_side, "VIDEO_S", 0.5)
+        patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
+        yield
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Small diagnoses, written by hand, and a scenario that runs with one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The set-up of the laboratory that tests of engines, effects and films share: blocks, laws, grounds, releases."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

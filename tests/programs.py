@@ -1,7 +1,5 @@
 """Programs and commands as a user starts them, what they print, and how they refuse what makes no sense."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Scenario files that tests write: a slope that runs out and what stands at its foot, cheap enough to be run often."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from rock2d.files.scenario import Scenario, load_scenario

@@ -1,7 +1,5 @@
 """The public face: what `import rock2d` offers, how fast it comes, and that its examples hold."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import pickle

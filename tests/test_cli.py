@@ -1,7 +1,5 @@
 """How a command ends that is asked to end: one plain line and its own exit code."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

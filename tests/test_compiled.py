@@ -1,7 +1,5 @@
 """Compiled code is loaded only from folders that no other user can write."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

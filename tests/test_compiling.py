@@ -1,7 +1,5 @@
 """Who waits for the compiler is told so: once, by the command line, and only if there is something to compile."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -45,15 +43,8 @@ def said(tmp_path):
     def run(*words: str) -> str:
         environment = {**os.environ, **cache}
         environment.pop("NUMBA_CACHE_DIR", None)
-        done = subprocess.run(
-            [sys.executable, *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stderr
+        options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
+        return subprocess.run([sys.executable, *words], **options).stderr
 
     return run
 

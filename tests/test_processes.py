@@ -1,7 +1,5 @@
 """Jobs in other processes: the same results, whoever dies, and nobody is left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The time that a command still takes is known within a factor of two, and a bar keeps its line."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys

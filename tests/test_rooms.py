@@ -3,8 +3,6 @@
 `python -m tests.test_rooms` prints the table of CONTRIBUTING.md.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from graphlib import TopologicalSorter

@@ -1,7 +1,5 @@
 """The command `rock2d soils`: every class with its ranges and source; the parameters of a block."""
 
-from __future__ import annotations
-
 import pytest
 
 from rock2d.commands.soils import list_soils
@@ -44,8 +42,7 @@ def test_the_parameters_of_a_block_are_those_that_a_scenario_takes(soil):
         [law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad], rel=0.01
     )
     assert [float(cell) for cell in rebound[1:]] == pytest.approx(
-        [getattr(point, name) for name in REBOUND_NUMBERS],
-        rel=0.01,
+        [getattr(point, name) for name in REBOUND_NUMBERS], rel=0.01
     )
 
 

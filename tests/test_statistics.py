@@ -5,13 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rock2d.statistics import (
-    Estimate,
-    least_count,
-    percentile_estimate,
-    percentile_interval,
-    wilson_interval,
-)
+from rock2d.statistics import Estimate, least_count, percentile_estimate, percentile_interval, wilson_interval
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,6 @@
 ROCK2D_BENCH_LARGE=1 goes on to 10^6 and 10^7 releases, which take an hour and more.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

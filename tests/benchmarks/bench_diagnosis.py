@@ -1,7 +1,5 @@
 """Where the processor time of a diagnosis goes: a film of the own engine, taken by a tilted camera."""
 
-from __future__ import annotations
-
 import cProfile
 import pstats
 from pathlib import Path

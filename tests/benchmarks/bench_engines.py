@@ -5,8 +5,6 @@ a ratio is that of one round, stated as the median over the rounds, from the lea
 passes or fails by the clock.
 """
 
-from __future__ import annotations
-
 import itertools
 from functools import cache
 from time import perf_counter

@@ -4,8 +4,6 @@ All of it is measured on the reference kernel in C, which makes the steps of the
 of the time need the profiler `perf`, and a kernel whose parts are not inlined, which is slower by about 15 %.
 """
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess
@@ -66,20 +64,8 @@ def counted(library, run):
 def shares(folder, name, block_name):
     """Part -> share of the samples of a profile; empty where `perf` is not there, or may not look."""
     library, data = compile_reference(folder, "-DPARTS"), str(folder / "perf.data")
-    record = [
-        "perf",
-        "record",
-        "-q",
-        "-e",
-        "cpu-clock",
-        "-F",
-        "1999",
-        "-o",
-        data,
-        sys.executable,
-        "-c",
-        PROFILED,
-    ]
+    record = ["perf", "record", "-q", "-e", "cpu-clock", "-F", "1999", "-o", data, sys.executable, "-c",
+              PROFILED]  # fmt: skip
     report = ["perf", "report", "-q", "--stdio", "--no-children", "-i", data, "--sort", "dso,symbol", "-t;"]
     command = [*record, library._name, name, block_name]
     if shutil.which("perf") is None or subprocess.run(command, capture_output=True).returncode != 0:

@@ -8,8 +8,6 @@ PlatRock builds a part of itself, and needs GDAL (its 2D model does not). It loa
 soon as a simulation is made; there are no trees here, so that is left out.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -113,13 +111,8 @@ def test_point_masses(benchmark, peer_name):
         begin = process_time()
         run_point_mass_batch(block, ground, law, many, seeds, time_limit_s=scenario.time_limit_s)
         own.append((process_time() - begin) / POINT_MASS)
-        done = subprocess.run(
-            [PEER, "-c", script],
-            input=json.dumps(given),
-            text=True,
-            capture_output=True,
-            check=True,
-        )
+        options = {"input": json.dumps(given), "text": True, "capture_output": True, "check": True}
+        done = subprocess.run([PEER, "-c", script], **options)
         peer.append(float(done.stdout.split()[-1]) / releases)
 
     numba.set_num_threads(1)

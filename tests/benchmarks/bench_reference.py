@@ -3,8 +3,6 @@
 See `bench_engines` for how numbers are taken; these are of one thread, in processor time.
 """
 
-from __future__ import annotations
-
 from time import process_time
 
 import numba

@@ -3,8 +3,6 @@
 Each round has the calibration kernel before it. With the variable ROCK2D_DATA, practice films are diagnosed, too.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

@@ -1,7 +1,5 @@
 """What makes costs comparable between machines, whose speeds differ by a factor of three: some fixed arithmetic."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 import numba

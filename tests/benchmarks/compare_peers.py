@@ -5,8 +5,6 @@
 prints the tables of docs/theory/rebound-law.md and draws its figure. `bench_peers` says how to install the peers.
 """
 
-from __future__ import annotations
-
 import sys
 from itertools import product
 

@@ -1,7 +1,5 @@
 """What the benchmarks print: what they noted under `rows`, and one table of what they noted under `waits`."""
 
-from __future__ import annotations
-
 import pytest
 
 

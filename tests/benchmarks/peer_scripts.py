@@ -5,8 +5,6 @@ slides, v² at the end if so. Nothing of the peers is changed, except that PlatR
 precision, loads no model of trees, and draws the greatest angle of roughness each time where the angle is constant.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

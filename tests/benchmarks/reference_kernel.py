@@ -3,8 +3,6 @@
 It is the same algorithm with the same arithmetic, compiled by the system's compiler: the engine is measured against it.
 """
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

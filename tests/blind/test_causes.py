@@ -1,7 +1,5 @@
 """Causes are found by their files, new ones after the published ones."""
 
-from __future__ import annotations
-
 from rock2d.blind import reality
 from rock2d.blind.reality.cause import causes_in
 from rock2d.blind.reality.known import known_causes

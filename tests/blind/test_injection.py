@@ -1,7 +1,5 @@
 """Known causes in a real record: the camera's exactly, those of the motion as a film with the cause would show them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

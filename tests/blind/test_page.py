@@ -1,7 +1,5 @@
 """The page of a score: complete, and without markup from the files of a trial."""
 
-from __future__ import annotations
-
 from rock2d.blind.page import write_page
 from rock2d.blind.scoring import scored_case, summary
 from tests.blind.test_scoring import TRIAL

@@ -1,7 +1,5 @@
 """The independent reality: independence, physics of its motion without causes, and visibility of every cause."""
 
-from __future__ import annotations
-
 import ast
 import math
 import sys

@@ -1,7 +1,5 @@
 """Blind cases from a real record: releases of it, with known causes put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -74,7 +72,7 @@ def test_a_cause_of_the_motion_is_in_both_films(record, tmp_path):
         assert moved.any()
 
 
-def test_a_third_of_the_cases_have_a_record_and_the_others_stay_the_same(record, tmp_path):
+def test_a_third_of_the_cases_have_a_record_and_the_others_stay_the_same(record, tmp_path, small):
     causes = [("scale_error",), ("rounded_edges", "wind"), (), ("mirrored_angle",), ("camera_tilt",), ()]
     bases = bases_of(causes, 2, SEED)
     assert sum(base is not None for base in bases) == round(SHARE_OF_RECORDS * len(causes))

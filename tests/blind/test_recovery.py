@@ -1,7 +1,5 @@
 """Studies of known causes: the plan, what the linear model expects, how diagnoses correct it, and the command."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import partial

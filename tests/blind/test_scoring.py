@@ -1,7 +1,5 @@
 """The score of named sets, on six cases whose numbers are known by hand."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 

@@ -1,7 +1,5 @@
 """Blind trials: what is sealed stays sealed, is the same from the same seed, and the score says what it should."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -18,16 +16,6 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from tests.blind.test_scoring import write_trial
-
-
-@pytest.fixture
-def small(monkeypatch):
-    """Cases of ten releases."""
-
-    def draw(causes, seed):
-        return draw_case(causes, seed, smallest=True)
-
-    monkeypatch.setattr(case_files, "draw_case", draw)
 
 
 def test_every_effect_and_enough_other_cases_are_assigned():

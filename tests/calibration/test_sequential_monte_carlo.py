@@ -1,7 +1,5 @@
 """The posterior sampler against posteriors that are known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What `rock2d run` adds where a scenario says what is not known."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

@@ -1,7 +1,5 @@
 """The least size is where the bound crosses the target, and the command answers with it."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """The least volume over several numbers of the earthworks: each combination is the search of its own scenario."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

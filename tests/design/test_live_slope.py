@@ -1,7 +1,5 @@
 """The live view of a page, in a browser: every control does its work, and the numbers are those of the tables."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -23,6 +21,7 @@ from rock2d.runs.indicators.envelopes import QUANTITIES
 from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.wording import with_interval
 from tests.browsing import (
+    ask_for_release,
     assert_not_printed_and_all_named,
     assert_nothing_else_was_run_or_loaded,
     assert_only_its_own_script_may_run,
@@ -266,8 +265,7 @@ def test_another_run_is_shown_and_stands_beside(page, result, higher):
         first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)
     ]
     one = picture(page, "#live-stage canvas")
-    page.get_by_label("Release").fill(f"{OTHERS + 3}")
-    page.keyboard.press("Enter")
+    ask_for_release(page, OTHERS + 3)
     assert page.inner_text("#live-said").startswith(f"release {OTHERS + 3}, {NASTY}")
     assert picture(page, "#live-stage canvas") != one
     until(page, lambda: "view=1&beside=0" in page.url)
@@ -306,8 +304,7 @@ def contrast(one, other) -> float:
 def test_a_release_is_chosen_with_its_impacts_and_plays(page, result):
     impacts = result.to_pandas("impacts")
     own = impacts[impacts["release"] == 3]
-    page.get_by_label("Release").fill("3")
-    page.keyboard.press("Enter")
+    ask_for_release(page, 3)
     assert page.inner_text("#live-said").startswith("release 3, ball")
     rows = page.locator("#live-impacts tbody tr")
     assert rows.count() == len(own) > 1
@@ -334,8 +331,7 @@ def test_a_release_is_chosen_with_its_impacts_and_plays(page, result):
     assert time() == pytest.approx(float(clock.get_attribute("max")))
     page.get_by_role("button", name="show all paths").click()
     assert page.locator("#live-one").is_hidden() and "paths shown" in page.inner_text("#live-said")
-    page.get_by_label("Release").fill("99999")
-    page.keyboard.press("Enter")
+    ask_for_release(page, 99999)
     assert "no path of release 99999" in page.inner_text("#live-said")
 
 
@@ -365,8 +361,7 @@ def test_a_click_chooses_the_path_under_it(page):
 def test_the_address_holds_the_view(page, browser, report):
     page.get_by_label("ball").uncheck()
     page.locator("#live-quantity").select_option("2")
-    page.get_by_label("Release").fill(str(RELEASES + 2))
-    page.keyboard.press("Enter")
+    ask_for_release(page, RELEASES + 2)
     until(page, lambda: "release" in page.url)
     other, _ = opened(browser, report, page.url[page.url.index("#") :])
     assert other.inner_text("#live-place") == page.inner_text("#live-place")
@@ -377,8 +372,7 @@ def test_the_address_holds_the_view(page, browser, report):
 
 def test_a_phone_shows_it_without_scrolling_sideways(page):
     page.set_viewport_size({"width": 390, "height": 844})
-    page.get_by_label("Release").fill("3")
-    page.keyboard.press("Enter")
+    ask_for_release(page, 3)
     until(page, lambda: page.locator("#live-stage canvas").first.get_attribute("width") != "1080")
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     page.set_viewport_size({"width": 1280, "height": 1000})

@@ -1,7 +1,5 @@
 """How much depends on the model: the same releases with one change at a time."""
 
-from __future__ import annotations
-
 import pytest
 
 from rock2d.design.model_range import BASE, alternatives, compared, range_remarks, short_ranges, shown_lines

@@ -1,7 +1,5 @@
 """A calibration's posterior as what is not known: sites take its draws whole, each as likely as any other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The report of a site: whole, readable, with the numbers of the tables, and safe."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,7 +1,5 @@
 """Two embankments in one scenario: what blocks do there, which of them is sought, and what the page says."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -71,20 +69,8 @@ def test_arrived_at_a_crest_means_at_the_arrival_line_of_its_embankment(site, cr
 
 
 def test_a_higher_second_embankment_is_found_and_the_first_stays(site, tmp_path):
-    words = (
-        "design",
-        site,
-        "--vary",
-        "embankment.2.height_m",
-        "--range",
-        0.3,
-        5,
-        "--target",
-        12,
-        "--tolerance",
-        0.5,
-    )
-    done = commanded(*words, "--quiet", "--out", tmp_path / "design")
+    words = "--vary embankment.2.height_m --range 0.3 5 --target 12 --tolerance 0.5 --quiet --out"
+    done = commanded("design", site, *words.split(), tmp_path / "design")
     assert done.exit_code == 0, done.output
     facts = json.loads((tmp_path / "design" / "design.json").read_text())
     assert facts["target"]["line"] == "crest_2" and 0.3 < facts["least"] < 5.0

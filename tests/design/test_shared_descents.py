@@ -1,7 +1,5 @@
 """Sizes that share the descent upslope of an earthwork find what each would find alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The frequency at a further site, from what is known of many."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

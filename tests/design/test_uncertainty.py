@@ -1,7 +1,5 @@
 """Intervals over possible sites hold the truth as often as they say, and the shares of the variance are right."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The answer in plain words: it follows the verdict, shows the bound that is judged, and names what governs."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Diagnoses of films whose hidden effect is known. The engine is the same, so the answers must be exact."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The budget of the gap: shares that are known by hand, and a floor that near-replicates tell."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,10 +42,6 @@ def segments(n: int, speed: np.ndarray | None = None) -> Segments:
     return Segments(own, own, own, zero, zero, zero.astype(float) if speed is None else speed)
 
 
-def draws(data: Segments) -> GapBootstrap:
-    return GapBootstrap(ResidualSizes(data, np.ones((len(data.order), 6, 6)) * np.eye(6)), seed=0)
-
-
 def logs(gap: float) -> np.ndarray:
     """Sums of logarithms of releases whose two segments both have this size."""
     return np.full(RELEASES, 2.0 * np.log(gap))
@@ -55,7 +49,7 @@ def logs(gap: float) -> np.ndarray:
 
 def found(gaps: dict[str, float], learnt: float, floor: float) -> Budget:
     """The budget of models, whose effects are the letters of their names, with these gaps."""
-    own = draws(segments(RELEASES))
+    own = GapBootstrap(ResidualSizes(segments(RELEASES), np.ones((RELEASES, 6, 6)) * np.eye(6)), seed=0)
     sets = {frozenset(names): logs(gap) for names, gap in gaps.items()}
     floors = own.gap(logs(floor)), own.gap(logs(floor))
     return budget(sets, frozenset(max(gaps, key=len)), logs(learnt), floors, own)

@@ -1,7 +1,5 @@
 """Sets of causes: films with two hidden effects, and with none. The engine is the same, so answers must be exact."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Predictive checks: a true model passes as often as stated, and what is wrong is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two diagnoses side by side: agreement is judged, what cannot be compared is named, a bad file writes nothing."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Dependences that no effect explains: what acts in a film is found, under its name."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Evidence: what chance gives, what imitates, and what shares a name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The steps of a fit: what they must do whatever is fitted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Flights without impacts: what they show is diagnosed, of the rest nothing is said."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Impact tables: the law run through each impact from the state before it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

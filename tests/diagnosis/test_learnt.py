@@ -1,7 +1,5 @@
 """Learnt changes: what has no name is found, closes the gap on releases that it never saw, and enters predictions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Predictions with learnt changes: what they add to the motion is what moves a block, and what lies still stays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The live view of a diagnosis, in a browser: every control does its work, and the numbers are those of the tables."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -23,6 +21,7 @@ from rock2d.diagnosis.segments import Segments
 from rock2d.records.columns import THETA
 from rock2d.wording import spoken
 from tests.browsing import (
+    ask_for_release,
     assert_not_printed_and_all_named,
     assert_nothing_else_was_run_or_loaded,
     opened,
@@ -317,8 +316,7 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
     s = int(np.flatnonzero(segments.number == 1)[0])
     rows, release = segments.frames[s], segments.release[s]
     t = data.film.t_s[rows[-1]] - data.film.t_s[np.searchsorted(data.film.release, release)]
-    page.locator("#live-release").fill(str(data.film.release_names[release]))
-    page.keyboard.press("Enter")
+    ask_for_release(page, data.film.release_names[release])
     page.locator("#live-time").evaluate(
         "(c, t) => { c.value = t; c.dispatchEvent(new Event('input')) }", t + 1e-5
     )
@@ -349,8 +347,7 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
 
 def test_a_release_lists_its_impacts_and_flights_and_each_can_be_chosen(page, diagnosed):
     data = diagnosed.data
-    page.locator("#live-release").fill(str(data.film.release_names[5]))
-    page.keyboard.press("Enter")
+    ask_for_release(page, data.film.release_names[5])
     tick(page, "inertia_error")
     rows = cells(page, "#live-own tbody tr")
     flights, impacts = np.flatnonzero(data.flight_release == 5), np.flatnonzero(data.impact_release == 5)
@@ -386,8 +383,7 @@ def test_it_plays_pauses_and_shows_the_whole_section(page):
     assert picture(page, CLOSE) != near
     page.keyboard.press("Space")
     assert picture(page, CLOSE) == near
-    page.locator("#live-release").fill("99999")
-    page.keyboard.press("Enter")
+    ask_for_release(page, 99999)
     assert frame_words(page) == "The page holds no frames of release 99999."
 
 
@@ -479,8 +475,7 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
 
 
 def test_an_impact_lists_its_neighbours_and_each_can_be_chosen(page, diagnosed):
-    page.locator("#live-release").fill(str(diagnosed.data.film.release_names[5]))
-    page.keyboard.press("Enter")
+    ask_for_release(page, diagnosed.data.film.release_names[5])
     page.locator("#live-own tbody tr", has_text="impact").first.locator("button").click()
     rows = cells(page, "#live-neighbours tbody tr")
     block = page.inner_text("#live-one caption").split(", ")[1]

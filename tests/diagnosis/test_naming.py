@@ -1,7 +1,5 @@
 """Which members of the best set stay: rivals that do better come in, what cannot be named leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Experiments without noise in positions, in angles or in both: a simulation is diagnosed, and the user is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -27,7 +25,7 @@ EFFECTS = effects("air_drag", "camera_tilt", "viscous_damping")
     ],
 )
 def test_a_simulation_is_diagnosed_with_the_noise_of_a_camera(noise_m, noise_rad, said):
-    exact = film(world(), 10, seed=1, noise_m=noise_m, noise_rad=noise_rad, soil=0.0)
+    exact = film(world(), 6, seed=1, noise_m=noise_m, noise_rad=noise_rad, soil=0.0)
     found = diagnose(exact, effects=EFFECTS)
     assert found.verdict == "none"
     remarks = [line for line in found.sanity.remarks if "shows no noise" in line]

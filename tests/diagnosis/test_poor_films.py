@@ -1,7 +1,5 @@
 """Films that are too poor to diagnose: what can be said is said, the rest is named, nothing crashes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,17 +1,10 @@
 """Passing, energies and heights of films whose motion is known; charts and words of their numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from rock2d.diagnosis.replay import Releases
-from rock2d.diagnosis.report.practical_indicators import (
-    COMPARED_PERCENTILES,
-    Quantity,
-    film_quantities,
-    measure_lines,
-)
+from rock2d.diagnosis.report import practical_indicators
 from rock2d.diagnosis.report.text import share_closed
 from rock2d.graphics.bar_charts import Axis, axis_over
 from rock2d.statistics import wilson_interval
@@ -39,13 +32,13 @@ def parabolas(speeds: np.ndarray, spin: float = 20.0) -> Releases:
     return Releases(zero, np.arange(len(speeds)), zero, t_s, pose, zero + 10)
 
 
-def of(quantities: list[Quantity], title: str) -> dict[str, dict[str, list]]:
+def of(quantities: list[practical_indicators.Quantity], title: str) -> dict[str, dict[str, list]]:
     rows = next(q for q in quantities if q.title.startswith(title)).rows
     return {row.place: row.models for row in rows}
 
 
 def test_lines_stand_on_the_facing(experiment):
-    lines, note = measure_lines(experiment, 0.2)
+    lines, note = practical_indicators.measure_lines(experiment, 0.2)
     facing = experiment.cross_section.points_m[2:4]
     for line, share in zip(lines.values(), (1 / 3, 2 / 3, 1.0), strict=True):
         np.testing.assert_allclose(line[0], facing[0] + share * (facing[1] - facing[0]), atol=1e-12)
@@ -56,8 +49,10 @@ def test_lines_stand_on_the_facing(experiment):
 def test_passing_energy_height_and_runout_of_parabolas(experiment):
     speeds = np.linspace(0.2, 1.0, 20)
     releases = parabolas(speeds)
-    lines, _ = measure_lines(experiment, 0.3)
-    found = film_quantities(experiment, releases, {"measured": releases.pose[None]}, lines)
+    lines, _ = practical_indicators.measure_lines(experiment, 0.3)
+    found = practical_indicators.film_quantities(
+        experiment, releases, {"measured": releases.pose[None]}, lines
+    )
     sphere = experiment.blocks["sphere"]
     end_s = releases.t_s[0, -1]
     passing, energy = of(found, "Passing"), of(found, "Kinetic")
@@ -75,23 +70,25 @@ def test_passing_energy_height_and_runout_of_parabolas(experiment):
         if passed.sum() >= 8:
             values = [e.value for e in energy[name]["measured"]]
             np.testing.assert_allclose(
-                values, 1e3 * np.percentile(true[passed], COMPARED_PERCENTILES), rtol=0.02
+                values,
+                1e3 * np.percentile(true[passed], practical_indicators.COMPARED_PERCENTILES),
+                rtol=0.02,
             )  # mJ
     (height,) = of(found, "Bounce").values()
     assert height["measured"][0].value <= 1e3 * (0.03 + 1.6**2 / (2 * G)) + 1e-6
     (runout,) = of(found, "Runout").values()
     np.testing.assert_allclose(
         [e.value for e in runout["measured"]],
-        1e3 * np.percentile(speeds * end_s, COMPARED_PERCENTILES),
+        1e3 * np.percentile(speeds * end_s, practical_indicators.COMPARED_PERCENTILES),
         rtol=1e-6,
     )
 
 
 def test_repetitions_that_never_pass_still_have_an_upper_bound(experiment):
     releases = parabolas(np.full(10, 0.01))
-    lines, _ = measure_lines(experiment, 0.3)
+    lines, _ = practical_indicators.measure_lines(experiment, 0.3)
     poses = np.repeat(releases.pose[None], 4, axis=0)
-    found = film_quantities(experiment, releases, {"base": poses}, lines)
+    found = practical_indicators.film_quantities(experiment, releases, {"base": poses}, lines)
     (estimate,) = of(found, "Passing")["crest"]["base"]
     assert estimate.value == 0.0 == estimate.low and 0.0 < estimate.high < 10.0
 

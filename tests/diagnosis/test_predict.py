@@ -1,7 +1,5 @@
 """Predictions of a diagnosed model on other releases, and the two commands."""
 
-from __future__ import annotations
-
 import copy
 import json
 from dataclasses import replace
@@ -20,14 +18,14 @@ from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from tests.diagnosed_files import with_learnt
 from tests.kinematics.synthetic_films import SOIL, effects, film, world, yielded
-from tests.programs import commanded, refusal, rock2d
+from tests.programs import commanded, refusal
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
 def content():
-    found = diagnose(film(TILTED, 10, seed=1), effects=effects("camera_tilt", "angle_offset"))
+    found = diagnose(film(TILTED, 8, seed=1), effects=effects("camera_tilt", "angle_offset"))
     return json.loads(json.dumps(diagnosis_json(found)))
 
 
@@ -191,15 +189,6 @@ def test_commands_write_what_they_say(tmp_path, content):
 def one_release() -> Experiment:
     both = film(world(), 2, seed=5)
     return replace(both, trajectories=both.trajectories[both.trajectories["release"] == 0])
-
-
-def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
-    write_experiment(tmp_path / "film", one_release())
-    done = rock2d("diagnose", tmp_path / "film", "--quiet", "--out", tmp_path / "out", timeout_s=900)
-    assert done.returncode == 2 and "not diagnosed" in done.stderr and "too few" in done.stderr, done.stderr
-    written = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    assert written["verdict"] == "unknown" and sum(written["probabilities"].values()) == pytest.approx(1.0)
-    assert (tmp_path / "out" / "report.html").is_file()
 
 
 def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):

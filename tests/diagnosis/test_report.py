@@ -1,7 +1,5 @@
 """The report: one page that needs no network, states the verdict, and never runs code from a name."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -20,7 +18,7 @@ from rock2d.diagnosis import exploring, fitting
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.report import page, side_by_side
+from rock2d.diagnosis.report import page
 from rock2d.diagnosis.report.downloads import download
 from rock2d.diagnosis.report.text import share_closed, size
 from rock2d.effects import catalogue
@@ -90,16 +88,9 @@ def diagnosed() -> Diagnosis:
     return quick(experiment, **EFFECTS)
 
 
-def small_video(patch: pytest.MonkeyPatch) -> None:
-    """Let reports have a video that is quick to write."""
-    patch.setattr(side_by_side, "VIDEO_S", 0.5)
-    patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
-
-
 def write(result: Diagnosis, folder: Path) -> tuple[Page, str]:
     """Write the report of a diagnosis on a day of 1970; returns the page and its text."""
     with pytest.MonkeyPatch.context() as patch:
-        small_video(patch)
         patch.setenv("SOURCE_DATE_EPOCH", "86400")
         command = "rock2d diagnose <x> --out y"
         page.write_report(result, diagnosis_json(result), folder, bars=Bars(False), command=command)

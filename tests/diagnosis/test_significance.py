@@ -1,7 +1,5 @@
 """How significant a gain is: by how many releases gain, not by how much a few of them do."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

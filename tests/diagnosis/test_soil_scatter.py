@@ -1,7 +1,5 @@
 """The soil's scatter: found where it was drawn, and the best there is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Instructions after a diagnosis: following one undoes the effect; keys that it names exist; doubt corrects nothing."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

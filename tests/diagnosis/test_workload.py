@@ -1,24 +1,11 @@
 """The time that a diagnosis still takes, on the work of real diagnoses, replayed on a fake clock."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest
 
+from rock2d.diagnosis import workload
 from rock2d.diagnosis.cause_sets import MOST_CAUSES
-from rock2d.diagnosis.workload import (
-    ALONE,
-    BASE,
-    EVIDENCE,
-    EXPLORING,
-    GAP,
-    READING,
-    REPORT,
-    SETS,
-    USUAL_SETS,
-    DiagnosisBars,
-)
 
 EFFECTS = 22
 
@@ -79,7 +66,7 @@ FILMS = {
 def replayed(film: Diagnosed):
     """(time, what the bars say is left) after each unit, if an evaluation takes a second."""
     now, found = [0.0], []
-    bars = DiagnosisBars(False, EFFECTS, 2, lambda: now[0])
+    bars = workload.DiagnosisBars(False, EFFECTS, 2, lambda: now[0])
     imports, reading, base, start = film.before
 
     def works(evaluations):
@@ -95,34 +82,34 @@ def replayed(film: Diagnosed):
             for _ in range(units):
                 one_more(evaluations / units, bar.update)
 
-    with bars.stage(READING, 2, "steps") as bar:
+    with bars.stage(workload.READING, 2, "steps") as bar:
         bars.starts()
         works(reading / 2)
         bar.update()
         one_more(reading / 2, bar.update)
     bars.read(film.share)
-    stage(BASE, 5, base)
-    with bars.stage(EXPLORING, EFFECTS, "effects") as bar:
+    stage(workload.BASE, 5, base)
+    with bars.stage(workload.EXPLORING, EFFECTS, "effects") as bar:
         bars.starts()
         works(start)
         for k in range(EFFECTS):
             bars.explored(k / EFFECTS, 100.0 if film.rounds and k >= EFFECTS / 4 else 0.0)
             one_more(film.explored / EFFECTS, bar.update)
         bars.explored(1.0, 100.0 if film.rounds else 0.0)
-    stage(ALONE, EFFECTS, film.alone)
-    with bars.stage(SETS, USUAL_SETS, "fits"):
+    stage(workload.ALONE, EFFECTS, film.alone)
+    with bars.stage(workload.SETS, workload.USUAL_SETS, "fits"):
         fits = sum(count for count, _ in film.rounds)
         for k, (count, gain) in enumerate(film.rounds):
             bars.found(k + 1, MOST_CAUSES, gain)
             bars.fits(count)
             for _ in range(count):
                 one_more(film.sets / fits, lambda: bars.fitted("names"))
-    with bars.stage(EVIDENCE, len(film.rounds) + 2, "sets") as bar:
+    with bars.stage(workload.EVIDENCE, len(film.rounds) + 2, "sets") as bar:
         for evaluations in film.learnt:
             one_more(evaluations, bar.update)
         works(film.regressions)
-    stage(GAP, 2, film.gap)
-    stage(REPORT, 5, film.report)
+    stage(workload.GAP, 2, film.gap)
+    stage(workload.REPORT, 5, film.report)
     return found
 
 

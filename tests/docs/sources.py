@@ -1,7 +1,5 @@
 """The texts of the documentation: pages written by hand, pages made from the code, and the files of the root."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Iterator

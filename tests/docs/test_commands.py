@@ -1,7 +1,5 @@
 """Commands in the text exist: command, options, choices, number of arguments."""
 
-from __future__ import annotations
-
 import re
 import shlex
 

@@ -1,7 +1,5 @@
 """What exists is documented: effects, scenarios, keys of files, tables of a run; and in the words of the glossary."""
 
-from __future__ import annotations
-
 import json
 import re
 

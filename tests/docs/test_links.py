@@ -1,7 +1,5 @@
 """Links within the text lead somewhere, and pictures are small."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

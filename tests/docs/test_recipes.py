@@ -1,7 +1,5 @@
 """The examples of CONTRIBUTING.md do what the text says."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from types import SimpleNamespace

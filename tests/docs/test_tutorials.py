@@ -1,7 +1,5 @@
 """Tutorials run, with few releases; the diagnosis that one makes obeys the schema of diagnosis.json."""
 
-from __future__ import annotations
-
 import re
 
 import matplotlib
@@ -11,7 +9,7 @@ from jsonschema import Draft202012Validator
 from rock2d.schemas import SCHEMAS, file_schema
 from tests.docs.sources import ROOT, generator
 
-FEW = {"ensemble": 20, "diagnosis": 8}  # releases of each block
+FEW = {"ensemble": 20, "diagnosis": 6}  # releases of each block
 
 
 def run_tutorial(name: str, folder, monkeypatch) -> dict:

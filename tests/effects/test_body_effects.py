@@ -1,7 +1,5 @@
 """Rounded corners and a centre of mass off the centroid: contact geometry, energy, limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the camera makes of the world: each effect by itself, and back again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The catalogue as a whole: names, ranges, neutral values; adding an effect is adding a file."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -36,7 +34,6 @@ from tests.effects.worlds import (
     world,
 )
 from tests.laboratory import LAW, SETUP, after
-from tests.programs import printed
 
 NAMES = {
     "air_drag", "flight_damping", "magnus_lift", "camera_tilt", "scale_error", "frame_rate_error", "lens_distortion",
@@ -242,11 +239,6 @@ def test_adding_an_effect_is_adding_a_file(tmp_path):
         assert np.array(done.stdout.split(), float) == pytest.approx(
             [40.0, 1.0, 0.0, 1.0, len(CATALOGUE) + 1, hits]
         )
-
-
-def test_the_command_line_starts_without_the_effects():
-    code = "import sys, rock2d.cli; print('rock2d.effects.forces' in sys.modules, 'numba' in sys.modules)"
-    assert printed(code).split() == ["False", "False"]
 
 
 def test_typical_values_lie_in_their_ranges():

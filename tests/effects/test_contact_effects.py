@@ -1,7 +1,5 @@
 """Effects in contact against their closed forms, in both engines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of the air against their closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

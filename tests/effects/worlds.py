@@ -1,7 +1,5 @@
 """Worlds that the tests of effects share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.effects import catalogue

@@ -3,8 +3,6 @@
 Both integrate the same law, found and stepped differently.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The batch engine against the reference engine: the same law, found and stepped differently."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Blocks that are counted as captured on a slope: nearly all would have stayed there, and none would have passed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Whole releases of the batch engine make no energy, on ground where each mistake of a step would show."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How far a block may move before its contacts can change: within that distance a search finds the same contacts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

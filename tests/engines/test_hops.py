@@ -1,7 +1,5 @@
 """Hops of a ball within its own indentation: one exact parabola each, and the same motion as with many steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The reference engine against the law's closed forms, and against what physics asks of any engine."""
 
-from __future__ import annotations
-
 import hashlib
 from itertools import count
 

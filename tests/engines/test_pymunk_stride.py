@@ -1,7 +1,5 @@
 """What the pymunk engine notes between its calls: which facets are near, and every knot of a stride."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A release that is suspended on its way and goes on with the memory of its contacts is the whole release."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

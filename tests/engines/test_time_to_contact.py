@@ -1,7 +1,5 @@
 """When a flying block can first touch the ground: never later than it does, and exact where that is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

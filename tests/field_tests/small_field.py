@@ -1,7 +1,5 @@
 """A field test on a slope of 60 m that the project's own engine has made: cheap, and its soil is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

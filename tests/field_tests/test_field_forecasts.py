@@ -1,25 +1,15 @@
 """Likelihood, posterior and forecasts of a field test: closed forms, and a soil that is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
 
 from rock2d.errors import InputError
-from rock2d.field_tests import command, study
+from rock2d.field_tests import command, likelihood, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, folds, naive_forecast
-from rock2d.field_tests.likelihood import (
-    ROUND_POWERS,
-    UNEXPLAINED_REACH_M,
-    SimulatedSoils,
-    drawn_posterior,
-    log_density,
-    simulate_soils,
-)
 from rock2d.field_tests.scores import Forecasts, score_table
 from rock2d.field_tests.study import Effort
 from rock2d.files.field_releases import FieldReleases
@@ -36,10 +26,12 @@ RELEASES = 16
 
 
 def test_the_density_is_one_in_all():
-    x = np.linspace(-100.0, UNEXPLAINED_REACH_M, 60_001)
-    density = np.exp(log_density(x, np.array([60.0, 90.0, np.nan]), 5.0, 0.2))
+    x = np.linspace(-100.0, likelihood.UNEXPLAINED_REACH_M, 60_001)
+    density = np.exp(likelihood.log_density(x, np.array([60.0, 90.0, np.nan]), 5.0, 0.2))
     even = density[0]  # what nothing explains lies between 0 and UNEXPLAINED_REACH_M
-    assert np.trapezoid(density - even, x) + even * UNEXPLAINED_REACH_M == pytest.approx(1.0, abs=1e-3)
+    assert np.trapezoid(density - even, x) + even * likelihood.UNEXPLAINED_REACH_M == pytest.approx(
+        1.0, abs=1e-3
+    )
 
 
 def test_a_block_that_is_caught_stops_anywhere_on_its_way():
@@ -57,7 +49,7 @@ def test_the_posterior_is_that_of_the_smooth_likelihood():
     u = stats.qmc.Sobol(2, seed=1).random_base2(6)
     exact = -0.5 * ((u[:, 0] - 0.4) / 0.1) ** 2
     each = np.tile((exact + rng.normal(0, 0.5, len(u)))[:, None] / 10, 10)
-    drawn = drawn_posterior(SimulatedSoils(u, each), np.arange(10), rng, 400)
+    drawn = likelihood.drawn_posterior(likelihood.SimulatedSoils(u, each), np.arange(10), rng, 400)
     assert drawn[:, 0].mean() == pytest.approx(0.4, abs=0.04)
     assert drawn[:, 0].std() == pytest.approx(0.1, rel=0.35)
     assert stats.kstest(drawn[:, 1], "uniform").statistic < 0.2
@@ -154,13 +146,15 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     found = []
     simulated = []
     monkeypatch.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
-    monkeypatch.setattr(study, "simulate_soils", lambda *own: simulated.append(1) or simulate_soils(*own))
+    monkeypatch.setattr(
+        study, "simulate_soils", lambda *own: simulated.append(1) or likelihood.simulate_soils(*own)
+    )
     for name, cache in (("one.csv", "first"), ("two.csv", "second"), ("three.csv", "first")):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / cache))
         predict_releases(scenario, table, tmp_path / name, progress=False, effort=LEAST, report=str)
         found.append((tmp_path / name).read_text())
     assert found[0] == found[1] == found[2]
-    assert len(simulated) == 2 * (1 + len(ROUND_POWERS))
+    assert len(simulated) == 2 * (1 + len(likelihood.ROUND_POWERS))
     predicted = pd.read_csv(tmp_path / "one.csv")
     assert list(predicted.columns) == ["release", *QUANTILE_NAMES] and list(predicted["release"]) == [
         "n1",

@@ -1,7 +1,5 @@
 """The table of a field test, and the sections of its terrain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

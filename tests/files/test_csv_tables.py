@@ -1,7 +1,5 @@
 """A table is written as pandas writes it, byte for byte."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """diagnosis.json in a scenario: which of its answers is used, how its intervals become distributions, bad files."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """diagnosis.json: one record for all that is written and for all who read it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Results that are whole or not there, whatever fails."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Soil classes in scenario files: scaled for each block, overridden where the file says more; mistakes have a place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Saved arrays come back as they were; anything that cannot be read counts as missing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays

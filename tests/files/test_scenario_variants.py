@@ -1,7 +1,5 @@
 """A variant is the scenario with other numbers, checked as if it stood in a file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Profiles from tables, drawings and terrain models, and the scenarios that start from them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

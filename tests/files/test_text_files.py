@@ -1,7 +1,5 @@
 """Files that a user gives: what is no regular text file is refused at once."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

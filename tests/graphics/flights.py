@@ -1,7 +1,5 @@
 """Free flights on a level floor, simulated and measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

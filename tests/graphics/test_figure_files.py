@@ -1,7 +1,5 @@
 """Figures of a result as files: whichever process draws them they are the same, and what goes wrong is told."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import time
@@ -45,16 +43,8 @@ def begun_elsewhere(mark):
 
 
 def ran(tmp_path, *words):
-    command = [
-        "run",
-        SHIPPED / "flat_floor.yaml",
-        "--engine",
-        "point_mass",
-        "--releases",
-        RELEASES,
-        "--quiet",
-    ]
-    return commanded(*command, "--out", tmp_path, *words)
+    options = f"--engine point_mass --releases {RELEASES} --quiet --out".split()
+    return commanded("run", SHIPPED / "flat_floor.yaml", *options, tmp_path, *words)
 
 
 def test_another_process_draws_the_same_and_each_file_once(tmp_path):

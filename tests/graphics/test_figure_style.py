@@ -1,7 +1,5 @@
 """Figures are written whole, and names from files are plain text in them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Measured against simulated: which releases are shown, and how far apart they are."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

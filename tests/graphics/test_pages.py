@@ -1,7 +1,5 @@
 """Pages hold their figures, and text from files cannot become markup."""
 
-from __future__ import annotations
-
 import base64
 import io
 

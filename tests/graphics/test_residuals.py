@@ -1,7 +1,5 @@
 """Residuals: median against the time since the start, distribution at the end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

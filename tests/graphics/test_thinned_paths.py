@@ -1,7 +1,5 @@
 """Thinned paths: close to the tracks, few points, and the same when they are unpacked as the script of a page does."""
 
-from __future__ import annotations
-
 import base64
 import zlib
 

@@ -1,7 +1,5 @@
 """Trajectories on the cross-section: a panel for each block, names beside lines and zones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The video: right length and size, blocks in the right place, turned the right way, whole or not there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

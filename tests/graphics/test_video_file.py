@@ -1,7 +1,5 @@
 """A video file: every picture at its time and in its colours, the same bytes every time, whole or not there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path

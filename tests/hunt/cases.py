@@ -1,7 +1,5 @@
 """Random releases: cross-sections, soils, blocks and starts over the whole range that a scenario may ask for."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from itertools import pairwise

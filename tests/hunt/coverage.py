@@ -7,8 +7,6 @@ intervals are asked to hold it: those of `run`, from few releases of the true si
     python -m tests.hunt.coverage --sites 200 --seed 1 --workers 2
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from collections.abc import Iterator

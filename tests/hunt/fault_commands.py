@@ -1,7 +1,5 @@
 """The commands that the fault hunt disturbs, and the small inputs that they need."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

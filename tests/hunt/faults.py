@@ -8,8 +8,6 @@ A full disk and a read-only folder are small file systems of their own if the us
 size of files stands for the full disk, and the read-only folder is skipped for a user whom permissions do not bind.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

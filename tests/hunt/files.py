@@ -7,24 +7,22 @@ The files are read in a process of its own, which is stopped when a file takes t
 name, the smallest set of its changes that still fails, and the traceback.
 """
 
-from __future__ import annotations
-
 import argparse
-import multiprocessing
 import sys
 from collections import Counter
-from collections.abc import Sequence
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Sequence
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
+from tests.hunt.answering import Answering
 from tests.hunt.mutations import Mutant, mutant
 from tests.hunt.trials import FAILED, HANG, KINDS, REFUSED, Outcome, commanded, tried
 from tests.hunt.valid_files import Files
 
 FAILURES = (FAILED, HANG)
 REPORT_EVERY = 500
-LIMIT_SECONDS = 30.0  # for one file
+LIMIT_SECONDS = 30.0  # processor time of one file
 # one in so many files is used, not only read; and one in so many is also given to the command
 USED_EVERY = {"scenario": 50, "experiment": 1, "diagnosis": 2}
 COMMAND_EVERY = {"scenario": 250, "experiment": 100, "diagnosis": 25}
@@ -38,48 +36,26 @@ class Failure(NamedTuple):
     outcome: Outcome
 
 
-class Reader:
-    """A process that reads files of one kind; started anew after a hang or a crash."""
+class Reader(Answering):
+    """Reads files of one kind in a process of its own."""
 
     def __init__(self, kind: str) -> None:
-        self.kind = kind
-        self._start()
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._ours, theirs = context.Pipe()
-        self._process = context.Process(target=_read_all, args=(self.kind, theirs), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._ours.recv()  # it is ready
+        super().__init__(partial(_reading, kind), LIMIT_SECONDS)
 
     def outcome(self, damaged: Mutant, use: bool) -> Outcome:
         """What becomes of a mutant."""
         try:
-            self._ours.send((damaged, use))
-            if self._ours.poll(LIMIT_SECONDS):
-                return Outcome(*self._ours.recv())
-            what = Outcome(HANG, f"took longer than {LIMIT_SECONDS:g} s")
+            return self((damaged, use))
+        except TimeoutError as error:
+            return Outcome(HANG, str(error))
         except (EOFError, OSError):
-            what = Outcome(FAILED, "the process ended")
-        self.close()
-        self._start()
-        return what
-
-    def close(self) -> None:
-        """Stop the process."""
-        self._process.kill()
-        self._process.join()
-        self._ours.close()
+            return Outcome(FAILED, "the process ended")
 
 
-def _read_all(kind: str, given: Connection) -> None:
+def _reading(kind: str) -> Callable[[tuple[Mutant, bool]], Outcome]:
     sources = KINDS[kind].sources()
     tried(kind, sources[0], True)  # compiles
-    given.send("ready")
-    while True:
-        damaged, use = given.recv()
-        given.send(tuple(tried(kind, damaged.files(sources), use)))
+    return lambda given: tried(kind, given[0].files(sources), given[1])
 
 
 def hunt(kind: str, count: int, seed: int, read_only: bool) -> Counter[str]:

@@ -1,7 +1,5 @@
 """The engines against the independent integrator over random impacts: `python -m tests.hunt.integrator`."""
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from typing import NamedTuple

@@ -7,8 +7,6 @@ unloads elastically (or loads again), or is free above the bottom of its indenta
 slips, its rolling spring winds or is at its cap.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, field
 from math import inf

@@ -1,7 +1,5 @@
 """Commands as a user types them, one after the other in one folder, each held to what every command must do."""
 
-from __future__ import annotations
-
 import json
 import re
 import traceback

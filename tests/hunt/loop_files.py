@@ -1,7 +1,5 @@
 """Files that commands write: numbers where numbers are expected, and pages that say what the tables say."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io

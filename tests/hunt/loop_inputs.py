@@ -1,7 +1,6 @@
 """The files that a user brings or edits between two commands: scenarios, films, surveys, exports of other programs."""
 
-from __future__ import annotations
-
+import csv
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -155,27 +154,21 @@ def foreign_files(kind: str, film: Experiment, block: str, folder: Path) -> tupl
 
 
 def _tracker(rows: pd.DataFrame, columns: list[str]) -> str:
-    names = ["t", "frame", "x", "y"] + ["x", "y"] * (len(columns) > 2)
-    lines = [",,centre,," + ("edge,," if len(columns) > 2 else ""), ",".join(names)]
-    for row in rows[["t_s", "frame", *columns]].itertuples(index=False):
-        lines.append(",".join(repr(value) for value in row))
-    return "\n".join(lines) + "\n"
+    edge = len(columns) > 2
+    head = f",,centre,,{'edge,,' * edge}\nt,frame,x,y{',x,y' * edge}\n"
+    return head + rows[["t_s", "frame", *columns]].to_csv(index=False, header=False)
 
 
 def _kinovea(rows: pd.DataFrame, columns: list[str]) -> str:
     names = ["Time", "centre/0/X", "centre/0/Y", "edge/0/X", "edge/0/Y"][: 1 + len(columns)]
-    lines = [",".join(f'"{name}"' for name in names)]
-    for row in rows[["t_s", *columns]].itertuples(index=False):
-        lines.append(",".join(f'"{value:.9f}"' for value in row))
-    return "\n".join(lines) + "\n"
+    form = {"index": False, "float_format": "%.9f", "quoting": csv.QUOTE_ALL}
+    return rows[["t_s", *columns]].to_csv(header=names, **form)
 
 
 def _dltdv(rows: pd.DataFrame, columns: list[str]) -> str:
     names = ["pt1_cam1_X", "pt1_cam1_Y", "pt2_cam1_X", "pt2_cam1_Y"][: len(columns)]
     every = rows.set_index("frame")[columns].reindex(range(int(rows["frame"].max()) + 1))
-    lines = [",".join(names)]
-    lines += [",".join(f"{value:.9f}".replace("nan", "NaN") for value in row) for row in every.to_numpy()]
-    return "\n".join(lines) + "\n"
+    return every.to_csv(index=False, header=names, float_format="%.9f", na_rep="NaN")
 
 
 def _deeplabcut(rows: pd.DataFrame, columns: list[str]) -> str:
@@ -183,11 +176,10 @@ def _deeplabcut(rows: pd.DataFrame, columns: list[str]) -> str:
     lines = [",".join(["scorer"] + ["net"] * 3 * len(points)),
              ",".join(["bodyparts"] + [name for name in points for _ in range(3)]),
              ",".join(["coords"] + ["x", "y", "likelihood"] * len(points))]  # fmt: skip
-    for frame, row in zip(rows["frame"], rows[columns].to_numpy(), strict=True):
-        cells = [f"{value:.9f}" for value in row]
-        pairs = [",".join([*cells[i : i + 2], "0.99"]) for i in range(0, len(cells), 2)]
-        lines.append(",".join([str(frame), *pairs]))
-    return "\n".join(lines) + "\n"
+    table = rows[["frame", *columns]].copy()
+    for k, name in enumerate(points):
+        table.insert(3 * k + 3, name, 0.99)
+    return "\n".join(lines) + "\n" + table.to_csv(index=False, header=False, float_format="%.9f")
 
 
 WRITERS: dict[str, Callable[[pd.DataFrame, list[str]], str]] = {

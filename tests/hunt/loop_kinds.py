@@ -1,7 +1,5 @@
 """The kinds of loop: which commands follow each other, on the files that the commands before wrote."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

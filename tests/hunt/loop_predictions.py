@@ -1,7 +1,5 @@
 """What every prediction must obey, for a film and the two predictions of it: by the base law, and as diagnosed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any

@@ -6,32 +6,26 @@ of `loop_commands.TRUE_REFUSALS`, a page that differs from its tables, or a pred
 `loop_predictions` demands. `--repeat NAME` goes one loop again and shows its commands.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
-import multiprocessing
 import os
 import sys
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
-from time import monotonic, perf_counter
+from time import perf_counter
 from typing import NamedTuple
 
-import psutil
-
 from rock2d.errors import counted
+from tests.hunt.answering import Answering
 from tests.hunt.loop_cases import KIND_SHARES, Loop, named, random_loop
 from tests.hunt.loop_commands import Fault
 
 WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
 LIMIT_SECONDS = 150.0  # processor time of one loop
-LONGEST_WAIT_S = 1800.0  # for one loop on a busy machine
 MOST_TEXT = 1500
 COARSE_DPI = 40
 MOST_SHRUNK = 4  # loops tried to make one smaller
@@ -70,13 +64,8 @@ def gone(loop: Loop, folder: Path) -> Outcome:
     return Outcome(what, refusal, faults, tuple(chain.commands), perf_counter() - begin)
 
 
-def _lost(cause: str) -> Outcome:
-    """Of a loop whose process did not answer."""
-    return Outcome(BROKEN, faults=(Fault(cause, "", 0),))
-
-
-def _work(given: Connection) -> None:
-    """Go the loops that come, each in a folder of its own."""
+def _going() -> Callable[[Loop], tuple]:
+    """Goes the loops that come, each in a folder of its own."""
     import matplotlib
     import numba
 
@@ -87,87 +76,33 @@ def _work(given: Connection) -> None:
     numba.set_num_threads(1)
     with open(os.devnull, "w") as nothing:
         os.dup2(nothing.fileno(), 2)
-    while True:
-        loop = given.recv()
+
+    def go(loop: Loop) -> tuple:
         with tempfile.TemporaryDirectory(prefix="loop_") as name:
-            given.send(gone(loop, Path(name).resolve()))
+            return tuple(gone(loop, Path(name).resolve()))
+
+    return go
 
 
-@dataclass
-class Worker:
-    """A process that goes loops; started anew after a hang or a crash."""
-
-    loop: Loop | None = None
-    since: float = 0.0
-    before: float = 0.0
-    _ours: Connection = field(init=False)
-    _process: multiprocessing.process.BaseProcess = field(init=False)
-
-    def __post_init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._ours, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def begin(self, loop: Loop) -> None:
-        """Start a loop."""
-        self.loop, self.since, self.before = loop, monotonic(), self._used()
-        self._ours.send(loop)
-
-    def ended(self) -> Outcome | None:
-        """What became of the loop; None while it goes on."""
-        used = self._used()
-        late = used - self.before > LIMIT_SECONDS or monotonic() - self.since > LONGEST_WAIT_S
-        if not late and not self._ours.poll():
-            return None
-        try:
-            if self._ours.poll():
-                return Outcome(*self._ours.recv())
-            outcome = _lost(f"more than {LIMIT_SECONDS:g} s of processor time")
-        except (EOFError, OSError):
-            outcome = _lost("the process ended")
-        self.close()
-        self.__post_init__()
-        return outcome
-
-    def _used(self) -> float:
-        """Processor time of the process in s."""
-        try:
-            times = psutil.Process(self._process.pid).cpu_times()
-        except psutil.Error:
-            return 0.0
-        return float(times.user + times.system)
-
-    def close(self) -> None:
-        """Stop the process."""
-        self._process.kill()
-        self._process.join()
-        self._ours.close()
-
-    @property
-    def pipe(self) -> Connection:
-        """On which the outcome comes."""
-        return self._ours
-
-
-def all_gone(loops: Sequence[Loop], workers: Sequence[Worker]) -> Iterator[tuple[Loop, Outcome]]:
+def all_gone(loops: Sequence[Loop], workers: Sequence[Answering]) -> Iterator[tuple[Loop, Outcome]]:
     """The loops with their outcomes, in the order in which they end."""
-    left, busy = list(loops)[::-1], []
-    while left or busy:
-        for worker in workers:
-            if left and worker not in busy:
-                worker.begin(left.pop())
-                busy.append(worker)
-        wait([worker.pipe for worker in busy], timeout=1.0)
-        for worker in list(busy):
-            if (outcome := worker.ended()) is not None:
-                busy.remove(worker)
-                assert worker.loop is not None
-                yield worker.loop, outcome
+    idle = list(workers)
+
+    def go(loop: Loop) -> tuple[Loop, Outcome]:
+        worker = idle.pop()
+        try:
+            return loop, Outcome(*worker(loop))
+        except (EOFError, OSError) as error:
+            cause = str(error) if isinstance(error, TimeoutError) else "the process ended"
+            return loop, Outcome(BROKEN, faults=(Fault(cause, "", 0),))
+        finally:
+            idle.append(worker)
+
+    with ThreadPool(len(workers)) as pool:
+        yield from pool.imap_unordered(go, loops)
 
 
-def shortest(loop: Loop, outcome: Outcome, cause: str, worker: Worker) -> tuple[Loop, Outcome]:
+def shortest(loop: Loop, outcome: Outcome, cause: str, worker: Answering) -> tuple[Loop, Outcome]:
     """The loop with the least in it that breaks for this cause, of a few that are tried."""
     tried, smaller = 0, True
     while smaller and tried < MOST_SHRUNK:
@@ -192,7 +127,7 @@ def show(loop: Loop, outcome: Outcome, fault: Fault) -> None:
 def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
     """Go `count` random loops and print what breaks; the number of broken ones."""
     loops = [loop for i in range(count) if (loop := random_loop(seed, i)).kind in kinds]
-    crew = [Worker() for _ in range(workers)]
+    crew = [Answering(_going, LIMIT_SECONDS) for _ in range(workers)]
     counts: Counter[tuple[str, str]] = Counter()
     refused: Counter[str] = Counter()
     broken: dict[str, list[tuple[Loop, Outcome]]] = {}
@@ -220,7 +155,9 @@ def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
     return sum(counts[kind, BROKEN] for kind in kinds)
 
 
-def _least(cause: str, found: Sequence[tuple[Loop, Outcome]], worker: Worker) -> tuple[Loop, Outcome, Fault]:
+def _least(
+    cause: str, found: Sequence[tuple[Loop, Outcome]], worker: Answering
+) -> tuple[Loop, Outcome, Fault]:
     """The smallest loop that breaks for this cause, of those found and of smaller ones."""
 
     def size(one: tuple[Loop, Outcome]) -> tuple[int, int]:

@@ -4,8 +4,6 @@ Features of contact are tuples: ("corner", corner, segment), ("face", vertex, fa
 ("vertex", vertex, half of the ellipse). Blocks have sharp corners and their centre of mass in the centroid.
 """
 
-from __future__ import annotations
-
 from math import cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 

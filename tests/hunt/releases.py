@@ -26,21 +26,7 @@ from tqdm import tqdm
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
 from rock2d.laws.contact import parameter_table
-from rock2d.records.columns import (
-    AFTER,
-    BEFORE,
-    E_CORRECTED,
-    E_INITIAL,
-    E_KINETIC,
-    E_RESIDUAL,
-    INSTANT_X,
-    INSTANT_Y,
-    N_STATE,
-    STOP_BURIED,
-    STOP_REST,
-    STOPS,
-    VELOCITIES_AFTER,
-)
+from rock2d.records import columns
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, Site, random_site, random_states
 from tests.hunt.impact_check import batch_impact, pymunk_impact
@@ -123,7 +109,7 @@ def compared(sites: list[Site], states: list[Array]) -> list[Compared]:
 
 
 def _stop(result, i: int) -> str:
-    return STOPS[result.stop[i]]
+    return columns.STOPS[result.stop[i]]
 
 
 def faults(site: Site, result, rows: slice) -> dict[str, Array]:
@@ -131,25 +117,27 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     block = site.block
     ends, stop, energy = result.ends[rows], result.stop[rows], result.energy_J[rows]
     found = {"lost": (~np.isfinite(ends).all(axis=1)).astype(float)}
-    share = np.abs(energy[:, E_RESIDUAL] / energy[:, E_INITIAL])
+    share = np.abs(energy[:, columns.E_RESIDUAL] / energy[:, columns.E_INITIAL])
     found["audit"] = np.where(unclosed(energy), share, 0.0)
     found["gain"] = impact_gains(site, result.impacts[rows])
     weight = block.mass_kg * GRAVITY_M_S2 * block.radius_m
     found["restless"] = np.where(
-        stop == STOP_REST, np.maximum(energy[:, E_KINETIC] / weight - RESTLESS, 0.0), 0.0
+        stop == columns.STOP_REST, np.maximum(energy[:, columns.E_KINETIC] / weight - RESTLESS, 0.0), 0.0
     )
-    inside = depth_in_ground(site, ends[:, INSTANT_X], ends[:, INSTANT_Y])
-    found["inside"] = np.where(stop != STOP_BURIED, inside, 0.0)
+    inside = depth_in_ground(site, ends[:, columns.INSTANT_X], ends[:, columns.INSTANT_Y])
+    found["inside"] = np.where(stop != columns.STOP_BURIED, inside, 0.0)
     seen = result.samples[rows]
     way = depth_in_ground(site, seen[..., 0], seen[..., 1]).max(axis=1)
-    found["tunnel"] = np.where(stop != STOP_BURIED, way, 0.0)
+    found["tunnel"] = np.where(stop != columns.STOP_BURIED, way, 0.0)
     return found
 
 
 def impact_gains(site: Site, impacts: Array) -> Array:
     """(releases,) the largest share of its kinetic energy that an impact gained, beyond GAIN."""
     masses = Masses(site.block.mass_kg, site.block.inertia_kg_m2, GRAVITY_M_S2, 0.0)
-    before, after = (impacts[..., part].reshape(-1, N_STATE) for part in (BEFORE, AFTER))
+    before, after = (
+        impacts[..., part].reshape(-1, columns.N_STATE) for part in (columns.BEFORE, columns.AFTER)
+    )
     (kinetic, low), (left, high) = mechanical_energy(masses, before), mechanical_energy(masses, after)
     with np.errstate(invalid="ignore", divide="ignore"):
         gain = (left + high - kinetic - low) / kinetic - GAIN
@@ -226,14 +214,14 @@ def _scale(case: Case) -> Array:
 def _batch(case: Case, refinement: float) -> Array | None:
     """(3,) velocities after the first impact over `_scale`, by the batch engine; None if it did not end."""
     try:
-        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[VELOCITIES_AFTER] / _scale(case)
+        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[columns.VELOCITIES_AFTER] / _scale(case)
     except LeftOutError:
         return None
 
 
 def _pymunk(case: Case, refinement: float) -> Array | None:
     """`_batch` by the pymunk engine."""
-    after = pymunk_impact(case, refinement)[VELOCITIES_AFTER] / _scale(case)
+    after = pymunk_impact(case, refinement)[columns.VELOCITIES_AFTER] / _scale(case)
     return None if np.isnan(after).any() else after
 
 
@@ -309,7 +297,7 @@ def hunt_chunk(job: tuple[int, int, str | None]) -> Chunk:
     both = compared(sites, states)
     found = [*check(sites, states, result), *moved(sites, states, result)]
     found += [Finding("apart", c.size, c.case, "impacts") for c in both if c.reason == "unexplained"]
-    corrected = result.energy_J[:, E_CORRECTED] / result.energy_J[:, E_INITIAL]
+    corrected = result.energy_J[:, columns.E_CORRECTED] / result.energy_J[:, columns.E_INITIAL]
     return Chunk(SITES * SITE_RELEASES, corrected, found, both, time.perf_counter() - start)
 
 

@@ -1,7 +1,5 @@
 """A small share of the fault hunt: what a run leaves when it is interrupted or cannot write."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hunt.fault_commands import COMMANDS, write_scenarios

@@ -1,7 +1,5 @@
 """A small hunt with a fixed seed: damaged files end with a result or one clear message."""
 
-from __future__ import annotations
-
 import json
 
 import jsonschema
@@ -12,7 +10,8 @@ from tests.hunt.mutations import mutant
 from tests.hunt.trials import ACCEPTED, FAILED, KINDS, Outcome, tried
 from tests.hunt.valid_files import diagnoses
 
-COUNTS = {"scenario": 60, "experiment": 30, "diagnosis": 120}  # those that take longest are fewest
+# what one of fifty damaged scenarios does is met with 96 %; those that take longest are fewest
+COUNTS = {"scenario": 160, "experiment": 30, "diagnosis": 120}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,7 +1,5 @@
 """The engine against the independent integrator, which `tests/laws/test_contact.py` holds to closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.laws.contact import ContactParameters

@@ -1,7 +1,5 @@
 """Short loops of commands, each on the files of the commands before; `tests.hunt.loops` has the long ones."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hunt.loop_cases import QUIRKS, named, random_loop

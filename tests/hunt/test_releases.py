@@ -1,7 +1,5 @@
 """A small hunt with fixed seeds: no release breaks physics, and the engines agree or there is a reason."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hunt.cases import Case

@@ -1,7 +1,5 @@
 """What becomes of damaged files: accepted, refused, or a failure. Every kind of file is read as its command does."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile
@@ -120,6 +118,8 @@ def tried(kind: str, files: Files, use: bool) -> Outcome:
             message = str(error)
             if not message.isprintable() or len(message) > LONGEST_MESSAGE:
                 return Outcome(FAILED, f"a message that is no short line: {message[:2000]!r}")
+            if not use and str(folder) not in message:
+                return Outcome(FAILED, f"a message that names no file: {message}")
             return Outcome(REFUSED, message)
         except Exception:
             return Outcome(FAILED, traceback.format_exc())

@@ -1,12 +1,11 @@
 """Valid files of every kind that a hunt damages. A set of files is a mapping from names to contents."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import pandas as pd
 
 from rock2d.effects import catalogue
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
+from tests.diagnosed_files import CLOSED, GAIN, content
 from tests.kinematics.synthetic_films import SOIL, film, world
 from tests.scenarios_of_tests import SHIPPED
 
@@ -29,6 +29,7 @@ def scenarios() -> list[Files]:
     return [{"scenario.yaml": text} for text in texts if not any(key in text for key in MEASURED)]
 
 
+@cache
 def experiments() -> list[Files]:
     """Small experiments, a film and a table of impacts, and the first releases of those under ROCK2D_DATA."""
     own = [film(world(), 4, seed=1, duration_s=0.25), _impacts()]
@@ -50,9 +51,8 @@ def diagnoses() -> list[Files]:
     contents = [_diagnosis(name, known) for name in names] + [_diagnosis("none", known)]
     beside = _diagnosis("air_drag", known)
     both = {name: _parameters(name, known) for name in ("air_drag", "camera_tilt")}
-    gain = {"heldout_score_gain": 1.0, "heldout_score_gain_se": 0.1}
-    beside["beside"] = [{"effect": "camera_tilt", "base": SOIL, "parameters": both, **gain}]
-    return [{"diagnosis.json": json.dumps(content, indent=1).encode()} for content in [*contents, beside]]
+    beside["beside"] = [{"effect": "camera_tilt", "base": SOIL, "parameters": both, **GAIN}]
+    return [{"diagnosis.json": json.dumps(own, indent=1).encode()} for own in [*contents, beside]]
 
 
 def _parameters(name: str, known: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,26 +67,14 @@ def _parameters(name: str, known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _diagnosis(verdict: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    effects = {} if verdict == "none" else {verdict: {
-        "parameters": _parameters(verdict, known), "base": SOIL, "heldout_score_gain": 9.0,
-        "heldout_score_gain_se": 1.0, "closure": 0.9, "closure_ci95": [0.8, 1.0],
-    }}  # fmt: skip
-    probabilities = dict.fromkeys(("none", "unknown", *known), 0.0) | {verdict: 1.0}
-    gap = {
-        "unit": "1",
-        "base": 2.0,
-        "augmented": 1.1,
-        "noise_floor": 1.0,
-        "closure": 0.9,
-        "closure_ci95": [0.8, 1.0],
-    }
-    return {
-        "schema": 1, "experiment": "film", "base": SOIL, "law": {"rolling_in_indentation": False},
-        "verdict": verdict, "group": [verdict] if effects else [], "probabilities": probabilities, "effects": effects,
-        "where": [], "gap": gap, "next_release": "", "unexplained": [], "beside": [],
-        "series": {"sphere": 3, "cube": 3}, "assumptions": [],
-        "sanity": {"faults": [], "fault_codes": [], "remarks": []},
-    }  # fmt: skip
+    parts = () if verdict == "none" else (verdict,)
+    found = {name: {"parameters": _parameters(name, known), "base": SOIL, **GAIN, **CLOSED} for name in parts}
+    return content(
+        verdict, found, base=SOIL, next_release="", unexplained=[], beside=[],
+        probabilities=dict.fromkeys(("none", "unknown", *known), 0.0) | {verdict: 1.0},
+        series={"sphere": 3, "cube": 3}, assumptions=[],
+        sanity={"faults": [], "fault_codes": [], "remarks": []},
+    )  # fmt: skip
 
 
 def _impacts() -> Experiment:

@@ -1,7 +1,5 @@
 """Films of a known world, made with the batch engine: what a diagnosis must find in them is known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where two flights meet: impacts and their velocities, and what is none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,15 +37,12 @@ def bouncing(restitution: float, frames: int, height_m: float, lift_m: float = 0
     return Experiment("bouncing", GRAVITY, FPS, NOISE_M, 0.01, FLOOR, {"ball": BALL}, trajectories=table)
 
 
-def segments(experiment: Experiment) -> FilmSegments:
-    return FilmSegments.of(load_film(experiment), setup_world(experiment))
-
-
 @pytest.mark.parametrize("restitution", [0.6, 0.8])
 @pytest.mark.parametrize("lift_m", [0.0, 0.5])  # also where the ground lies higher than stated
 def test_velocities_are_those_at_the_contact(restitution, lift_m):
     experiment = bouncing(restitution, 60, 1.8 + lift_m, lift_m)
-    data, world = segments(experiment), setup_world(experiment)
+    world = setup_world(experiment)
+    data = FilmSegments.of(load_film(experiment), world)
     pairs = (data.impacts.before, data.impacts.after)
     assert len(data.impacts) >= 2 and not len(data.mid_air)
     contacts = find_contacts(world, data.segmentation, data.basis, data.states(world), pairs)

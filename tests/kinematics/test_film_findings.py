@@ -1,7 +1,5 @@
 """What a film says of itself: scale and frame rate as one set, air and place allowed for, rests, unknown angles."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

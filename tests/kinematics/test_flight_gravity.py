@@ -1,7 +1,5 @@
 """Gravity of flights: its error is honest for short flights, jitter and scattered scales; what a film says follows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

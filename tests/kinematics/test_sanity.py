@@ -1,7 +1,5 @@
 """What is said before a diagnosis: units, time step, axes, ground, numbers."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -158,12 +156,6 @@ def test_a_block_that_rests_above_the_ground_is_remarked(raised_m):
     assert len(remarks) == (raised_m > 0.0)
     if remarks:
         assert "block cube lies 0.8" in remarks[0] and "8 releases" in remarks[0]
-
-
-def test_wrong_frame_rate_shows_in_gravity(plain):
-    slow = changed(plain, t_s=4.0 * plain.trajectories.t_s)
-    slow.fps = plain.fps / 4.0
-    assert "accelerate by" in faults(slow)
 
 
 def test_a_fault_that_an_effect_could_have_made_is_not_surely_unknown(plain):

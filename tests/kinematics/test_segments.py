@@ -1,7 +1,5 @@
 """Flights, states and noise read from a film whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

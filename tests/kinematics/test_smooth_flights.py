@@ -1,7 +1,5 @@
 """What bends a flight away from a parabola is no impact, and an impact is none of that."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The deterministic contact law without any engine: closed forms, reference values, energy."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -56,11 +56,7 @@ def test_slip_follows_the_formula_and_friction_opposes_the_foot(direction):
     p = law(phi_deg=11.0, m_half=0.04, r_t=r_t)
     jump = np.tan(np.deg2rad(11)) * (1 + 0.04 / (0.04 + MASS)) * 1.0
     got = rebound_local(v_t, v_n, omega, MASS, RADIUS, p.row())
-    want = (
-        r_t * v_t - direction * jump,
-        0.04 / (0.04 + MASS),
-        r_t * omega - direction * 2.5 * jump / RADIUS,
-    )
+    want = (r_t * v_t - direction * jump, 0.04 / (0.04 + MASS), r_t * omega - direction * 2.5 * jump / RADIUS)
     assert got == pytest.approx(want, rel=1e-12)
 
 

@@ -1,7 +1,5 @@
 """Soil classes: similar impacts have similar results, in closed form and in the engines; the classes make sense."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

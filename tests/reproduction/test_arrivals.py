@@ -1,12 +1,10 @@
 """Arrivals from the paper's own simulations, and the candidates that are judged on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
-from rock2d.reproduction import arrivals, published
+from rock2d.reproduction import arrivals, published, stages
 from rock2d.reproduction.arrival_results import cells_table
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
@@ -23,15 +21,6 @@ from rock2d.reproduction.missing_effects import (
     point_mass_with,
 )
 from rock2d.reproduction.outcomes import Outcome
-from rock2d.reproduction.stages import (
-    CANDIDATE_SPACE,
-    CANDIDATES,
-    arrival_columns,
-    candidate_indices,
-    candidate_value,
-    law_columns,
-    setup_columns,
-)
 
 
 def test_table_4_replaces_the_law_and_nothing_else():
@@ -52,21 +41,23 @@ def test_the_paper_s_column_in_counts():
 
 
 def test_every_unknown_moves_and_each_factor_hears_of_its_own():
-    for space in (DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, CANDIDATE_SPACE):
+    for space in (DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, stages.CANDIDATE_SPACE):
         groups = [
-            setup_columns(space),
-            law_columns(space),
-            *(arrival_columns(space, b) for b in published.BLOCKS),
+            stages.setup_columns(space),
+            stages.law_columns(space),
+            *(stages.arrival_columns(space, b) for b in published.BLOCKS),
         ]
         assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
     factors = arrivals.factors(KNOWN_SETUP, {block: np.zeros((1, 6)) for block in published.BLOCKS})
-    law = set(law_columns(DETERMINISTIC_SPACE))
+    law = set(stages.law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
 
 
 def test_a_candidate_is_chosen_by_its_value():
-    chosen = candidate_indices({"candidate": np.array([candidate_value(name) for name in CANDIDATES])})
-    assert chosen.tolist() == list(range(len(CANDIDATES)))
+    chosen = stages.candidate_indices(
+        {"candidate": np.array([stages.candidate_value(name) for name in stages.CANDIDATES])}
+    )
+    assert chosen.tolist() == list(range(len(stages.CANDIDATES)))
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """`rock2d demo`: one page that holds Table 2, the video, the paths and what is assumed."""
 
-from __future__ import annotations
-
 import pandas as pd
 from rock2d_figures import demo
 from rock2d_figures.demo import findings, table_text

@@ -1,7 +1,5 @@
 """Which hypothesis becomes the shipped set-up, and what this set-up gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

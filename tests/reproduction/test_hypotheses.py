@@ -1,14 +1,12 @@
 """Hypotheses of the paper's set-up: their starts, their cross-sections, and what both models make of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
-from rock2d.reproduction import outcomes, published
+from rock2d.reproduction import outcomes, published, stages
 from rock2d.reproduction.found_setup import FoundSetup
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
@@ -25,12 +23,6 @@ from rock2d.reproduction.outcomes import (
     probabilistic_outcome,
 )
 from rock2d.reproduction.scenario_file import scenario_text
-from rock2d.reproduction.stages import (
-    CANDIDATE_SPACE,
-    CANDIDATES,
-    candidate_indices,
-    candidate_outcome,
-)
 from rock2d.runs.incident_states import drawn_states
 
 RNG = np.random.default_rng(5)
@@ -132,23 +124,25 @@ def test_the_angle_at_the_facing_is_that_of_a_throw():
 
 def test_none_is_half_of_the_prior_and_changes_nothing():
     u = np.hstack([HYPOTHESES, prior_draws(32, 4, RNG)])
-    which = candidate_indices(CANDIDATE_SPACE.values(u))
-    assert (which == 0).sum() == 16 and set(which) <= set(range(len(CANDIDATES)))
+    which = stages.candidate_indices(stages.CANDIDATE_SPACE.values(u))
+    assert (which == 0).sum() == 16 and set(which) <= set(range(len(stages.CANDIDATES)))
     none = which == 0
-    values = {key: v[none] for key, v in CANDIDATE_SPACE.values(u).items()}
-    with_candidate = candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS)
+    values = {key: v[none] for key, v in stages.CANDIDATE_SPACE.values(u).items()}
+    with_candidate = stages.candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS)
     assert (with_candidate.crossed == deterministic_outcome(KNOWN_SETUP, values, "cube", DRAWS).crossed).all()
 
 
 def test_every_candidate_changes_something():
-    u = np.repeat(HYPOTHESES, len(CANDIDATES), axis=0)
+    u = np.repeat(HYPOTHESES, len(stages.CANDIDATES), axis=0)
     extra = np.full((len(u), 4), 0.9)
     extra[:, 0] = np.tile(
-        [0.0, *(0.5 + 0.5 * (np.arange(len(CANDIDATES) - 1) + 0.5) / (len(CANDIDATES) - 1))], 32
+        [0.0, *(0.5 + 0.5 * (np.arange(len(stages.CANDIDATES) - 1) + 0.5) / (len(stages.CANDIDATES) - 1))], 32
     )
-    values = CANDIDATE_SPACE.values(np.hstack([u, extra]))
-    assert (candidate_indices(values) == np.tile(np.arange(len(CANDIDATES)), 32)).all()
-    found = candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS).crossed.reshape(32, len(CANDIDATES), -1)
+    values = stages.CANDIDATE_SPACE.values(np.hstack([u, extra]))
+    assert (stages.candidate_indices(values) == np.tile(np.arange(len(stages.CANDIDATES)), 32)).all()
+    found = stages.candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS).crossed.reshape(
+        32, len(stages.CANDIDATES), -1
+    )
     assert (found[:, 1:] != found[:, :1]).any(axis=(0, 2)).all()
 
 

@@ -1,7 +1,5 @@
 """What the published numbers say, and how likely they are under simulated counts."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`rock2d reproduce`, small: everything is there, the same for the same seed; an interruption costs little."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -20,7 +18,7 @@ from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
 
 # few hypotheses, but enough for the sphere's cells to come within 25 points of what they are fitted to
-SMALL = Effort(hypotheses=32, releases=8, moves=1)
+SMALL = Effort(hypotheses=16, releases=8, moves=1)
 FILES = {
     "table_2.csv", "table_3.csv", "table_4.csv", "assumptions.csv", "candidates.csv", "cells.csv",
     "paper_setup.yaml",

@@ -1,7 +1,5 @@
 """Readings of Table 3: what they bound, and which lines they exclude."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

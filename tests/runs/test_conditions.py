@@ -1,7 +1,5 @@
 """What varies from release to release: the draws follow their distributions, act, and do not depend on each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

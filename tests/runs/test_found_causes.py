@@ -1,7 +1,5 @@
 """Effects of a diagnosis in a run: they act on blocks, soil and ground; those of the camera do not."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`--precision`: as many releases as the intervals need, and not many more."""
 
-from __future__ import annotations
-
 import pytest
 
 from rock2d.files.scenario import load_scenario

@@ -1,7 +1,5 @@
 """No share without what it rests on: releases that were cut short could have passed or not."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

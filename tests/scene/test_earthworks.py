@@ -1,7 +1,5 @@
 """Embankments and ditches that are given by their sizes have these sizes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

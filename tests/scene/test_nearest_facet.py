@@ -1,7 +1,5 @@
 """The facet that is nearest to a point."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Wrong units and sites that cannot be do not pass in silence; usual sites get no remark."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

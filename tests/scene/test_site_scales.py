@@ -1,7 +1,5 @@
 """What the size of a site says: how long a release lasts, which measure lines a centroid can cross."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Releases of known motion on a small set-up, to be filmed and tracked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

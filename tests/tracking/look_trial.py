@@ -12,8 +12,6 @@ two standard errors, where the user states a wrong one, error of the restitution
 number of bounces, impacts where there was none.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import dataclass
@@ -25,14 +23,7 @@ from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.following import follow
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
-from rock2d_tracking.synthetic.real_looks import (
-    LOOK_SEVERITIES,
-    RealFrame,
-    RealLook,
-    drawn_look,
-    half_axes_px,
-    real_film,
-)  # fmt: skip
+from rock2d_tracking.synthetic import real_looks
 from rock2d_tracking.synthetic.user_films import FILM_KINDS, drawn_user_film
 from rock2d_tracking.tracked_film import moving_releases
 
@@ -52,7 +43,7 @@ WRONG_PX = 2.0
 class Outcome:
     """What was made of one film: free frames, trusted free frames, errors in px and over their standard errors."""
 
-    look: RealLook
+    look: real_looks.RealLook
     kind: str
     size: float
     free: int
@@ -66,9 +57,9 @@ class Outcome:
         return int((np.hypot(*self.misses.T) > WRONG_PX).sum()) if len(self.misses) else 0
 
 
-def stated_block(look: RealLook) -> Block:
+def stated_block(look: real_looks.RealLook) -> Block:
     """The block as a set-up file states it, in a size that is a little wrong."""
-    a, b = np.array(half_axes_px(look)) * METRES_PER_PIXEL * look.stated_size
+    a, b = np.array(real_looks.half_axes_px(look)) * METRES_PER_PIXEL * look.stated_size
     if look.shape == "circle":
         return make_block("block", "circle", 0.1, "solid_sphere", diameter_m=2 * a)
     if look.shape == "square":
@@ -76,7 +67,7 @@ def stated_block(look: RealLook) -> Block:
     return make_block("block", "rectangle", 0.1, length_m=2 * a, height_m=2 * b)
 
 
-def setup_of(look: RealLook, folder: Path) -> Setup:
+def setup_of(look: real_looks.RealLook, folder: Path) -> Setup:
     """The set-up file of a film of this look."""
     fps = float(np.sqrt(9.81 / METRES_PER_PIXEL / look.fall_px))
     block = stated_block(look)
@@ -92,7 +83,7 @@ def setup_of(look: RealLook, folder: Path) -> Setup:
     return Setup(path)
 
 
-def tracked(look: RealLook, film: list[RealFrame]) -> Outcome:
+def tracked(look: real_looks.RealLook, film: list[real_looks.RealFrame]) -> Outcome:
     """Track a film and compare it with the truth."""
     with tempfile.TemporaryDirectory() as folder:
         setup = setup_of(look, Path(folder))
@@ -115,7 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--looks", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--severities", nargs="+", default=list(LOOK_SEVERITIES))
+    parser.add_argument("--severities", nargs="+", default=list(real_looks.LOOK_SEVERITIES))
     parser.add_argument(
         "--films", type=int, default=0, help="films of each kind that users make; no looks then"
     )
@@ -127,8 +118,8 @@ def main() -> None:
     for severity in chosen.severities:
         outcomes = []
         for index in range(chosen.looks):
-            look = drawn_look(index, severity, chosen.seed)
-            found = tracked(look, list(real_film(look, SIZE_PX, FRAMES)))
+            look = real_looks.drawn_look(index, severity, chosen.seed)
+            found = tracked(look, list(real_looks.real_film(look, SIZE_PX, FRAMES)))
             outcomes.append(found)
             print(
                 _line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]),

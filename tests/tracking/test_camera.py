@@ -1,7 +1,5 @@
 """Pixels and metres: there and back, with every convention said aloud."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`rock2d track`, `film`, `import`, `export`: the whole way, and what is said of input that cannot be used."""
 
-from __future__ import annotations
-
 import click
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The edge of a block, whatever the block looks like."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Films are read as they were recorded: brightness, colour, length, and instants."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scale and frame rate tied by gravity, and what is proposed to a user."""
 
-from __future__ import annotations
-
 import pytest
 from rock2d_tracking.film_scale import FilmScale, proposal
 

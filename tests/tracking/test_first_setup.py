@@ -1,7 +1,5 @@
 """A first track from scale and frame rate alone, and what a failure leaves behind."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From film to experiment: where blocks were, how they turned, how fast they went, against a film of known truth."""
 
-from __future__ import annotations
-
 import copy
 import re
 from dataclasses import dataclass, replace
@@ -27,6 +25,7 @@ from rock2d.files.experiment import Experiment
 from tests.tracking.falls import CAMERA, SIZE_PX, SYMMETRY, falls
 
 cv2.setNumThreads(1)
+NOISY = Faults(noise_grey=3.0, shot_noise=0.05)
 
 
 @dataclass
@@ -162,7 +161,7 @@ def test_velocities_of_a_clean_film_are_exact(tracked):
 
 
 def test_velocities_are_off_by_as_much_as_is_stated(tracked):
-    errors, stated = _velocity_errors(tracked(Faults(noise_grey=6.0, shot_noise=0.1)))
+    errors, stated = _velocity_errors(tracked(NOISY))
     assert 0.6 < np.sqrt(((errors / stated) ** 2).mean()) < 1.5
 
 
@@ -175,7 +174,7 @@ def test_impacts_are_the_breaks_between_flights(tracked):
 
 
 def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
-    calm, noisy = tracked(CLEAN), tracked(Faults(noise_grey=3.0, shot_noise=0.05))
+    calm, noisy = tracked(CLEAN), tracked(NOISY)
     a, b = calm.film.experiment, noisy.film.experiment
     assert 0 < a.position_noise_m < b.position_noise_m < 0.05 * CAMERA.metres_per_pixel
     far, _ = noisy.misses("cube")

@@ -1,7 +1,5 @@
 """Frames that no motion explains, errors that flights show, and what all frames share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rock2d_tracking.film_scale import FilmScale

@@ -1,7 +1,5 @@
 """Tracks of other programs become trajectories: time, scale, orientation, releases; mistakes are reported."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The centre of a learned picture is where its edge is, not where its light is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rock2d_tracking.background import Background

@@ -1,7 +1,5 @@
 """A lens is told from a scale by what it leaves of parabolas, and only by long flights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rock2d_tracking.camera import PixelMap

@@ -1,7 +1,5 @@
 """The live view of a tracked film, in a browser: every control does its work, the numbers are those of the tables."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """How blocks look: the colour in which they stand out, and their learned picture."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What moves in a film: arcs among clutter, bounces between two frames, shadows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rock2d_tracking.candidates import Candidate

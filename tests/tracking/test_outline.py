@@ -1,7 +1,5 @@
 """The model of an edge, and the fit of an outline to a picture of it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of a tracked film is written for whatever the film shows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

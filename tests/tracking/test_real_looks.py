@@ -1,7 +1,5 @@
 """Films as hard as reality: repeatable, with a true path."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Releases without arcs do not shift the blocks of the others."""
 
-from __future__ import annotations
-
 from rock2d_tracking.release_order import releases_shown
 
 STATED = [500.0, 500.0, 360.0, 360.0, 800.0]

@@ -1,7 +1,5 @@
 """The motion of a hand-held camera is read from the background."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from rock2d_tracking.steadying import camera_shifts, steadied

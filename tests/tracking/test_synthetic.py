@@ -1,7 +1,5 @@
 """The synthetic film: the picture shows what the truth says, each fault does what it is called, nothing else."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from typing import Any

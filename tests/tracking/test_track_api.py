@@ -1,7 +1,5 @@
 """`rock2d.track`: a film and a set-up in, a result out that shows itself, is written and can be diagnosed."""
 
-from __future__ import annotations
-
 import webbrowser
 
 import numpy as np
@@ -38,9 +36,7 @@ def test_a_track_has_frames_flights_impacts_and_an_experiment(found):
         metres = frames.loc[trusted, axis] - sign * SCALE * frames.loc[trusted, column]
         np.testing.assert_allclose(metres, metres.iloc[0], atol=1e-9)
     pd.testing.assert_series_equal(
-        frames.loc[trusted, "x_m"],
-        found.experiment.trajectories["x_m"],
-        check_index=False,
+        frames.loc[trusted, "x_m"], found.experiment.trajectories["x_m"], check_index=False
     )
     assert found.impacts["restitution"].iloc[0] == pytest.approx(RESTITUTION, abs=0.03)
     assert found.flights["gravity_m_s2"].mean() == pytest.approx(9.81, rel=0.01)

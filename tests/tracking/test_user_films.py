@@ -1,7 +1,5 @@
 """Films as users make them: their physics, their truth, and what their files are like."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import av

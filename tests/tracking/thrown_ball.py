@@ -1,7 +1,5 @@
 """A short film of a shaded ball that is thrown and bounces once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Files as other tracking programs write them, and short ways to read them."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """A film as users make it, tracked by the command as they do, and what came of it against the truth."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass, field

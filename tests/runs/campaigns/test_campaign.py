@@ -1,7 +1,5 @@
 """Campaigns: the same bytes whoever computed them, and however often they were stopped."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os
@@ -128,10 +126,10 @@ def test_tables_do_not_depend_on_the_size_of_chunks_or_on_how_much_is_in_memory(
 
 @pytest.mark.usefixtures("all_threads")
 def test_any_number_of_workers_writes_the_same_bytes_and_needs_no_dask(tmp_path, monkeypatch):
-    """One, and four, who cannot share nine chunks evenly. The campaign below that loses a worker has two."""
+    """One, and two, who cannot share nine chunks evenly."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     campaign(tmp_path / "threads")
-    for workers in (1, 4):
+    for workers in (1, 2):
         campaign(tmp_path / str(workers), workers=Workers(workers))
         assert digest(tmp_path / str(workers)) == digest(tmp_path / "threads")
     assert written(tmp_path / "threads") == 9

@@ -1,7 +1,5 @@
 """Order statistics of numbers that come in parts: those of sorting, with few numbers in memory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Campaigns of light releases, of which each thread takes a chunk: the same bytes, interruptions and errors."""
 
-from __future__ import annotations
-
 import _thread
 import errno
 import signal

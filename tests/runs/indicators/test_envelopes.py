@@ -1,7 +1,5 @@
 """Envelopes against the closed form of a flight, and their percentiles against numpy's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

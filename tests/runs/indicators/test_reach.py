@@ -1,7 +1,5 @@
 """Angles of reach and of the energy line: closed forms of a block that slides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """DeepLabCut: several individuals in one file."""
 
-from __future__ import annotations
-
 from rock2d_tracking.importing import read_points
 
 from tests.tracking.tracked_files import DEEPLABCUT

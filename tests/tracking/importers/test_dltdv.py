@@ -1,7 +1,5 @@
 """DLTdv: tables with and without gaps, dense and sparse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rock2d_tracking.importing import read_points

@@ -1,7 +1,5 @@
 """Kinovea: CSV and text with decimal points or commas; mistakes are reported with their place."""
 
-from __future__ import annotations
-
 import pytest
 from rock2d_tracking.importing import read_points
 

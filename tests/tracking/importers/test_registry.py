@@ -1,7 +1,5 @@
 """The importers are found by their files; each refuses files of the others and reports mistakes with their place."""
 
-from __future__ import annotations
-
 import pytest
 from rock2d_tracking import importers
 from rock2d_tracking.importers import find_importer, importer_names

@@ -1,7 +1,5 @@
 """Tracker: every layout that it exports is read, and what is written for it is read back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

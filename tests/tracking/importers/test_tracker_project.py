@@ -1,7 +1,5 @@
 """Projects of Tracker: marked points are read in pixels, damage is told with its line, and no entity is expanded."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

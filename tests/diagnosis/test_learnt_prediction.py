@@ -86,7 +86,7 @@ def test_what_a_table_taught_is_used_for_a_film_and_a_film_says_what_a_table_can
 
 
 def test_blocks_come_to_rest_on_the_learnt_profile(other):
-    """It lies 1 mm higher than the stated ground. Blocks that were filmed below it start in an indentation of that depth."""
+    """It lies 1 mm higher than the stated ground. Blocks filmed below it start in an indentation."""
     rise_m, x_m = 1e-3, other.cross_section.points_m[[0, -1], 0]
     curve = Curve("x_m", "spline", tuple(np.linspace(*x_m, 6).tolist()))
     at = np.linspace(*x_m, 60)

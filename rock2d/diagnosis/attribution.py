@@ -156,6 +156,7 @@ def fit_base(
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 3, "fits") as bar:
         best = _fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        assert best is not None
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
@@ -163,29 +164,39 @@ def fit_base(
 
 
 def _fit_from_grid(
-    model: Model, data: Data, processes: Processes, bar: Bar | None = None, effect_start: Array | None = None
-) -> Fit:
+    model: Model, data: Data, processes: Processes, bar: Bar | None = None, known: Fit | None = None
+) -> Fit | None:
     """The best fit of a model whose law starts from the points of a grid, with either reading of the rolling
     resistance.
 
-    `effect_start`: start parameters of its effects.
+    `known`: a fit of the model, whose effects are the start. The result is None if the grid leads back to it; the noise
+    of the known fit is sufficient to see that.
     """
     fits_of_reading = dict[int, list[Fit]]()
-    jobs = [(model, reading, np.empty(0) if effect_start is None else effect_start) for reading in (0.0, 1.0)]
+    jobs = [(model, reading, known) for reading in (0.0, 1.0)]
     for k, fits in processes.as_finished(_fits_from_grid, jobs):
         fits_of_reading[k] = fits
         if bar is not None:
             bar.step("some releases")
     best = max((fitted for k in sorted(fits_of_reading) for fitted in fits_of_reading[k]), key=Fit.total)
+    if known is not None:
+        convergence = Convergence(rival=known.total() + REFIT_GAIN)
+        best = fit(best.model, data, best.p, old=known, convergence=convergence)
+        if _ends_at(best, known):
+            return None
     best = fit(best.model, data, best.p)
     if bar is not None:
         bar.step("all releases")
-    return fit(best.model, data, best.p, old=best, renew_noise=True)
+    return fit(best.model, data, best.p, old=best, renew_noise=True, residuals=best.residuals)
 
 
-def _fits_from_grid(data: Data, model: Model, reading: float, effect_start: Array) -> list[Fit]:
+def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None) -> list[Fit]:
     """Short fits to some releases from the best points of a grid, with one reading of the rolling resistance."""
-    some = data.only(some_releases(data))
+    keep = some_releases(data)
+    some, effect_start = data.only(keep), np.empty(0)
+    if known is not None:
+        effect_start = known.p[len(BASE_WIDTH) :]
+        known = known.only(keep[data.impact_release], keep[data.flight_release])
     rows = model.setup.contact.copy()
     rows[..., ROLLING_IN_INDENTATION] = reading
     model = replace(model, setup=replace(model.setup, contact=rows))
@@ -201,7 +212,7 @@ def _fits_from_grid(data: Data, model: Model, reading: float, effect_start: Arra
     scale[scale == 0.0] = 1.0  # channels that were not measured
     misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
     best = np.argsort(misfit)[:BASE_STARTS]
-    return [fit(model, some, corners[i], convergence=FEW_ROUNDS) for i in best]
+    return [fit(model, some, corners[i], old=known, convergence=FEW_ROUNDS) for i in best]
 
 
 def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
@@ -277,11 +288,22 @@ def _better_base(search: Search) -> CauseSet | None:
     """The law of the best candidate without its effect, if it is better than the base."""
     base, data = search.base, search.data
     best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
-    refit = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
-    if refit.total() < base.fit.total() + REFIT_GAIN:
+    start, least = best.fit.p[: len(base.fit.p)], base.fit.total()
+    # the noise of the base is sufficient to see whether the fit leads back to it
+    rough = fit(base.fit.model, data, start, old=base.fit, convergence=Convergence(rival=least + REFIT_GAIN))
+    if _ends_at(rough, base.fit):
+        return None
+    refit = fit(base.fit.model, data, start)
+    if refit.total() < least + REFIT_GAIN:
         return None
     found = CauseSet(refit, cross_validate(refit, data))
     return found if search.gain(found, base).significant else None
+
+
+def _ends_at(found: Fit, known: Fit) -> bool:
+    """Whether a fit ended where a known one did: within its standard errors, and with hardly more likelihood."""
+    near = np.abs(found.p - known.p) < np.sqrt(np.diag(known.p_covariance))
+    return bool(near.all()) and found.total() < known.total() + 0.5 * REFIT_GAIN
 
 
 def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
@@ -290,13 +312,9 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
     if not (cause_set.names and base.free and len(data.impact_release)):
         return search
-    anew = _fit_from_grid(
-        replace(cause_set.fit.model, known_p=None),
-        data,
-        search.processes,
-        effect_start=cause_set.fit.p[first:],
-    )
-    if anew.total() < cause_set.fit.total() + REFIT_GAIN:
+    model = replace(cause_set.fit.model, known_p=None)
+    anew = _fit_from_grid(model, data, search.processes, known=cause_set.fit)
+    if anew is None or anew.total() < cause_set.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
     restarted = replace(search, base=CauseSet(law, cross_validate(law, data)))

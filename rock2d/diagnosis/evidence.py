@@ -40,6 +40,7 @@ PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a pro
 LEAST_CHANCE = 1e-6  # smallest p value
 # gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
 EVEN_RATIO = 0.5
+CLEAR_RATIO = 1.3  # the same at which it is 1 to within 5e-4
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
@@ -188,7 +189,10 @@ def evidence_of_members(
                 continue
             evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
         bar.step(name)
-    jobs = [(without, search.effects[name].phase) for name, without in fewer.items()]
+    jobs = [
+        (without, search.effects[name].phase, evidence_of[name].own_gain.total)
+        for name, without in fewer.items()
+    ]
     for k, gain in search.processes.as_finished(_replacement_gain, jobs):
         name = list(fewer)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
@@ -199,10 +203,11 @@ def evidence_of_members(
     return evidence_of
 
 
-def _replacement_gain(data: Data, without: Validated, phase: str) -> Gain:
-    """Gain of changes that are learnt in the place of an effect of this phase."""
+def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
+    """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where it can no longer
+    change the probability of the effect, which gains `own_gain`."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
-    return held_out_gain(data, learn(without, data, levers), without)
+    return held_out_gain(data, learn(without, data, levers, own_gain / CLEAR_RATIO), without)
 
 
 def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:

@@ -16,7 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr  # scipy.stats takes over a second to import
 
 from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
@@ -244,7 +244,7 @@ def _evidence_of_member(
         fitted = Reduction(learnt.fit, name).fitted(data)
         without = Learnt(fitted, cross_validate(fitted, data), learnt.changes)
     own_gain = held_out_gain(data, learnt, without)
-    p_chance = float(norm.sf(own_gain.significance))
+    p_chance = float(ndtr(-own_gain.significance))
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
@@ -353,7 +353,7 @@ def outside_probability(learnt: Gain, left: float) -> float:
     """
     if learnt.total <= 0.0:
         return LEAST_OUTSIDE_PROBABILITY
-    p = probability_from_p_value(TRIED_DEPENDENCES * float(norm.sf(learnt.significance)))
+    p = probability_from_p_value(TRIED_DEPENDENCES * float(ndtr(-learnt.significance)))
     p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
     return max(p, LEAST_OUTSIDE_PROBABILITY)
 

@@ -80,15 +80,17 @@ def normal_equations(
     )
     r = np.nan_to_num(residuals.impacts)
     good = impacts & np.isfinite(residuals.impacts).all(axis=1)
-    inverse, r, j = np.linalg.inv(covariance[good]), r[good], jacobian.impacts[good]
-    weight = impact_weight((r * (inverse @ r[..., None])[..., 0]).sum(axis=1), r.shape[1])
+    inverse = np.linalg.inv(covariance[good])
+    u = np.einsum("nij,nj->ni", inverse, r[good])
+    chi2 = np.einsum("ni,ni->n", r[good], u)
+    weight = impact_weight(chi2, r.shape[1])
+    j = jacobian.impacts[good]
+    curvature = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
+    grad = np.einsum("n,nip,ni->p", weight, j, u)
     rf, jf = residuals.flights[flights], jacobian.flights[flights]
-    # rows of all channels: sums over them are products of matrices
-    x, xf = j.reshape(-1, j.shape[-1]), jf.reshape(-1, jf.shape[-1])
-    steady = (weight[:, None, None] * (inverse @ j)).reshape(x.shape)
-    steady_f = flight_weight(rf).reshape(-1, 1) * xf
-    curvature = steady.T @ x + steady_f.T @ xf
-    grad = steady.T @ r.ravel() + steady_f.T @ rf.ravel()
+    wf = flight_weight(rf)
+    curvature += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
+    grad += np.einsum("mcd,mcd,mcdp->p", wf, rf, jf)
     return curvature, grad
 
 

@@ -53,6 +53,7 @@ LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that th
 LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must gain more than a member
 MOST_RESTARTS = 2  # restarts with a better base law
+SAME_LAW = 0.1  # largest change of the law's parameters with which a grid around it need not be tried again
 
 
 @dataclass
@@ -276,7 +277,8 @@ def attribute(
         largest = max(search.alone.values(), key=lambda candidate: search.gain(candidate, search.base).total)
         search = _restarted_from_grid(search, largest)
         search.run()
-        if search.best.names != largest.names:
+        laws = [own.fit.p[: len(BASE_WIDTH)] for own in (search.best, search.known[largest.names])]
+        if np.abs(laws[0] - laws[1]).max() > SAME_LAW:
             again = _restarted_from_grid(search, search.best)
             if again is not search:
                 again.run()

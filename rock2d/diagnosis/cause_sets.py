@@ -226,7 +226,7 @@ class Search:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
         names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
-        before, rival = cause_set.fit, cause_set.fit.total() + lead
+        before, rival = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
         self._fit(
             [_Addition(before, name, self._start_parameters(cause_set, name), rival=rival) for name in new],
             lead,

@@ -156,7 +156,7 @@ def fit_base(
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 3, "fits") as bar:
-        best = _fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        best = fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
         assert best is not None
     if registered is None:
         return best
@@ -164,7 +164,7 @@ def fit_base(
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fit_from_grid(
+def fit_from_grid(
     model: Model, data: Data, processes: Processes, bar: Bar | None = None, known: Fit | None = None
 ) -> Fit | None:
     """The best fit of a model whose law starts from the points of a grid, with either reading of the rolling
@@ -315,7 +315,7 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
     if not (cause_set.names and base.free and len(data.impact_release)):
         return search
     model = replace(cause_set.fit.model, known_p=None)
-    anew = _fit_from_grid(model, data, search.processes, known=cause_set.fit)
+    anew = fit_from_grid(model, data, search.processes, known=cause_set.fit)
     if anew is None or anew.total() < cause_set.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
@@ -343,7 +343,7 @@ def _attribution(search: Search) -> Attribution:
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
+        [d for d in _dependences(chain[-1].fit, learnt, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
         learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
 
@@ -411,6 +411,16 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], Learnt, Lear
         else:
             return evidence, learnt, next(iter(by_set.values()))[1]
         search.best = search.set_of(names)
+
+
+def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Discrepancy]:
+    """Dependences in the residuals of a fit; they are known if learning began there."""
+    state: Learnt | None = learnt
+    while state is not None:
+        if state.fit is fitted and state.dependences is not None:
+            return state.dependences
+        state = state.before
+    return discrepancies(fitted, data)
 
 
 def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:

@@ -52,13 +52,14 @@ class Change(KnownChange, SummedGain):
 class Learnt:
     """A fit with learnt changes, and its residuals and scores on held-out releases.
 
-    `before`: the same without the last change, if there is one.
+    `before`: the same without the last change, if there is one; `dependences`: all of its residuals, if they are known.
     """
 
     fit: Fit
     held_out: HeldOut
     changes: list[Change]
     before: Learnt | None = None
+    dependences: list[Discrepancy] | None = None
 
     def changes_at(self, p: Array) -> list[Change]:
         """The changes at other parameters p of the fit."""
@@ -80,6 +81,7 @@ def learn(
     for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         dependences = discrepancies(state.fit, data, only, levers)
+        state.dependences = dependences if only is LEVERS else None
         if count and dependences:
             further = MOST_UNDERESTIMATED * (MOST_LEARNT - count) * dependences[0].total
             if held_out_gain(data, state, start).total + further < least_total:

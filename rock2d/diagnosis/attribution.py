@@ -53,6 +53,7 @@ LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that th
 LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must gain more than a member
 MOST_RESTARTS = 2  # restarts with a better base law
+SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
 SAME_LAW = 0.1  # largest change of the law's parameters with which a grid around it need not be tried again
 
 
@@ -183,7 +184,7 @@ def fit_from_grid(
     if known is not None:
         convergence = Convergence(rival=known.total() + REFIT_GAIN)
         best = fit(best.model, data, best.p, old=known, convergence=convergence)
-        if _ends_at(best, known):
+        if _ends_at(best, known, SAME_FIT):
             return None
     best = fit(best.model, data, best.p)
     if bar is not None:
@@ -302,9 +303,9 @@ def _better_base(search: Search) -> CauseSet | None:
     return found if search.gain(found, base).significant else None
 
 
-def _ends_at(found: Fit, known: Fit) -> bool:
-    """Whether a fit ended where a known one did: within its standard errors, and with hardly more likelihood."""
-    near = np.abs(found.p - known.p) < np.sqrt(np.diag(known.p_covariance))
+def _ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:
+    """Whether a fit ended where a known one did: within its standard `errors`, and with hardly more likelihood."""
+    near = np.abs(found.p - known.p) < errors * np.sqrt(np.diag(known.p_covariance))
     return bool(near.all()) and found.total() < known.total() + 0.5 * REFIT_GAIN
 
 

@@ -40,7 +40,6 @@ PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a pro
 LEAST_CHANCE = 1e-6  # smallest p value
 # gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
 EVEN_RATIO = 0.5
-CLEAR_RATIO = 1.3  # the same at which it is 1 to within 5e-4
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
@@ -204,10 +203,10 @@ def evidence_of_members(
 
 
 def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
-    """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where it can no longer
-    change the probability of the effect, which gains `own_gain`."""
+    """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where they will
+    not gain as much as the effect, `own_gain`: that is twice EVEN_RATIO, so its probability is 1 to within 0.004."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
-    return held_out_gain(data, learn(without, data, levers, own_gain / CLEAR_RATIO), without)
+    return held_out_gain(data, learn(without, data, levers, own_gain), without)
 
 
 def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:

@@ -28,8 +28,9 @@ TRIED_AT_ONCE = 2  # dependences that are fitted, of which the best is kept
 # log likelihood that the linear model must expect; it expects too little if a dependence was fitted as scatter
 LEAST_EXPECTED_GAIN = 3.0
 LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
-# share of the expected gain of a change; if it gains what was expected, one of which less is expected is not tried
-WEAKER_SHARE = 0.5
+# A change that gains what was expected is not compared with a weaker one, of which less than half is expected and a
+# quarter of this gain.
+WEAKER_EXPECTED, WEAKER_GAIN = 0.5, 0.25
 # Factor by which changes may gain more than expected, on average. A single one can gain ten times as much, if it was
 # fitted as scatter.
 MOST_UNDERESTIMATED = 6.0
@@ -115,7 +116,8 @@ def learn(
 
 def _surpasses(gain: Gain, expected: Discrepancy, weaker: Discrepancy) -> bool:
     """Whether a change gained what was `expected` of it, and so much that a weaker one cannot gain more."""
-    return gain.total > expected.total > weaker.total / WEAKER_SHARE
+    weak = weaker.total < min(WEAKER_EXPECTED * expected.total, WEAKER_GAIN * gain.total)
+    return weak and gain.total > expected.total
 
 
 def best_predicting(data: Data, learnt: Learnt, other: Learnt) -> Learnt:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -171,6 +172,7 @@ def _begin_worker(shared: tuple[Any, ...]) -> None:
     _shared = shared
     _begin()
     one_thread()
+    gc.freeze()  # modules and shared data stay: the garbage collector need not walk over them
 
 
 def _work(work: Callable[..., Any], job: tuple[Any, ...]) -> Any:

@@ -55,6 +55,8 @@ LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that th
 LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must gain more than a member
 MOST_RESTARTS = 2  # restarts with a better base law
+SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
+SAME_LAW = 0.1  # largest change of the law's parameters with which a grid around it need not be tried again
 
 
 @dataclass
@@ -157,37 +159,48 @@ def fit_base(
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 3, "fits") as bar:
-        best = _fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        best = fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        assert best is not None
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
-def _fit_from_grid(
-    model: Model, data: Data, processes: Processes, bar: Bar | None = None, effect_start: Array | None = None
-) -> Fit:
+def fit_from_grid(
+    model: Model, data: Data, processes: Processes, bar: Bar | None = None, known: Fit | None = None
+) -> Fit | None:
     """The best fit of a model whose law starts from the points of a grid, with either reading of the rolling
     resistance.
 
-    `effect_start`: start parameters of its effects.
+    `known`: a fit of the model, whose effects are the start. The result is None if the grid leads back to it; the noise
+    of the known fit is sufficient to see that.
     """
     fits_of_reading = dict[int, list[Fit]]()
-    jobs = [(model, reading, np.empty(0) if effect_start is None else effect_start) for reading in (0.0, 1.0)]
+    jobs = [(model, reading, known) for reading in (0.0, 1.0)]
     for k, fits in processes.as_finished(_fits_from_grid, jobs):
         fits_of_reading[k] = fits
         if bar is not None:
             bar.step("some releases")
     best = max((fitted for k in sorted(fits_of_reading) for fitted in fits_of_reading[k]), key=Fit.total)
+    if known is not None:
+        convergence = Convergence(rival=known.total() + REFIT_GAIN)
+        best = fit(best.model, data, best.p, old=known, convergence=convergence)
+        if _ends_at(best, known, SAME_FIT):
+            return None
     best = fit(best.model, data, best.p)
     if bar is not None:
         bar.step("all releases")
-    return fit(best.model, data, best.p, old=best, renew_noise=True)
+    return fit(best.model, data, best.p, old=best, renew_noise=True, residuals=best.residuals)
 
 
-def _fits_from_grid(data: Data, model: Model, reading: float, effect_start: Array) -> list[Fit]:
+def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None) -> list[Fit]:
     """Short fits to some releases from the best points of a grid, with one reading of the rolling resistance."""
-    some = data.only(some_releases(data))
+    keep = some_releases(data)
+    some, effect_start = data.only(keep), np.empty(0)
+    if known is not None:
+        effect_start = known.p[len(BASE_WIDTH) :]
+        known = known.only(keep[data.impact_release], keep[data.flight_release])
     rows = model.setup.contact.copy()
     rows[..., ROLLING_IN_INDENTATION] = reading
     model = replace(model, setup=replace(model.setup, contact=rows))
@@ -203,7 +216,7 @@ def _fits_from_grid(data: Data, model: Model, reading: float, effect_start: Arra
     scale[scale == 0.0] = 1.0  # channels that were not measured
     misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
     best = np.argsort(misfit)[:BASE_STARTS]
-    return [fit(model, some, corners[i], convergence=FEW_ROUNDS) for i in best]
+    return [fit(model, some, corners[i], old=known, convergence=FEW_ROUNDS) for i in best]
 
 
 def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
@@ -267,7 +280,8 @@ def attribute(
         largest = max(search.alone.values(), key=lambda candidate: search.gain(candidate, search.base).total)
         search = _restarted_from_grid(search, largest)
         search.run()
-        if search.best.names != largest.names:
+        laws = [own.fit.p[: len(BASE_WIDTH)] for own in (search.best, search.known[largest.names])]
+        if np.abs(laws[0] - laws[1]).max() > SAME_LAW:
             again = _restarted_from_grid(search, search.best)
             if again is not search:
                 again.run()
@@ -279,11 +293,22 @@ def _better_base(search: Search) -> CauseSet | None:
     """The law of the best candidate without its effect, if it is better than the base."""
     base, data = search.base, search.data
     best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
-    refit = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
-    if refit.total() < base.fit.total() + REFIT_GAIN:
+    start, least = best.fit.p[: len(base.fit.p)], base.fit.total()
+    # the noise of the base is sufficient to see whether the fit leads back to it
+    rough = fit(base.fit.model, data, start, old=base.fit, convergence=Convergence(rival=least + REFIT_GAIN))
+    if _ends_at(rough, base.fit):
+        return None
+    refit = fit(base.fit.model, data, start)
+    if refit.total() < least + REFIT_GAIN:
         return None
     found = CauseSet(refit, cross_validate(refit, data))
     return found if search.gain(found, base).significant else None
+
+
+def _ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:
+    """Whether a fit ended where a known one did: within its standard `errors`, and with hardly more likelihood."""
+    near = np.abs(found.p - known.p) < errors * np.sqrt(np.diag(known.p_covariance))
+    return bool(near.all()) and found.total() < known.total() + 0.5 * REFIT_GAIN
 
 
 def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
@@ -292,13 +317,9 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
     if not (cause_set.names and base.free and len(data.impact_release)):
         return search
-    anew = _fit_from_grid(
-        replace(cause_set.fit.model, known_p=None),
-        data,
-        search.processes,
-        effect_start=cause_set.fit.p[first:],
-    )
-    if anew.total() < cause_set.fit.total() + REFIT_GAIN:
+    model = replace(cause_set.fit.model, known_p=None)
+    anew = fit_from_grid(model, data, search.processes, known=cause_set.fit)
+    if anew is None or anew.total() < cause_set.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
     restarted = replace(search, base=CauseSet(law, cross_validate(law, data)))
@@ -325,7 +346,7 @@ def _attribution(search: Search) -> Attribution:
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in discrepancies(chain[-1].fit, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
+        [d for d in _dependences(chain[-1].fit, learnt, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
         learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
 
@@ -426,6 +447,16 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         else:
             return evidence, by_set[names], next(iter(by_set.values()))
         search.best = search.set_of(names)
+
+
+def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Discrepancy]:
+    """Dependences in the residuals of a fit; they are known if learning began there."""
+    state: Learnt | None = learnt
+    while state is not None:
+        if state.fit is fitted and state.dependences is not None:
+            return state.dependences
+        state = state.before
+    return discrepancies(fitted, data)
 
 
 def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:

@@ -18,7 +18,7 @@ import numpy as np
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
-from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
@@ -226,8 +226,10 @@ class Search:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
         names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
+        before, rival = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
         self._fit(
-            [_Addition(cause_set.fit, name, self._start_parameters(cause_set, name)) for name in new], lead
+            [_Addition(before, name, self._start_parameters(cause_set, name), rival=rival) for name in new],
+            lead,
         )
         return [self.known[cause_set.names | {name}] for name in names]
 
@@ -298,7 +300,7 @@ class Search:
 class _Addition:
     """Add the effect `name` to the fit `before`, from the parameters `start`; if there are none, they are explored.
 
-    `found`: result of exploring, if known; `rival`: log likelihood that another addition will reach.
+    `found`: result of exploring, if known; `rival`: log likelihood that another set reaches.
     """
 
     before: Fit
@@ -322,7 +324,7 @@ class _Addition:
 
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
-            return fit(self.model, data, self.start, old=self.before)
+            return fit(self.model, data, self.start, self.before, Convergence(rival=self.rival))
         return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival)
 
 
@@ -341,7 +343,8 @@ class _Refit:
         return self.before.model
 
     def fitted(self, data: Data) -> Fit:
-        return fit(self.model, data, self.before.p, old=self.before, renew_noise=True)
+        before = self.before
+        return fit(self.model, data, before.p, before, renew_noise=True, residuals=before.residuals)
 
 
 @dataclass

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
-from scipy.optimize import minimize
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
@@ -149,6 +148,8 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     prior. The most probable shifts are used. Their uncertainty makes the curves flatter: D. J. C. MacKay (1992), Neural
     Comput. 4(5), 720-736, eq. 10.
     """
+    from scipy.optimize import minimize
+
     names = list(curves)
     steepness = np.array([curves[name].steepness for name, _, _ in cases])
     log_size = np.array([np.log(size / curves[name].seen50) for name, size, _ in cases])

@@ -58,9 +58,14 @@ class Discrepancy(SummedGain):
         return f"{self.lever} of {self.basis.name}"
 
 
-def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[Discrepancy]:
-    """All tried dependences of the levers `only`, the one with the largest gain first."""
-    levers, linear = Levers(fit, data), LinearModel(fit, data)
+def discrepancies(
+    fit: Fit, data: Data, only: Collection[str] = LEVERS, levers: Levers | None = None
+) -> list[Discrepancy]:
+    """All tried dependences of the levers `only`, the one with the largest gain first.
+
+    `levers`: those of the fit, if they are used further: their derivatives are then computed once.
+    """
+    levers, linear = levers or Levers(fit, data), LinearModel(fit, data)
     dependences = []
     for lever, bases in levers.bases.items():
         if lever not in only:

@@ -16,7 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr  # scipy.stats takes over a second to import
 
 from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
@@ -191,7 +191,10 @@ def evidence_of_members(
                 continue
             evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
         bar.step(name)
-    jobs = [(without, search.effects[name].phase) for name, without in fewer.items()]
+    jobs = [
+        (without, search.effects[name].phase, evidence_of[name].own_gain.total)
+        for name, without in fewer.items()
+    ]
     for k, gain in search.processes.as_finished(_replacement_gain, jobs):
         name = list(fewer)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
@@ -202,10 +205,11 @@ def evidence_of_members(
     return evidence_of
 
 
-def _replacement_gain(data: Data, without: Validated, phase: str) -> Gain:
-    """Gain of changes that are learnt in the place of an effect of this phase."""
+def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
+    """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where they will
+    not gain as much as the effect, `own_gain`: that is twice EVEN_RATIO, so its probability is 1 to within 0.004."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
-    return held_out_gain(data, learn(without, data, levers), without)
+    return held_out_gain(data, learn(without, data, levers, own_gain), without)
 
 
 def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
@@ -242,7 +246,7 @@ def _evidence_of_member(
         fitted = Reduction(learnt.fit, name).fitted(data)
         without = Learnt(fitted, cross_validate(fitted, data), learnt.changes)
     own_gain = held_out_gain(data, learnt, without)
-    p_chance = float(norm.sf(own_gain.significance))
+    p_chance = float(ndtr(-own_gain.significance))
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
@@ -286,7 +290,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     none_learnt = Learnt(search.best.fit, search.best.held_out, [])
     return Evidence(
         own_gain, held_out_gain(data, others, without), _gain_of_others(search, none_learnt, name),
-        float(norm.sf(own_gain.significance)), {}, form_share=FORM_SHARE,
+        float(ndtr(-own_gain.significance)), {}, form_share=FORM_SHARE,
     )  # fmt: skip
 
 
@@ -364,7 +368,7 @@ def outside_probability(learnt: Gain, left: float) -> float:
     """
     if learnt.total <= 0.0:
         return LEAST_OUTSIDE_PROBABILITY
-    p = probability_from_p_value(TRIED_DEPENDENCES * float(norm.sf(learnt.significance)))
+    p = probability_from_p_value(TRIED_DEPENDENCES * float(ndtr(-learnt.significance)))
     p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
     return max(p, LEAST_OUTSIDE_PROBABILITY)
 

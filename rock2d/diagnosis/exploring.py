@@ -115,7 +115,15 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
 
 
 def _short_fit(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
-    return fit(cached.model, cached.data, start, old=base, convergence=FEW_ROUNDS, keep_jacobian=True)
+    return fit(
+        cached.model,
+        cached.data,
+        start,
+        base,
+        FEW_ROUNDS,
+        keep_jacobian=True,
+        residuals=cached.residuals(start),
+    )
 
 
 class CachedResiduals:

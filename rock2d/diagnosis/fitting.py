@@ -107,6 +107,7 @@ def fit(
     convergence: Convergence = Convergence(),  # noqa: B008 (cannot be changed)
     keep_jacobian: bool = False,
     renew_noise: bool = False,
+    residuals: Residuals | None = None,
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
@@ -120,11 +121,12 @@ def fit(
     convergence : when the fit ends
     keep_jacobian : use the derivatives of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
+    residuals : residuals at the start, if known
     """
     low, high = model.bounds()
     posterior = _Posterior(model, data, *prior(model))
     p = np.clip(model.start() if start is None else start, low, high)
-    begin, at = p, _Point(p, model.residuals(p, data))
+    begin, at = p, _Point(p, residuals or model.residuals(p, data))
     scatter, noise_known = _start_scatter(model, data, old), old is not None
     jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)

@@ -28,6 +28,12 @@ TRIED_AT_ONCE = 2  # dependences that are fitted, of which the best is kept
 # log likelihood that the linear model must expect; it expects too little if a dependence was fitted as scatter
 LEAST_EXPECTED_GAIN = 3.0
 LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
+# A change that gains what was expected is not compared with a weaker one, of which less than half is expected and a
+# quarter of this gain.
+WEAKER_EXPECTED, WEAKER_GAIN = 0.5, 0.25
+# Factor by which changes may gain more than expected, on average. A single one can gain ten times as much, if it was
+# fitted as scatter.
+MOST_UNDERESTIMATED = 6.0
 CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
 
 
@@ -49,13 +55,14 @@ class Change(KnownChange, SummedGain):
 class Learnt:
     """A fit with learnt changes, and its residuals and scores on held-out releases.
 
-    `before`: the same without the last change, if there is one.
+    `before`: the same without the last change, if there is one; `dependences`: all of its residuals, if they are known.
     """
 
     fit: Fit
     held_out: HeldOut
     changes: list[Change]
     before: Learnt | None = None
+    dependences: list[Discrepancy] | None = None
 
     def changes_at(self, p: Array) -> list[Change]:
         """The changes at other parameters p of the fit."""
@@ -66,13 +73,25 @@ class Learnt:
         ]
 
 
-def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learnt:
-    """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly."""
+def learn(
+    start: Validated, data: Data, only: Collection[str] = LEVERS, least_total: float = -np.inf
+) -> Learnt:
+    """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly.
+
+    Further changes are not learnt if it is clear that all together will gain less than `least_total`.
+    """
     state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
-    for _ in range(MOST_LEARNT if start.fit.free else 0):
-        dependences = discrepancies(state.fit, data, only)
+    for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
+        dependences = discrepancies(state.fit, data, only, levers)
+        state.dependences = dependences if only is LEVERS else None
+        if count and dependences:
+            further = MOST_UNDERESTIMATED * (MOST_LEARNT - count) * dependences[0].total
+            if held_out_gain(data, state, start).total + further < least_total:
+                break
         for dependence in [d for d in dependences if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
+            if any(_surpasses(gain, expected, dependence) for expected, _, gain in tried):
+                break
             response = levers.response(dependence.lever, dependence.basis)
             convergence = Convergence(
                 CONVERGED_GAIN, max((trial.fit.total() for _, trial, _ in tried), default=-np.inf)
@@ -93,6 +112,12 @@ def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learn
         state = Learnt(candidate.fit, candidate.held_out, [*state.changes, new], state)
         state.changes = state.changes_at(candidate.fit.p)
     return state
+
+
+def _surpasses(gain: Gain, expected: Discrepancy, weaker: Discrepancy) -> bool:
+    """Whether a change gained what was `expected` of it, and so much that a weaker one cannot gain more."""
+    weak = weaker.total < min(WEAKER_EXPECTED * expected.total, WEAKER_GAIN * gain.total)
+    return weak and gain.total > expected.total
 
 
 def best_predicting(data: Data, learnt: Learnt, other: Learnt) -> Learnt:

@@ -81,10 +81,13 @@ class LinearModel:
     def chance_gains(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
         their sizes and correlations within a release, and removes what is common to many releases."""
-        own = self._chance_totals(self._own, self._fit.jacobian.flights)
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = np.concatenate([self._fit.jacobian.flights, columns.flights], axis=-1)
-        return self._chance_totals(impacts, flights) - own
+        return self._chance_totals(impacts, flights) - self._own_chance_totals
+
+    @cached_property
+    def _own_chance_totals(self) -> Array:
+        return self._chance_totals(self._own, self._fit.jacobian.flights)
 
     def _chance_totals(self, impacts: Array, flights: Array) -> Array:
         """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""

@@ -292,6 +292,9 @@ def _contact_steps(
     blocks: Sequence[Block], tables: Array, block_ids: Array, table_ids: Array, fraction: float
 ) -> Array:
     """(n, 2) contact steps in s of every release."""
+    if len(tables) == 1:
+        each = [contact_step.contact_steps_s(block, tables[0], fraction) for block in blocks]
+        return np.array(each, float)[block_ids]
     steps = np.empty((len(block_ids), 2))
     for b in np.unique(block_ids):
         of_block = block_ids == b

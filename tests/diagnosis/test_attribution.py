@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.attribution import attribute, fit_base, register_by_fit
+from rock2d.diagnosis.attribution import attribute, fit_base, fit_from_grid, register_by_fit
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
@@ -17,6 +17,7 @@ from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
+from rock2d.processes import Processes
 from tests.kinematics.synthetic_films import (
     LAW,
     base_fit,
@@ -140,6 +141,16 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     assert found.named == {"mirrored_axis"} and found.outside < 0.05
     assert law.setup.contact[..., ROLLING_IN_INDENTATION].all()
     assert law.law(found.final.fit.p)[4] == pytest.approx(LAW.k_r_Nm_rad, rel=0.05)
+
+
+def test_a_grid_that_leads_back_to_a_fit_gives_no_other():
+    """From a law that is stuck, it leads to a better fit."""
+    data, proper = base_fit(film(world(), 12, seed=2))
+    assert proper.free and fit_from_grid(proper.model, data, Processes(1, (data,)), known=proper) is None
+    off = proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0])
+    stuck = fit(proper.model, data, off, convergence=Convergence(np.inf))
+    found = fit_from_grid(proper.model, data, Processes(1, (data,)), known=stuck)
+    assert found is not None and found.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
 
 
 def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path):

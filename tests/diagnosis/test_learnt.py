@@ -11,9 +11,10 @@ from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
-from rock2d.diagnosis.levers import LAW, PROFILE, SLOPE, Levers
+from rock2d.diagnosis.levers import FLIGHT, LAW, PROFILE, SLOPE, Levers
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
+from rock2d.effects import catalogue
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_UL
@@ -64,6 +65,19 @@ def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_
     # logarithm of k_ul: of k_l and of the ratio
     stiffening = ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
     assert stiffening == pytest.approx(np.log(HARDENED), abs=0.35)
+
+
+def test_learning_ends_where_more_changes_cannot_gain_what_is_asked():
+    """A soil that hardens, and a drag: two changes. The stronger one alone is learnt if both together gain too little
+    anyway; both if a second one may decide."""
+    true = catalogue()["air_drag"].apply(hardening(RELEASES), [0.3])
+    data, base, both = fitted(film(true, RELEASES, seed=7))
+    assert {c.lever for c in both.changes} == {LAW, FLIGHT}
+    start = Learnt(base, cross_validate(base, data), [])
+    gain = sum(c.total for c in both.changes)
+    one, again = (learn(start, data, least_total=total) for total in (100.0 * gain, gain))
+    assert [c.name for c in one.changes] == [c.name for c in both.changes[:1]]
+    assert [c.name for c in again.changes] == [c.name for c in both.changes]
 
 
 def test_what_was_learnt_gains_on_releases_that_were_held_out(hardened):

@@ -51,6 +51,9 @@ RIVAL_Z = 2.0  # effects within so many standard errors cannot be separated
 OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 # effect that widens the scatter -> the lever that it changes with the place if it is the same in every release
 PERMANENT = {"surface_roughness": PROFILE}
+CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
+# effects that depend on the place: the forms of their laws may leave a profile
+OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 MOST_RIVALS = 2  # rivals that may share the name of a member
 NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at which it is named as a cause
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
@@ -180,6 +183,8 @@ def evidence_of_members(
             evidence, without = _evidence_of_member(search, permanent, name, others_gain)
         if name in PERMANENT and permanent.changes and not evidence.named(name):
             evidence = _evidence_of_permanent(search, permanent, name)
+        if name in {CONTAINED.get(change.lever) for change in permanent.changes}:
+            evidence = replace(evidence, form_share=FORM_SHARE)
         evidence_of[name], before = evidence, known.get(name)
         if not scatter and evidence.named(name):
             if (
@@ -284,13 +289,20 @@ def _evidence_of_member(
 def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evidence:
     """Evidence for a member that is the same in every release: it gains by its scatter and by its lever, over the set
     without both, where other changes may be learnt in its place."""
-    data, without = search.data, search.without(search.best)[name]
+    data, best, smaller = search.data, search.best, search.without(search.best)
+    without = smaller[name]
     own_gain = held_out_gain(data, permanent, without)
     others = learn(without, data, {*LEVERS} - {PERMANENT[name]})
-    none_learnt = Learnt(search.best.fit, search.best.held_out, [])
+    shares = {
+        other: min(
+            _form_share(search.effects[other]), FORM_SHARE if other in OF_A_PLACE else EFFECT_FORM_SHARE
+        )
+        for other in smaller.keys() - {name}
+    }
+    left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
-        own_gain, held_out_gain(data, others, without), _gain_of_others(search, none_learnt, name),
-        float(ndtr(-own_gain.significance)), {}, form_share=FORM_SHARE,
+        own_gain, held_out_gain(data, others, without), left / EFFECT_FORM_SHARE,
+        float(ndtr(-own_gain.significance)), {},
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
+    FORM_SHARE,
     PERMANENT,
     Evidence,
     evidence_of_members,
@@ -354,18 +355,18 @@ def _attribution(search: Search) -> Attribution:
 def _outside_probability(search: Search, models: Sequence[WeighedSet]) -> float:
     """Probability that something outside the catalogue acts: the smallest over models. Models that explain much less
     than the best one do not count. What is learnt as a part of a cause that is named is not outside."""
-    data, base, named = search.data, search.base, search.best.names
-    explained = [held_out_gain(data, model.learnt, base).total for model in models]
-    return min(
-        outside_probability(
-            held_out_gain(
-                data, model.learnt, model.permanent if named & PERMANENT.keys() else model.cause_set
-            ),
-            gain_left_by_forms(search, model.cause_set),
-        )
-        for model, total in zip(models, explained, strict=True)
-        if total >= LEAST_EXPLAINED_SHARE * max(explained)
-    )
+    data, permanent_is_named = search.data, search.best.names & PERMANENT.keys()
+    explained = [held_out_gain(data, model.learnt, search.base).total for model in models]
+    probabilities = []
+    for model, total in zip(models, explained, strict=True):
+        if total < LEAST_EXPLAINED_SHARE * max(explained):
+            continue
+        left = gain_left_by_forms(search, model.cause_set)
+        if permanent_is_named:
+            left += FORM_SHARE * max(held_out_gain(data, model.permanent, model.cause_set).total, 0.0)
+        known = model.permanent if permanent_is_named else model.cause_set
+        probabilities.append(outside_probability(held_out_gain(data, model.learnt, known), left))
+    return min(probabilities)
 
 
 class WeighedSet(NamedTuple):

@@ -81,10 +81,11 @@ class Evidence:
         scatter
     others_gain : log likelihood gained by the learnt changes, and by other members whose laws may have another form,
         in the flights or impacts that the effect changes
-    p_chance : probability that chance gives as large a gain, or that the member closes no part of the gap
+    p_chance : probability that chance gives as large a gain
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others_gain` that may only correct the forms of the other laws
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
+    p_no_closure : probability that the member closes no part of the gap
     negligible : whether it is too small to matter
     out_of_range : whether its size lies at the end of the plausible range
     """
@@ -96,6 +97,7 @@ class Evidence:
     rival_z: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
+    p_no_closure: float = 0.0
     negligible: bool = False
     out_of_range: bool = False
 
@@ -112,7 +114,8 @@ class Evidence:
         gain = max(self.own_gain.total, 1e-9)
         imitates = _logistic(gain / max(self.replacement_gain.total, 1e-9) / self.even_ratio, RATIO_STEEPNESS)
         beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
-        return self.p_acts * imitates * beyond_form
+        closes = probability_from_p_value(max(self.p_chance, self.p_no_closure))
+        return closes * imitates * beyond_form
 
     @property
     def p_acts(self) -> float:
@@ -169,7 +172,7 @@ def evidence_of_members(
     `PERMANENT`; `known`: evidence from larger sets, whose `replacement_gain` is reused where the gain of the member has
     changed little.
     """
-    best = search.best
+    best, contained = search.best, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
@@ -181,10 +184,15 @@ def evidence_of_members(
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
             evidence, without = _evidence_of_member(search, permanent, name, others_gain)
-        if name in PERMANENT and permanent.changes and not evidence.named(name):
-            evidence = _evidence_of_permanent(search, permanent, name)
-        if name in {CONTAINED.get(change.lever) for change in permanent.changes}:
+        if name in PERMANENT and permanent.changes:
+            evidence = max(
+                evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p
+            )
+        if name in contained:
             evidence = replace(evidence, form_share=FORM_SHARE)
+        elif contained:
+            beside = {rival: z for rival, z in evidence.rival_z.items() if rival not in contained}
+            evidence = replace(evidence, rival_z=beside)
         evidence_of[name], before = evidence, known.get(name)
         if not scatter and evidence.named(name):
             if (
@@ -251,12 +259,12 @@ def _evidence_of_member(
         fitted = Reduction(learnt.fit, name).fitted(data)
         without = Learnt(fitted, cross_validate(fitted, data), learnt.changes)
     own_gain = held_out_gain(data, learnt, without)
-    p_chance = float(ndtr(-own_gain.significance))
+    p_chance, p_no_closure = float(ndtr(-own_gain.significance)), 0.0
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
             p_chance = max(p_chance, chance_p_value(own_gain.total, np.max(others_chance_gains, axis=0)))
-        p_chance = max(p_chance, probability_of_no_closure(search, name))
+        p_no_closure = probability_of_no_closure(search, name)
     large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
     rival_z = {
         rival: z
@@ -274,7 +282,8 @@ def _evidence_of_member(
         effect, [size(fit, name) for fit in (best.fit, learnt.fit)], large_gain
     )
     evidence = Evidence(
-        own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z, negligible=negligible,
+        own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
+        p_no_closure=p_no_closure, negligible=negligible,
         out_of_range=out_of_range,
     )  # fmt: skip
     if effect.scatter:

@@ -221,7 +221,7 @@ def test_restitution_follows_the_place() -> None:
 
 def test_hills_turn_a_rebound_by_their_slope() -> None:
     """The same in every release: a smooth sphere that hits a piece of ground head-on returns along its normal."""
-    hills = Hidden("fixed_profile", 0, {"height_m": 0.004, "wavelength_m": 0.2, "profile": 7.0})
+    hills = Hidden("surface_roughness", 2, {"height_m": 0.004, "wavelength_m": 0.2, "profile": 7.0})
     ground = motion_inputs(World(FLOOR, LAW, [SPHERE], G), [hills]).ground.points
     assert np.std(ground[:, 1]) == pytest.approx(0.004, rel=0.2)
     times = np.arange(400) * 1e-4

@@ -42,11 +42,9 @@ def motion_inputs(world: World, hidden: Sequence[Hidden]) -> MotionInputs:
     yielding = np.zeros(len(zone))
     if setup.embankment is not None:
         yielding[slice(*setup.embankment)] = 1.0
-    if "spacing_m" in values.get("surface_roughness", {}):
-        points, pieces = rough_profile(points, values["surface_roughness"])
-        zone, yielding = zone[pieces], yielding[pieces]
-    if "fixed_profile" in values:
-        points, pieces = hilly_profile(points, values["fixed_profile"])
+    rough = values.get("surface_roughness", {})
+    if "profile" in rough:  # else each impact draws a slope
+        points, pieces = (hilly_profile if "wavelength_m" in rough else rough_profile)(points, rough)
         zone, yielding = zone[pieces], yielding[pieces]
     ridges = (ground_turns(points) < -RIDGE_TURN_RAD).astype(float)
     ground = Ground(points, zone, ground_patches(points), ridges, yielding)

@@ -1,4 +1,4 @@
-"""The local slope varies from impact to impact."""
+"""The local slope varies from impact to impact, or from place to place."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ def remedy(fitted: FittedEffect) -> str:
     return (
         "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "
         f"the slope of {number(slope)}° is expected. Level it before every release, or count the scatter as "
-        "part of the soil and film more releases."
+        "part of the soil and film more releases. If a profile of the ground was learnt, the surface is the same in "
+        "every release: compare the curve with the survey."
     )
 
 
 EFFECT = Effect(
     name="surface_roughness",
-    summary="the local slope varies from impact to impact: scatter of the rebound, no mean",
+    summary="the local slope varies from impact to impact, or from place to place: scatter of the rebound, no mean",
     source="random slope of the impact surface, as in Pfeiffer & Bowen (1989), Computer simulation of rockfalls",
     phase="impact",
     origin="ground",

@@ -191,7 +191,7 @@ def _cause_boxes(
         said = "; fitted together with all causes" if causes else ""
         boxed(
             f"learnt: {listed(learnt['changes'])}{beside}",
-            "no name",
+            "learnt from the film",
             learnt["closes"],
             learnt["closes_ci95"],
             said,

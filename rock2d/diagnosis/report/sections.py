@@ -68,7 +68,7 @@ def _parts(
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
         beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
         what = f"learnt: {listed(learnt['changes'])}{beside}"
-        found.append((what, "no name", learnt["closes"], _interval(learnt), "plain"))
+        found.append((what, "learnt from the film", learnt["closes"], _interval(learnt), "plain"))
     unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
     if unlearnt >= LEAST_SHOWN:
         found.append(("dependence without a name", "not learnt", unlearnt, None, "plain"))

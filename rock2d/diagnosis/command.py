@@ -135,9 +135,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         closes = f"; learnt changes{beside} close {_shares(learnt)}" if learnt else ""
         lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{closes}")
     elif outside and outside["learnt"]:
-        lines.append(
-            f"learnt: {' and '.join(outside['learnt']['changes'])} close {_shares(outside['learnt'])}"
-        )
+        changes = " and ".join(outside["learnt"]["changes"])
+        lines.append(f"learnt, {changes}: closes {_shares(outside['learnt'])}")
     if result.checks is not None:
         lines.append(f"checks: {checks_sentence(result.checks)}")
     for cell in content["where"][:3]:

@@ -93,10 +93,12 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
     lines, rows = job.cross_section.measure_lines, list[tuple[object, ...]]()
     for b, block in enumerate(job.blocks):
         group = job.conditions.group(b, 0, count)
+        if not (number := len(group.states)):  # no release of this block was filmed
+            continue
         found = job.outcome(group)
         passed = found.passed(len(lines))
         counts = found.passing(job.cross_section)
-        for k, row in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):
+        for k, row in enumerate(passing_rows(block.name, list(lines), number, float("nan"), counts)):
             which, ends = passed[:, k], lines[row[1]]
             values = crossing_values(
                 found.crossings[which, k], ends, job.cross_section, group.masses()[which]

@@ -20,6 +20,7 @@ from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
+from rock2d.records.columns import N_STATE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.found_causes import Causes, causes_of, centre_of_mass_states
 from rock2d.runs.incident_states import (
@@ -138,10 +139,23 @@ class Conditions:
         return bool(self.scenario.scatter or self._roughness or self.scenario.populations)
 
     def group(self, block: int, first: int, stop: int) -> Group:
-        """Releases first .. stop - 1 of the block with index `block`; first < stop."""
+        """Releases first .. stop - 1 of the block with index `block`; first < stop. Fewer if fewer were filmed."""
+        if self.scenario.experiment is not None:
+            return self._measured_group(block, first, stop)
         conditions = self.of_releases(block, first, stop)
         states = self._states(conditions, block, first, stop)
         return Group(block, states, drawn_seeds(self.seed, block, first, stop), conditions)
+
+    def _measured_group(self, block: int, first: int, stop: int) -> Group:
+        measured = measured_states(self.scenario, self.seed, stop)
+        own = [start for start in measured if start.block == self.blocks[block].name][first:]
+        conditions = self.of_releases(block, first, first + max(len(own), 1))
+        each = conditions if len(conditions) == len(own) else conditions[:1] * len(own)
+        states = [
+            centre_of_mass_states(c.block, start.state[None]) for c, start in zip(each, own, strict=True)
+        ]
+        seeds = np.array([start.seed for start in own], np.uint64)
+        return Group(block, np.concatenate([np.empty((0, N_STATE)), *states]), seeds, conditions)
 
     def of_releases(self, block: int, first: int, stop: int) -> list[Condition]:
         """Conditions of releases first .. stop - 1 of a block; a single one if it is the same for all.

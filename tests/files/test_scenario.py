@@ -10,6 +10,7 @@ import pytest
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
 from rock2d.files.scenario_variants import scenario_text, variant
+from rock2d.runs.conditions import Conditions, starts
 from tests.programs import place_of, refusal
 from tests.scenarios_of_tests import SHIPPED, scenario_file
 
@@ -236,6 +237,10 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     assert scenario.gravity_m_s2 == 9.7 and scenario.releases == 2
     assert scenario.make_cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
     assert scenario.experiment.trajectories["release"].nunique() == 2
+    started = [start for start, _ in starts(Conditions(scenario, "batch", 1))]
+    group = Conditions(scenario, "batch", 1).group(0, 0, 9)  # fewer were filmed
+    assert np.array_equal(group.states, [start.state for start in started])
+    assert group.seeds.tolist() == [start.seed for start in started]
     monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
     assert load_scenario(file).gravity_m_s2 == 9.7
     other = "escape.yaml"

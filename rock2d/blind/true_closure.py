@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.blind.case_files import HELDOUT, TWIN, TWIN_FIT
-from rock2d.diagnosis.attribution import fit_base
+from rock2d.diagnosis.base_law import fit_base
 from rock2d.diagnosis.budget import ResidualSizes
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.diagnose import Diagnosis, check_and_segment

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, register_by_fit
+from rock2d.diagnosis.attribution import Attribution, attribute
+from rock2d.diagnosis.base_law import fit_base, register_by_fit
 from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.data import FilmData, TableData

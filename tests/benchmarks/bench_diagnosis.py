@@ -6,6 +6,7 @@ from pathlib import Path
 from time import process_time
 
 import rock2d.diagnosis.attribution as attribution
+import rock2d.diagnosis.base_law as base_law
 import rock2d.diagnosis.cause_sets as cause_sets
 import rock2d.diagnosis.diagnose as diagnosis
 from rock2d.diagnosis.cross_validation import cross_validate
@@ -22,7 +23,7 @@ TILT = [0.03, 0.0, 0.0]
 STAGES = {  # one after another, each with all that it calls
     "cutting into flights and impacts": diagnosis.check_and_segment,
     "what the film says of itself": diagnosis.findings_of_film,
-    "fit of the base law": attribution.fit_base,
+    "fit of the base law": base_law.fit_base,
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,
     "which causes stay, beside what is learnt": attribution._evidence_of_sets,

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.attribution import attribute, fit_base, fit_from_grid, register_by_fit
+from rock2d.diagnosis.attribution import attribute
+from rock2d.diagnosis.base_law import fit_base, fit_from_grid, register_by_fit
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json

@@ -1,0 +1,140 @@
+"""The base law: the paper's law with its own parameters refitted, and the image in which the film is divided for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data, FilmData
+from rock2d.diagnosis.exploring import REFIT_GAIN
+from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
+from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
+from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
+from rock2d.diagnosis.workload import BASE
+from rock2d.effects import catalogue
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
+from rock2d.processes import Processes
+from rock2d.progress import Bar, Bars
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+BASE_STARTS = 2  # places from which the base law is fitted
+# effects whose fit to all flights and impacts locates the ground in the image, and an effect that imitates them in
+# flights
+REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
+MOST_REGISTRATIONS = 2
+REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
+LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause
+SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
+
+
+def fit_base(
+    setup: World, base: Array, data: Data, registered: World | None = None, bars: Bars | None = None
+) -> Fit:
+    """The paper's law with its own parameters refitted: the base law.
+
+    The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the
+    rolling resistance are tried (`ContactParameters.rolling_in_indentation`); the better one stays in the set-up.
+
+    If the film was segmented in another world than the stated one (`registered`), the law is fitted there and used
+    without a further fit on the stated set-up, where blocks would fall into the ground. The gains of effects over such
+    a base do not measure their size.
+    """
+    bars = bars or Bars(False)
+    if not len(data.impact_release):  # the data do not show the law: it stays as stated
+        flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
+        return fit(Model(setup, base, flown=flown), data)
+    with bars.stage(BASE, 3, "fits") as bar:
+        best = fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        assert best is not None
+    if registered is None:
+        return best
+    stated = Model(replace(setup, contact=best.model.setup.contact), base)
+    return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
+
+
+def fit_from_grid(
+    model: Model, data: Data, processes: Processes, bar: Bar | None = None, known: Fit | None = None
+) -> Fit | None:
+    """The best fit of a model whose law starts from the points of a grid, with either reading of the rolling
+    resistance.
+
+    `known`: a fit of the model, whose effects are the start. The result is None if the grid leads back to it; the noise
+    of the known fit is sufficient to see that.
+    """
+    fits_of_reading = dict[int, list[Fit]]()
+    jobs = [(model, reading, known) for reading in (0.0, 1.0)]
+    for k, fits in processes.as_finished(_fits_from_grid, jobs):
+        fits_of_reading[k] = fits
+        if bar is not None:
+            bar.step("some releases")
+    best = max((fitted for k in sorted(fits_of_reading) for fitted in fits_of_reading[k]), key=Fit.total)
+    if known is not None:
+        convergence = Convergence(rival=known.total() + REFIT_GAIN)
+        best = fit(best.model, data, best.p, old=known, convergence=convergence)
+        if ends_at(best, known, SAME_FIT):
+            return None
+    best = fit(best.model, data, best.p)
+    if bar is not None:
+        bar.step("all releases")
+    return fit(best.model, data, best.p, old=best, renew_noise=True, residuals=best.residuals)
+
+
+def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None) -> list[Fit]:
+    """Short fits to some releases from the best points of a grid, with one reading of the rolling resistance."""
+    keep = some_releases(data)
+    some, effect_start = data.only(keep), np.empty(0)
+    if known is not None:
+        effect_start = known.p[len(BASE_WIDTH) :]
+        known = known.only(keep[data.impact_release], keep[data.flight_release])
+    rows = model.setup.contact.copy()
+    rows[..., ROLLING_IN_INDENTATION] = reading
+    model = replace(model, setup=replace(model.setup, contact=rows))
+    corners = [
+        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *effect_start])
+        for stiffness in (0.0, -2.0, 2.0, 4.0)
+        for restitution in (0.0, -0.7, 0.7)
+        for friction in (0.0, -0.5, 0.5)
+    ]
+    residuals = [model.residuals(p, some).impacts for p in corners]
+    # channels in units of their median residual over all corners
+    scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
+    scale[scale == 0.0] = 1.0  # channels that were not measured
+    misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
+    best = np.argsort(misfit)[:BASE_STARTS]
+    return [fit(model, some, corners[i], old=known, convergence=FEW_ROUNDS) for i in best]
+
+
+def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
+    """Segment the film again in an image that is turned and scaled to fit its flights and impacts.
+
+    Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
+    is not where the blocks strike it, some impacts are missed, and flights are cut short.
+    """
+    effects_by_name, registered = catalogue(), None
+    setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
+    model = Model(setup, base.model.base, effects)
+    p = extended(base, model)
+    first = [model.places[name].start for name in REGISTERED]
+    for _ in range(MOST_REGISTRATIONS):
+        fitted = fit(model, data, p)
+        p, world = fitted.p, setup
+        if (np.abs(p) / np.sqrt(np.diag(fitted.p_covariance)))[first].max() < REGISTERED_Z:
+            break
+        for name, values in zip(REGISTERED, model.values(p), strict=False):
+            world = effects_by_name[name].apply(world, values)
+        again = FilmData.of(replace(data.film), world)
+        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(
+            data.flight_release
+        ):
+            break
+        data, registered = again, (again, world)
+    return registered
+
+
+def ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:
+    """Whether a fit ended where a known one did: within its standard `errors`, and with hardly more likelihood."""
+    near = np.abs(found.p - known.p) < errors * np.sqrt(np.diag(known.p_covariance))
+    return bool(near.all()) and found.total() < known.total() + 0.5 * REFIT_GAIN

@@ -64,7 +64,8 @@ class Assessment:
 
     def view(self) -> Path:
         """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""
-        from rock2d.design.report import PAGE, certainty_section, tornado_words
+        from rock2d.design.report import PAGE
+        from rock2d.design.report_sections import certainty_section, tornado_words
         from rock2d.graphics.pages import Section, drawn, page
         from rock2d.graphics.viewing import view
 

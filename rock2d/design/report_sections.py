@@ -1,0 +1,282 @@
+"""The sections of the report of a site."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rock2d.design.design_values import norm_remarks
+from rock2d.design.report_tables import (
+    block_rows,
+    data_of,
+    design_value_rows,
+    model_rows,
+    norm_rows,
+    parameter_tables,
+    passing_rows,
+    percentile_rows,
+    reach_rows,
+    stop_rows,
+    uncertain_rows,
+)
+from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
+from rock2d.runs.tables import table_note
+from rock2d.scene.cross_section import CrossSection, Embankment
+from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
+from rock2d.wording import three_digits
+
+if TYPE_CHECKING:
+    from rock2d.design.assessment import Assessment
+    from rock2d.design.report import ReportContent
+
+LEAST_SHARE = 1e-6
+LIMITS = (
+    "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
+    "can leave the section.",
+    "Trees absorb no energy. Use a 3D code with single trees.",
+    "Blocks do not break. Use a code with a fragmentation model if that matters.",
+    "The embankment is ground with a contact law: it does not slide, yield or fail. Check its stability with a model "
+    "of the structure.",
+    "Intervals cover only sampling and what is listed as not known.",
+    "Few numbers of UNI 11211-4 and ONR 24810 are verified by two published sources: compare those that are marked "
+    "with the text of the norm before use.",
+)
+
+
+def numbered_embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
+    """(name of the figure, name in words, embankment) of each embankment."""
+    banks = ground.embankments
+    if len(banks) == 1:
+        return [("embankment", "the embankment", banks[0])]
+    return [(f"embankment_{i}", f"embankment {i}", bank) for i, bank in enumerate(banks, start=1)]
+
+
+def report_sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section | None]:
+    def noted(section: Section | None) -> Section | None:
+        """The section with a note in its tables on the changes that the run leaves out."""
+        note = table_note(content.scenario)
+        if section is None or not note:
+            return section
+        tables = [replace(table, note=f"{table.note} Simulated {note}.".strip()) for table in section.tables]
+        return replace(section, tables=tables)
+
+    return [
+        noted(_answer_section(content, figures)), noted(_volume_section(content, figures)),
+        _assumption_section(content), _site_section(content, figures),
+        noted(_passing_section(content, figures)), noted(_slope_section(content, figures)),
+        noted(_line_section(content, figures)), noted(_design_section(content)),
+        noted(_model_section(content, figures)), noted(_certainty_section(content, figures)),
+        noted(_diagnosis_section(content)),
+        Section("Limits", items=LIMITS),
+    ]  # fmt: skip
+
+
+def _picture(figures: Mapping[str, Path], name: str, alt: str, caption: str = "") -> list[Picture]:
+    return [Picture(embedded_picture(figures[name]), alt, caption)] if name in figures else []
+
+
+def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if content.answer is None:
+        return None
+    answer = content.answer
+    shown = Table(
+        (answer.place, "block", "median %", "bound %", "meets"),
+        [
+            (f"{size:.4g}", block, _percent(median), _percent(high), "yes" if meets else "no")
+            for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
+        ],
+    )  # fmt: skip
+    alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
+    return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
+
+
+def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if not content.combinations:
+        return None
+    from rock2d.design.least_volume import TABLE, combination_table, volume_text
+
+    table = combination_table(content.combinations)
+    rows = [tuple(map(three_digits, row)) for row in table.itertuples(index=False, name=None)]
+    shown = Table(
+        list(table.columns), rows, note="m³ per metre of embankment. A dash: no size of the range holds.",
+        data=data_of(TABLE, table),
+    )  # fmt: skip
+    alt = "Volume of earth against each number that was varied, and over each pair of them"
+    text = (
+        f"{volume_text(content.combinations).capitalize()}. Volume is not cost: a steep facing needs a wall."
+    )
+    return Section("Least volume", [text], pictures=_picture(figures, "combinations", alt), tables=[shown])
+
+
+def _percent(share: float) -> str:
+    """In %; shares below LEAST_SHARE are 0."""
+    return three_digits(100.0 * share) if share >= LEAST_SHARE else "0"
+
+
+def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    run = content.sample
+    points = run.cross_section.points_m
+    alt = (
+        f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the paths of the blocks; "
+        f"height from {points[:, 1].min():.3g} to {points[:, 1].max():.3g} m"
+    )
+    near = [
+        picture
+        for name, words, _ in numbered_embankments(run.cross_section)
+        for picture in _picture(figures, name, f"The paths of the blocks at {words}, enlarged")
+    ]
+    return Section(
+        "Site and blocks",
+        pictures=[*_picture(figures, "trajectories", alt), *near],
+        tables=[block_rows(content.scenario), *parameter_tables(content.scenario, run.engine)],
+    )
+
+
+def _assumption_section(content: ReportContent) -> Section:
+    scenario = content.scenario
+    points = list(scenario.assumed) or ["The scenario file lists no assumption."]
+    points += [
+        f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()
+    ]
+    points += [
+        f"Rough ground in {zone}: local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
+        for zone, rough in scenario.roughness.items()
+    ]
+    if scenario.uncertainty is not None:
+        points += [f"Not known: {place}, {_drawn(draw)}" for place, draw in scenario.uncertainty.site.items()]
+    return Section("What was assumed", items=points)
+
+
+def _drawn(draw: Any) -> str:
+    """A distribution in words."""
+    kind, numbers = next(iter(draw.model_dump().items()))
+    if kind == "times":
+        return "the value of the file times " + _drawn(draw.times)
+    return f"{kind} ({', '.join(f'{key} {value:g}' for key, value in numbers.items())})"
+
+
+def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    tables = []
+    if len(content.tables.get("passing", ())):
+        tables.append(passing_rows(content.tables["passing"]))
+    if "stops" in content.tables:
+        tables.append(stop_rows(content.tables["stops"]))
+    tables.append(
+        reach_rows(content.sample.to_pandas("reach"), content.sample.cross_section.embankment is not None)
+    )
+    alt = "Histogram of the places at which releases ended, below the cross-section"
+    texts = [] if content.answer is None else [
+        "One sample, on the site as in the file. The verdict holds over all possible sites: see above."
+    ]  # fmt: skip
+    return Section(
+        "Do blocks pass, and where do they end",
+        texts,
+        pictures=_picture(figures, "stops", alt),
+        tables=tables,
+    )
+
+
+def _slope_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    table: Any = content.sample.to_pandas("envelopes")
+    top = table[(table["quantity"] == "kinetic_J") & (table["percentile"] == 95.0)]["value"]
+    alt = "Height above the ground, speed and energy along the slope, exceeded by 50, 5 and 1 % of the blocks"
+    alt += (
+        f"; the 95th percentile of the energy reaches {three_digits(1e-3 * top.max())} kJ" if len(top) else ""
+    )
+    caption = "Band: 95 % interval of the 95th percentile. Heights are those of the centroid, vertically."
+    data = Table((), (), data=data_of("envelopes.csv", table))
+    return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
+
+
+def _line_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if "percentiles" not in content.tables:
+        return None
+    alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
+    return Section(
+        "How high and how hard",
+        pictures=_picture(figures, "distributions", alt),
+        tables=[percentile_rows(content.tables["percentiles"])],
+    )
+
+
+def _design_section(content: ReportContent) -> Section | None:
+    if "percentiles" not in content.tables:
+        return None
+    values = content.design_values
+    arriving = [is_line(line, ARRIVAL_LINE) for line in values["line"]]
+    if any(arriving):
+        values = values[arriving]
+    if not len(values):
+        return None
+    text = (
+        "An embankment must withstand what arrives at it. Characteristic values are 95th percentiles of the blocks "
+        "that pass the line. Each block of the scenario is a design block, with its mass (of a population, the 95th "
+        "percentile of size)."
+    )
+    tables = [design_value_rows(values), norm_rows(content.scenario)]
+    texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
+    return Section("Design values", texts=texts, tables=tables)
+
+
+def _without_assessment(content: ReportContent) -> str:
+    if content.scenario.uncertainty is None:
+        return "The scenario has no key uncertainty. All intervals cover only sampling."
+    return (
+        "The size holds over all that is listed as not known. The other intervals on this page cover only sampling: "
+        "`rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
+    )
+
+
+def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    from rock2d.design.model_range import BASE, range_remarks
+
+    title = "How much depends on the model"
+    if content.models is None:
+        text = (
+            "Not computed: `rock2d run SCENARIO --compare --report` also runs the other law, rough or smooth ground, "
+            "softer and harder soil, and blocks of other shapes."
+        )
+        return Section(title, texts=[text])
+    text = "One change at a time, the same releases. None of these models is known to be the right one."
+    alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
+    return Section(
+        title, [text], range_remarks(content.models), pictures=_picture(figures, "models", alt),
+        tables=[model_rows(content.models, "models.csv")],
+    )  # fmt: skip
+
+
+def _diagnosis_section(content: ReportContent) -> Section | None:
+    if content.compared is None:
+        return None
+    shown = model_rows(content.compared, "before_after.csv")
+    return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
+
+
+def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if content.assessment is None:
+        return Section("How sure is that", texts=[_without_assessment(content)])
+    drawn = _picture(figures, "tornado", tornado_words(content.assessment))
+    return certainty_section(content.assessment, drawn)
+
+
+def tornado_words(assessment: Assessment) -> str:
+    """Alternative text of the tornado figure of an assessment."""
+    table: Any = assessment.told_apart
+    alt = "Tornado figure: share of each unknown value in the variance of the passing frequency"
+    if len(table):
+        first = table.loc[table["total"].idxmax()]
+        alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
+    return alt
+
+
+def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
+    """The section of an assessment; `pictures`: its tornado figure, if it has one."""
+    remark = assessment.sampling_remark()
+    return Section(
+        "How sure is that",
+        [remark] if remark else [],
+        pictures=pictures,
+        tables=[uncertain_rows(assessment.uncertain)],
+    )

@@ -172,6 +172,7 @@ def _begin_worker(shared: tuple[Any, ...]) -> None:
     _shared = shared
     _begin()
     one_thread()
+    gc.collect()
     gc.freeze()  # modules and shared data stay: the garbage collector need not walk over them
 
 

@@ -132,6 +132,16 @@ class Attribution:
         return self.evidence[name].group if name in self.evidence else []
 
 
+class WeighedSet(NamedTuple):
+    """A set of causes, what is learnt beside it, the part of that which belongs to members, see `evidence.PERMANENT`,
+    and the evidence for each member."""
+
+    cause_set: CauseSet
+    learnt: Learnt
+    permanent: Learnt
+    evidence: dict[str, Evidence]
+
+
 def attribute(
     base: Fit,
     data: Data,
@@ -248,16 +258,6 @@ def _outside_probability(search: Search, models: Sequence[WeighedSet]) -> float:
     return min(probabilities)
 
 
-class WeighedSet(NamedTuple):
-    """A set of causes, what is learnt beside it, the part of that which belongs to members, see `evidence.PERMANENT`,
-    and the evidence for each member."""
-
-    cause_set: CauseSet
-    learnt: Learnt
-    permanent: Learnt
-    evidence: dict[str, Evidence]
-
-
 def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[str]) -> WeighedSet:
     """The best set with its evidence. If something is learnt that may belong to an effect of the catalogue, the effect
     becomes a member, unless it was `removed`."""
@@ -285,16 +285,13 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     much. Then members that cannot be named are removed for good, first the half that gains less; a removed rival gives
     its place back to the member that it had replaced. The evidence for the remaining members is computed again.
     """
-    evidence, by_set, removed = (
-        dict[str, Evidence](),
-        dict[Names, WeighedSet](),
-        set[str](),
-    )
+    evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
+    removed = set[str]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
     while True:
         if search.best.names not in by_set:
-            weighed = _weighed(search, evidence, removed)
-            by_set[search.best.names] = weighed
+            weighed = _weighed(search, evidence, removed)  # an effect may have joined the set
+            by_set.setdefault(search.best.names, weighed)
         names = search.best.names
         found = by_set[names].evidence
         evidence |= found

@@ -55,7 +55,7 @@ class Budget:
     regression, replicates : both estimates of the floor
     used : gap that the true law would leave, estimated from the lower floor
     causes : name -> share that the cause closes
-    outside : share that can be predicted, but has no named cause
+    outside : share that can be predicted, but is in no cause
     closed_by_learnt : share that the learnt changes close
     closed : share that named causes and learnt changes close together
     sets : causes -> gap of the law refitted with them, and the share that they close together

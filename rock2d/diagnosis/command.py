@@ -56,6 +56,7 @@ def run_diagnosis(
     releases, length = counted(rows["release"].nunique(), "release"), counted(len(rows), "row")
     report(f"{read.name}: {releases}, {length}; {counted(len(names), 'effect')} to try")
     make_folder(out)
+    gc.collect()
     gc.freeze()  # modules stay: the garbage collector need not walk over them
     processes = workers or os.cpu_count() or 1
     bars = DiagnosisBars(progress, len(names), processes)

@@ -288,7 +288,7 @@ def _common_quantity(name: str, parameters: dict[str, dict[str, Any]]) -> dict[s
 
 
 def _outside_json(attribution: Attribution, budget: Budget) -> dict[str, Any]:
-    """The part of the gap that depends on measured quantities, but has no named cause."""
+    """The part of the gap that depends on measured quantities, but is in no cause."""
     changes = attribution.learnt.changes
     names = [change.basis.name for change in changes] + [d.basis.name for d in attribution.unexplained]
     return {

@@ -1,6 +1,7 @@
 """Evidence: how probable it is that an effect is one of the causes. The film itself is the judge.
 
-Each member of the best set must pass three tests, in a model with the other members and the learnt changes.
+Each member of the best set must pass three tests, in a model with the other members and the learnt changes. A member
+that may be the same in every release is tested together with what is learnt of it, see `PERMANENT`.
 
 - Chance: what would the best of all effects gain if no effect acted? The residuals of each release get a random
   sign. That keeps their sizes and their correlations within a release, and removes what is systematic.
@@ -190,7 +191,7 @@ def evidence_of_members(
             )
         if name in contained:
             evidence = replace(evidence, form_share=FORM_SHARE)
-        elif contained:
+        elif contained:  # as a rival it would gain what the profile gains
             beside = {rival: z for rival, z in evidence.rival_z.items() if rival not in contained}
             evidence = replace(evidence, rival_z=beside)
         evidence_of[name], before = evidence, known.get(name)

@@ -55,7 +55,8 @@ class Change(KnownChange, SummedGain):
 class Learnt:
     """A fit with learnt changes, and its residuals and scores on held-out releases.
 
-    `before`: the same without the last change, if there is one; `dependences`: all of its residuals, if they are known.
+    `before`: the same without the last change, if there is one; `dependences`: all dependences of its residuals, if
+    they are known.
     """
 
     fit: Fit
@@ -84,7 +85,8 @@ def learn(
     for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         dependences = discrepancies(state.fit, data, only, levers)
-        state.dependences = dependences if only is LEVERS else None
+        if only is LEVERS:
+            state.dependences = dependences
         if count and dependences:
             further = MOST_UNDERESTIMATED * (MOST_LEARNT - count) * dependences[0].total
             if held_out_gain(data, state, start).total + further < least_total:

@@ -44,9 +44,10 @@ DEPENDENCES = {
     LAW: IMPACT_DEPENDENCES, SLOPE: SLOPE_DEPENDENCES, PROFILE: PROFILE_DEPENDENCES, STATE: IMPACT_DEPENDENCES,
     OUTCOME: IMPACT_DEPENDENCES, FRAME: FRAME_DEPENDENCES, FLIGHT: FLIGHT_DEPENDENCES,
 }  # fmt: skip
+# further quantities: the ground may oscillate; older diagnoses hold a slope of the place
+FURTHER_QUANTITIES = {FRAME: {TIME_S}, SLOPE: {PLACE_M}}
 LEVER_QUANTITIES = {
-    lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # the ground may oscillate
-    for lever, own in DEPENDENCES.items()
+    lever: quantities_of(own) | FURTHER_QUANTITIES.get(lever, set()) for lever, own in DEPENDENCES.items()
 }
 FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
 
@@ -138,7 +139,7 @@ class Levers:
         (n, c), tangent = heights.shape, self._data.tangent
         shift = np.zeros((n, STATE_SIZE, c))
         shift[:, Y] = -heights
-        steeper = basis.curves[0].slopes(self.impact_quantities[PLACE_M]) * units
+        steeper = basis.slopes(PLACE_M, self.impact_quantities[PLACE_M]) * units
         along = _along_ground(tangent, shift)
         return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
 

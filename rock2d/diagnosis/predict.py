@@ -128,13 +128,11 @@ def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
             raise wrong(message, "curves", k, "quantity", code="unknown_name", name=curve.quantity)
     if change.lever == PROFILE and [curve.kind for curve in change.curves] != [SPLINE]:
         raise wrong("a profile is a spline of the place", "curves")
+    for curve in change.curves:
+        if curve.kind == SPLINE and (len(curve.numbers) < 2 or (np.diff(curve.numbers) <= 0.0).any()):
+            raise wrong("breakpoints of a spline must rise", "curves")
     given = read_changes([change.model_dump()])[0]
-    try:
-        functions = given.basis.features(
-            {c.quantity: np.zeros(1) for c in change.curves} or {"": np.zeros(1)}
-        )
-    except ValueError:
-        raise wrong("breakpoints of a spline must rise", "curves") from None
+    functions = given.basis.features({c.quantity: np.zeros(1) for c in change.curves} or {"": np.zeros(1)})
     widths = {len(row) for row in change.coefficients}
     if widths != {functions.shape[1]} or len(change.coefficients) not in LEVER_SIZES[change.lever]:
         raise wrong("coefficients do not fit the curves", "coefficients")

@@ -25,6 +25,7 @@ FINE, FINEST = "fine", "finest"
 SPLINE_DEGREE = 2
 # number of pieces between quantiles of the measured values
 SPLINE_PIECES = {SPLINE: 5, FINE: 16, FINEST: 32}
+SLOPE_STEP = 1e-5  # for differences, as a share of the measured range
 PARTS_OF_PIECE = 4  # straight parts by which a piece is drawn as ground
 COARSER = {FINE: SPLINE, FINEST: FINE}
 LEAST_VALUES_PER_PIECE = 6  # measured values
@@ -133,25 +134,14 @@ class Curve:
             return np.asarray(values[:, None] == np.array(self.numbers), float)
         if self.kind == LINE:
             return (values / self.numbers[0])[:, None]
-        # the line has a coefficient of its own: a linear trend then needs only one coefficient
-        inside, ends = self._inside(values), np.array(self.numbers)
-        return np.column_stack([(inside - ends.mean()) / ends.std(), self._parts(inside)])
-
-    def slopes(self, values: Array) -> Array:
-        """(n, k) derivatives of the functions of a spline by its quantity, within its breakpoints."""
-        inside, ends = self._inside(values), np.array(self.numbers)
-        return np.column_stack([np.full(len(values), 1.0 / ends.std()), self._parts(inside, derivative=1)])
-
-    def _inside(self, values: Array) -> Array:
-        return np.clip(values, self.numbers[0], self.numbers[-1])
-
-    def _parts(self, inside: Array, derivative: int = 0) -> Array:
-        """(n, k) B-splines, or their derivatives, at values (n,) within the breakpoints."""
         from scipy.interpolate import BSpline
 
-        ends = [*self.numbers[:1] * SPLINE_DEGREE, *self.numbers, *self.numbers[-1:] * SPLINE_DEGREE]
-        each = np.eye(len(ends) - SPLINE_DEGREE - 1)
-        return np.asarray(BSpline(np.array(ends), each, SPLINE_DEGREE)(inside, nu=derivative))
+        ends = np.array(self.numbers)
+        knots = np.concatenate([[ends[0]] * SPLINE_DEGREE, ends, [ends[-1]] * SPLINE_DEGREE])
+        inside = np.clip(values, ends[0], ends[-1])
+        parts = BSpline.design_matrix(inside, knots, SPLINE_DEGREE).toarray()
+        # the line has a coefficient of its own: a linear trend then needs only one coefficient
+        return np.column_stack([(inside - ends.mean()) / ends.std(), parts])
 
 
 @dataclass(frozen=True)
@@ -169,6 +159,12 @@ class Basis:
         known = np.prod([c.fade(values) for c, values in zip(self.curves, each, strict=True)], axis=0)
         parts = [c.features(values) for c, values in zip(self.curves, each, strict=True)]
         return np.concatenate(parts, axis=1) * known[:, None]
+
+    def slopes(self, quantity: str, values: Array) -> Array:
+        """(n, k) derivatives of the functions by their only quantity."""
+        step = SLOPE_STEP * np.ptp(self.curves[0].numbers)
+        higher, lower = (self.features({quantity: values + side}) for side in (step, -step))
+        return np.asarray((higher - lower) / (2.0 * step))
 
     def content(self) -> dict[str, Any]:
         """The basis as in the key `changes` of diagnosis.json."""

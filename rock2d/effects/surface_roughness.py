@@ -23,16 +23,16 @@ def remedy(fitted: FittedEffect) -> str:
     """Survey and level the surface."""
     slope = np.rad2deg(fitted.values["sd_rad"])
     return (
-        "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "
-        f"the slope of {number(slope)}° is expected. Level it before every release, or count the scatter as "
-        "part of the soil and film more releases. If a profile of the ground was learnt, the surface is the same in "
-        "every release: compare the curve with the survey."
+        "Survey the surface at distances of a block's size: a standard deviation of the slope of "
+        f"{number(slope)}° is expected. If a profile of the ground was learnt, the surface is the same in every "
+        "release: compare the curve with the survey. Else there is no mean to correct: level the surface before every "
+        "release, or count the scatter as part of the soil and film more releases."
     )
 
 
 EFFECT = Effect(
     name="surface_roughness",
-    summary="the local slope varies from impact to impact, or from place to place: scatter of the rebound, no mean",
+    summary="the local slope varies from impact to impact, or from place to place",
     source="random slope of the impact surface, as in Pfeiffer & Bowen (1989), Computer simulation of rockfalls",
     phase="impact",
     origin="ground",

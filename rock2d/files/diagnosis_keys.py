@@ -121,10 +121,12 @@ class LearntShare(Part):
 
 
 class Outside(Part):
-    """What depends on something but has no name in the catalogue."""
+    """What depends on something that no cause explains, and what was learnt."""
 
     p: Probability = Field(description="Probability that something outside the catalogue acts")
-    share: Number = Field(description="Share of the base gap that depends on something without a name")
+    share: Number = Field(
+        description="Share of the base gap that depends on something, learnt changes included"
+    )
     share_ci95: Interval | None = Field(default=None, description="Its 95 % interval")
     depends_on: list[str] = Field(description="What it depends on, the strongest first")
     learnt: LearntShare | None = Field(
@@ -345,7 +347,7 @@ class DiagnosisFile(Part):
         default=[], description="Effects that act with a probability of 0.05 or more, most probable first"
     )
     outside: Outside | None = Field(
-        default=None, description="What depends on something but has no name in the catalogue"
+        default=None, description="What depends on something that no cause explains, and what was learnt"
     )
     floor: Floor | None = Field(default=None, description="What no model can close, in the unit of the gap")
     next_release: str = Field(default="", description="The release that would best split the group, in words")

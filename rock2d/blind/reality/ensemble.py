@@ -87,7 +87,7 @@ def _impact_draws(n: int, sd: Array, hidden: Sequence[Hidden], seed: int, points
     """Draws of each impact of n releases: soil factors (n, 64, 5), tilts of the ground and shares of speed (n, 64)."""
     values = {cause.name: cause.values for cause in hidden}
     rough = values.get("surface_roughness", {})
-    tilt_sd = 0.0 if "spacing_m" in rough else rough.get("sd_rad", 0.0)
+    tilt_sd = 0.0 if "profile" in rough else rough.get("sd_rad", 0.0)
     out_of_plane = values.get("out_of_plane", {"share": 0.0, "random": 0.0})
     shape = (n, IMPACTS_WITH_OWN_DRAWS)
     factors, tilts, losses = np.ones((*shape, 5)), np.zeros(shape), np.zeros(shape)

@@ -70,7 +70,7 @@ def _learnt(content: Mapping[str, Any]) -> list[str]:
         else ""
     )
     return [
-        "Predict other releases of this set-up with `rock2d predict`: it uses what was learnt without a name. The "
+        "Predict other releases of this set-up with `rock2d predict`: it uses what was learnt from the film. The "
         f"learnt curves show where and how the motion differs.{beside}"
     ]
 

@@ -12,7 +12,7 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
     profile = float(rng.integers(1 << 30))
     if form == 1:
         return {"sd_rad": 0.2 * share, "spacing_m": 1.5 * scale.size, "profile": profile}
-    # as of one wave with an amplitude of a tenth of a block
+    # the root mean square of one wave with an amplitude of a tenth of a block
     return {"height_m": 0.07 * share * scale.size, "wavelength_m": 4.0 * scale.size, "profile": profile}
 
 

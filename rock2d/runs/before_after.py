@@ -76,7 +76,7 @@ def _diagnosed(scenario: Scenario) -> DiagnosedModel:
 
 def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:
     """MODEL_COLUMNS: passing frequencies and 95th percentiles of energy and height of each block at each line with each
-    model. They are of at most MOST_RELEASES of each block, or of as many as were filmed. Releases of all models have the
+    model, of at most MOST_RELEASES of each block, or of as many as were filmed. Releases of all models have the
     same random numbers. The batch engine replaces pymunk."""
     import pandas as pd
 

@@ -311,8 +311,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     }
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
-        own_gain, held_out_gain(data, others, without), left / EFFECT_FORM_SHARE,
-        float(ndtr(-own_gain.significance)), {},
+        own_gain, held_out_gain(data, others, without), left, float(ndtr(-own_gain.significance)), {}, form_share=1.0
     )  # fmt: skip
 
 

@@ -139,7 +139,7 @@ class Levers:
         (n, c), tangent = heights.shape, self._data.tangent
         shift = np.zeros((n, STATE_SIZE, c))
         shift[:, Y] = -heights
-        steeper = basis.slopes(PLACE_M, self.impact_quantities[PLACE_M]) * units
+        steeper = basis.slopes(self.impact_quantities[PLACE_M]) * units
         along = _along_ground(tangent, shift)
         return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
 

@@ -160,10 +160,11 @@ class Basis:
         parts = [c.features(values) for c, values in zip(self.curves, each, strict=True)]
         return np.concatenate(parts, axis=1) * known[:, None]
 
-    def slopes(self, quantity: str, values: Array) -> Array:
+    def slopes(self, values: Array) -> Array:
         """(n, k) derivatives of the functions by their only quantity."""
-        step = SLOPE_STEP * np.ptp(self.curves[0].numbers)
-        higher, lower = (self.features({quantity: values + side}) for side in (step, -step))
+        (curve,) = self.curves
+        step = SLOPE_STEP * np.ptp(curve.numbers)
+        higher, lower = (self.features({curve.quantity: values + side}) for side in (step, -step))
         return np.asarray((higher - lower) / (2.0 * step))
 
     def content(self) -> dict[str, Any]:

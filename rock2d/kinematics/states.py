@@ -29,7 +29,7 @@ FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the noise of the states
 AIR_ROUNDS = 12  # most iterations of the fit of a flight through air, whose forces depend on the state
 CONVERGED_SLOPE = 1e-3  # remaining slope at which the iteration ends, as a share of the noise of a frame
-LEAST_RESPONSE, MOST_RESPONSE = 0.03, 2.0  # change of a slope per change of the first velocity; 1 without air
+LEAST_GAINED = 0.03  # share of a step that must have had effect along it for the fit to learn from it
 
 
 @dataclass
@@ -204,13 +204,24 @@ def _follow(track, middle, q, t, bodies, i):
 
 
 @njit
+def _update_inverse(inverse, step, left):
+    """Update, in place, the inverse (3, 3) of the change of the slopes with the first velocity after a `step` that has
+    `left` these slopes; all in noise of a frame. Air couples the directions (lift turns the path), so the update is
+    that of Broyden (1965, Math. Comput. 19(92), 577-593): exact after six steps if the air is linear."""
+    undone = inverse @ left
+    along = step @ (step - undone)
+    if abs(along) > LEAST_GAINED * (step @ step):
+        inverse += np.outer(undone, step @ inverse) / along
+
+
+@njit
 def _fit(frames, polynomials, bodies, noise):
     """States at the middle (n, 6) and residuals (n, 3, degrees) of every flight."""
     t, pose, start = frames
     basis = polynomials.values
     n, degrees = start.size - 1, basis.shape[1] - 2
     middle, residuals = np.zeros((n, 6)), np.zeros((n, 3, degrees))
-    q, begin, response, before = np.empty(6), np.empty(6), np.empty(3), np.empty(3)
+    q, begin, inverse, step = np.empty(6), np.empty(6), np.empty((3, 3)), np.empty(3)
     longest = 0
     for i in range(n):
         longest = max(longest, start[i + 1] - start[i])
@@ -236,19 +247,18 @@ def _fit(frames, polynomials, bodies, noise):
                         coefficient[c, k] += d * basis[f, k]
             slope = coefficient[:, 1] * polynomials.slope[i]
             if round == 0:
-                response[:] = 1.0
+                inverse[:] = np.eye(3)
                 begin[:] = 0.0
                 begin[Y] = -0.5 * bodies.gravity * early * early
                 begin[VY] = -bodies.gravity * early
             for c in range(3):
                 middle[i, c] += coefficient[c, 0] * polynomials.level[i]
                 middle[i, VX + c] += slope[c]
-                if round > 1 and before[c] != 0.0:  # the secant of the last step
-                    response[c] *= 1.0 - slope[c] / before[c]
-                    response[c] = min(max(response[c], LEAST_RESPONSE), MOST_RESPONSE)
                 begin[c] += coefficient[c, 0] * polynomials.level[i] + slope[c] * early
-                begin[VX + c] += slope[c] / response[c]
-            before[:] = slope
+            if round > 1:
+                _update_inverse(inverse, step, slope / noise[i])
+            step[:] = inverse @ (slope / noise[i])
+            begin[VX:] += step * noise[i]
             if round > 0 and (np.abs(coefficient[:, 1]) < CONVERGED_SLOPE * noise[i]).all():
                 break
         for c in range(3):

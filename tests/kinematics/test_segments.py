@@ -14,10 +14,10 @@ from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.kinematics.film_segments import flightless_remarks
-from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.flights import Flights, load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.kinematics.states import move_freely
+from rock2d.kinematics.states import fit_states, flight_basis, move_freely
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import data_of, film, world
 
@@ -100,6 +100,25 @@ def test_flight_of_the_parabola_is_reversible():
     there = move_freely(setup, np.zeros(1, int), state, np.array([0.05]))
     assert move_freely(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
     assert there[0, 1] == pytest.approx(0.2 - 2.0 * 0.05 - 0.5 * 9.81 * 0.05**2, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("magnus_lift", 0.03), ("magnus_lift", -0.03), ("air_drag", 1.0), ("flight_damping", 2.0)]
+)
+def test_a_flight_through_strong_air_is_fitted_exactly(name, value):
+    """A lift of this size turns the path by 100° in 0.5 s: the slope along one axis depends on the speed along both."""
+    true = catalogue()[name].apply(world(), [value])
+    t = np.arange(250) / 500.0
+    begin = np.array([[0.0, 2.0, 0.0, 1.0, 2.0, 120.0]])
+    flown = move_freely(true, np.zeros(len(t), int), np.repeat(begin, len(t), axis=0), t)
+    read = load_film(film(world(), 2))
+    path = replace(read, t_s=t, pose=flown[:, :3])
+    flights = Flights(*np.array([[0], [0], [0], [len(t)], [-1]]))
+    basis = flight_basis(path, flights)
+    states = fit_states(true, path, flights, basis)
+    middle = move_freely(true, np.zeros(1, int), begin, basis.middle)
+    assert np.abs(states.residuals).max() < 0.01  # of the noise of a frame
+    assert states.middle == pytest.approx(middle, rel=1e-4)
 
 
 def test_true_world_leaves_only_noise():

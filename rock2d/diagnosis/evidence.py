@@ -55,6 +55,8 @@ PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
+# laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
+RESISTANCES = {"air_drag": "flight_damping", "flight_damping": "air_drag"}
 MOST_RIVALS = 2  # rivals that may share the name of a member
 NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at which it is named as a cause
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
@@ -287,6 +289,10 @@ def _evidence_of_member(
         p_no_closure=p_no_closure, negligible=negligible,
         out_of_range=out_of_range,
     )  # fmt: skip
+    if (other := RESISTANCES.get(name)) in best.names:
+        gain = search.gain(search.alone[other], search.base).total
+        if FORM_SHARE * gain > EFFECT_FORM_SHARE * others_gain:
+            evidence = replace(evidence, others_gain=gain, form_share=FORM_SHARE)
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO

@@ -290,9 +290,7 @@ def _evidence_of_member(
         out_of_range=out_of_range,
     )  # fmt: skip
     if (other := RESISTANCES.get(name)) in best.names:
-        gain = search.gain(search.alone[other], search.base).total
-        if FORM_SHARE * gain > EFFECT_FORM_SHARE * others_gain:
-            evidence = replace(evidence, others_gain=gain, form_share=FORM_SHARE)
+        evidence = beyond_other_law(evidence, search.gain(search.alone[other], search.base).total)
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
@@ -300,6 +298,14 @@ def _evidence_of_member(
             evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio
         )
     return evidence, without
+
+
+def beyond_other_law(evidence: Evidence, other_gain: float) -> Evidence:
+    """Evidence that counts only beyond what the form of another law of the same force, with this gain alone, may
+    leave."""
+    if FORM_SHARE * other_gain <= evidence.form_share * evidence.others_gain:
+        return evidence
+    return replace(evidence, others_gain=other_gain, form_share=FORM_SHARE)
 
 
 def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evidence:

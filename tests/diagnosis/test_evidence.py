@@ -9,6 +9,7 @@ import pytest
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
+    beyond_other_law,
     chance_p_value,
     inclusion_probabilities,
     outside_probability,
@@ -51,6 +52,19 @@ def test_the_tail_of_chance_is_exponential_beyond_its_draws():
 @pytest.mark.parametrize(("ratio", "named"), [(2.0, True), (0.8, True), (0.35, False), (0.1, False)])
 def test_what_is_learnt_in_its_place_must_not_explain_much_more(ratio, named):
     assert found(own_gain=100.0 * ratio, replacement_gain=100.0).named("adhesion") == named
+
+
+@pytest.mark.parametrize(("own_gain", "named"), [(40.0, False), (150.0, False), (450.0, True)])
+def test_a_law_of_the_same_force_may_only_correct_the_form_of_the_other(own_gain, named):
+    """A drag with the exponent 1.7 gains with a quadratic law, and a little more with a linear one beside it."""
+    beside = beyond_other_law(found(own_gain, others_gain=20.0), other_gain=1000.0)
+    assert beside.named("flight_damping") == named
+    assert found(own_gain, others_gain=20.0).named("flight_damping")
+
+
+def test_the_stricter_of_two_limits_holds():
+    strict = found(50.0, others_gain=2000.0)
+    assert beyond_other_law(strict, other_gain=100.0) == strict
 
 
 def test_twins_that_cannot_be_told_apart_share_one_name():

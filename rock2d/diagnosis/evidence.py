@@ -53,6 +53,7 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 # effect that widens the scatter -> the lever that it changes with the place if it is the same in every release
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
+CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of what is learnt
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 # laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
@@ -192,7 +193,7 @@ def evidence_of_members(
                 evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p
             )
         if name in contained:
-            evidence = replace(evidence, form_share=FORM_SHARE)
+            evidence = replace(evidence, form_share=CONTAINED_SHARE)
         elif contained:  # as a rival it would gain what the profile gains
             beside = {rival: z for rival, z in evidence.rival_z.items() if rival not in contained}
             evidence = replace(evidence, rival_z=beside)

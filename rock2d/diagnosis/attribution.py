@@ -281,9 +281,10 @@ def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, WeighedSet]:
     """Evidence for all effects that were in a best set; the last best set, and the first.
 
-    A rival that gains more replaces a member. A member of impossible size is replaced for good by a rival that gains as
-    much. Then members that cannot be named are removed for good, first the half that gains less; a removed rival gives
-    its place back to the member that it had replaced. The evidence for the remaining members is computed again.
+    A rival that gains more replaces a member. A member of impossible size that gains is replaced for good by a rival
+    that gains as much. Then members that cannot be named are removed for good, first the half that gains less; a
+    removed rival gives its place back to the member that it had replaced. The evidence for the remaining members is
+    computed again.
     """
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed = set[str]()
@@ -299,7 +300,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
             (z, name, rival)
             for name, own in found.items()
             for rival, z in own.rival_z.items()
-            if (z < -BETTER_RIVAL_Z or not own.possible)
+            if (z < -BETTER_RIVAL_Z or (own.own_gain.significant and not own.possible))
             and rival not in removed
             and TWINS.get(rival) not in names - {name}
             and names - {name} | {rival} not in by_set

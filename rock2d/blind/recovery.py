@@ -34,7 +34,7 @@ from rock2d.files.text_files import read_json
 
 Array = np.ndarray
 
-# largest sum of the added effect and that of the record, as a share of the plausible range
+# largest added effect, and largest sum with that of the record, as a share of the plausible range
 LARGEST_SHARE_OF_RANGE = 0.9
 # largest error of an effect that the original record has, too, as a share of the added size
 LARGEST_RELATIVE_ERROR = 0.5
@@ -98,7 +98,8 @@ def make_cases(
             effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
-            size = min(size, largest_size(parameter), _largest_addition(parameter, has, below))
+            most = LARGEST_SHARE_OF_RANGE * largest_size(parameter)
+            size = min(size, most, _largest_addition(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(
                 result.experiment,

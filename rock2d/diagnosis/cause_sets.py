@@ -43,6 +43,7 @@ MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly di
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
+MISSED_BY_TWIN = 0.25  # the same for a twin: all that tells it apart are impacts, where a law is least exact
 
 
 @dataclass
@@ -138,15 +139,18 @@ class Search:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
-        A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM counts as
-        less than one standard error.
+        A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
+        MISSED_BY_TWIN, counts as less than one standard error.
         """
         smaller, found = self.without(cause_set)[name], dict[str, float]()
+        if (twin := TWINS.get(name)) is not None and twin in self.effects:
+            self._with_each([twin], smaller)  # what screening expects of it is not exact enough
         alone = self.gain(cause_set, smaller).total
         for rival in self.effects.keys() - cause_set.names:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
                 continue
-            found[rival] = min(lead.significance, lead.total / (MISSED_BY_FORM * alone))
+            missed = MISSED_BY_TWIN if rival == twin else MISSED_BY_FORM
+            found[rival] = min(lead.significance, lead.total / (missed * alone))
         return {
             rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z
         }

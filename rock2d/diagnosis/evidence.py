@@ -53,7 +53,7 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 # effect that widens the scatter -> the lever that it changes with the place if it is the same in every release
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
-CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of what is learnt
+CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 # laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
@@ -290,8 +290,9 @@ def _evidence_of_member(
         p_no_closure=p_no_closure, negligible=negligible,
         out_of_range=out_of_range,
     )  # fmt: skip
-    if (other := RESISTANCES.get(name)) in best.names:
-        evidence = beyond_other_law(evidence, search.gain(search.alone[other], search.base).total)
+    if (resistance := RESISTANCES.get(name)) is not None and resistance in best.names:
+        gain = search.gain(search.alone[resistance], search.base).total
+        evidence = beyond_other_law(evidence, gain)
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO

@@ -103,7 +103,8 @@ def test_flight_of_the_parabola_is_reversible():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("magnus_lift", 0.03), ("magnus_lift", -0.03), ("air_drag", 1.0), ("flight_damping", 2.0)]
+    ("name", "value"),
+    [("magnus_lift", 0.03), ("magnus_lift", -0.03), ("air_drag", 1.0), ("flight_damping", 2.0)],
 )
 def test_a_flight_through_strong_air_is_fitted_exactly(name, value):
     """A lift of this size turns the path by 100° in 0.5 s: the slope along one axis depends on the speed along both."""

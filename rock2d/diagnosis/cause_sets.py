@@ -43,7 +43,7 @@ MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly di
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
-MISSED_BY_TWIN = 0.25  # the same for a twin: all that tells it apart are impacts, where a law is least exact
+MISSED_BY_TWIN = 0.25  # the same for a twin: only contacts tell it apart, where a law is least exact
 
 
 @dataclass

@@ -9,7 +9,7 @@ the end each member is exchanged for its rivals. `screening` selects the additio
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -135,16 +135,19 @@ class Search:
         self._fit([Reduction(cause_set.fit, name) for name in missing])
         return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
 
-    def rivals(self, cause_set: CauseSet, name: str, z: float) -> dict[str, float]:
+    def rivals(
+        self, cause_set: CauseSet, name: str, z: float, fitted: Collection[str] = ()
+    ) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
         A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
-        MISSED_BY_TWIN, counts as less than one standard error.
+        MISSED_BY_TWIN, counts as less than one standard error. Its twin and the effects `fitted` are fitted in its
+        place: what screening expects of an effect can be far too little.
         """
         smaller, found = self.without(cause_set)[name], dict[str, float]()
-        if (twin := TWINS.get(name)) is not None and twin in self.effects:
-            self._with_each([twin], smaller)  # what screening expects of it is not exact enough
+        twin = TWINS.get(name, name)
+        self._with_each(sorted(({*fitted, twin} & self.effects.keys()) - cause_set.names), smaller)
         alone = self.gain(cause_set, smaller).total
         for rival in self.effects.keys() - cause_set.names:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:

@@ -180,14 +180,16 @@ def evidence_of_members(
     evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
-        evidence, without = _evidence_of_member(search, learnt, name, others_gain)
+        before = known.get(name)
+        rivals = before.group if before is not None else ()
+        evidence, without = _evidence_of_member(search, learnt, name, others_gain, rivals)
         scatter = search.effects[name].scatter
         if not (scatter or evidence.named(name)) and learnt.changes and search.without(best)[name].fit.free:
             # The learnt changes may have taken its place. It then must gain nearly as much without them, and either
             # more than changes learnt in its place, or more than the forms of the other laws leave to be learnt.
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
-            evidence, without = _evidence_of_member(search, permanent, name, others_gain)
+            evidence, without = _evidence_of_member(search, permanent, name, others_gain, rivals)
         if name in PERMANENT and permanent.changes:
             evidence = max(
                 evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p
@@ -197,7 +199,7 @@ def evidence_of_members(
         elif contained:  # as a rival it would gain what the profile gains
             beside = {rival: z for rival, z in evidence.rival_z.items() if rival not in contained}
             evidence = replace(evidence, rival_z=beside)
-        evidence_of[name], before = evidence, known.get(name)
+        evidence_of[name] = evidence
         if not scatter and evidence.named(name):
             if (
                 before is None
@@ -253,10 +255,10 @@ def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
 
 
 def _evidence_of_member(
-    search: Search, learnt: Learnt, name: str, others_gain: float
+    search: Search, learnt: Learnt, name: str, others_gain: float, rivals: Collection[str]
 ) -> tuple[Evidence, Validated]:
     """Evidence for a member of the best set with the learnt changes, still without the gain of changes in its place;
-    and the model without the member."""
+    and the model without the member. `rivals`: its closest rivals in a larger set."""
     best, data, effect = search.best, search.data, search.effects[name]
     without: Learnt | CauseSet = search.without(best)[name]
     if learnt.changes:
@@ -272,7 +274,7 @@ def _evidence_of_member(
     large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
     rival_z = {
         rival: z
-        for rival, z in search.rivals(best, name, RIVAL_Z).items()
+        for rival, z in search.rivals(best, name, RIVAL_Z, rivals).items()
         if (own := search.known.get(other_names | {rival})) is None
         or not any(impossible_size(search.effects[rival], [size(own.fit, rival)], large_gain))
     }

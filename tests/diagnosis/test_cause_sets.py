@@ -99,9 +99,10 @@ def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
 
 def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     """What screening expects of a twin can be far too little. Gravity in the flights, which both explain, is most of
-    the gain; a twin that gains all but a quarter of it stays within one standard error."""
+    the gain; a twin that gains all but a quarter of it stays within one standard error. So are rivals that are
+    asked for."""
     hidden = {"inertia_error": [1.5], "frame_rate_error": [1.05]}
-    search = tried_alone(hidden, (*hidden, "scale_error"))
+    search = tried_alone(hidden, (*hidden, "scale_error", "angle_offset"))
     search.best = search.set_of(frozenset(hidden))
     search.rivals(search.best, "frame_rate_error", np.inf)
     smaller, both = search.without(search.best)["frame_rate_error"], search.best
@@ -110,6 +111,10 @@ def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     z = search.rivals(search.best, "frame_rate_error", np.inf).get("scale_error", np.inf)
     assert z == (min(lead.significance, lead.total / (0.25 * gain)) if lead.total <= 0.5 * gain else np.inf)
     assert 0.0 < lead.total < gain
+    beside = frozenset({"frame_rate_error", "angle_offset"})
+    assert beside not in search.known
+    search.rivals(search.best, "inertia_error", np.inf, ["angle_offset"])
+    assert beside in search.known
 
 
 def test_no_effect_makes_the_empty_set():

@@ -29,7 +29,7 @@ FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the noise of the states
 AIR_ROUNDS = 12  # most iterations of the fit of a flight through air, whose forces depend on the state
 CONVERGED_SLOPE = 1e-3  # remaining slope at which the iteration ends, as a share of the noise of a frame
-LEAST_GAINED = 0.03  # share of a step that must have had effect along it for the fit to learn from it
+LEAST_EFFECT = 0.03  # smallest effect of a step along itself, as a share of it, from which the fit learns
 
 
 @dataclass
@@ -210,7 +210,7 @@ def _update_inverse(inverse, step, left):
     that of Broyden (1965, Math. Comput. 19(92), 577-593): exact after six steps if the air is linear."""
     undone = inverse @ left
     along = step @ (step - undone)
-    if abs(along) > LEAST_GAINED * (step @ step):
+    if abs(along) > LEAST_EFFECT * (step @ step):
         inverse += np.outer(undone, step @ inverse) / along
 
 

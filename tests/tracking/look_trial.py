@@ -23,14 +23,14 @@ from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.following import follow
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
-from rock2d_tracking.synthetic import real_looks
-from rock2d_tracking.synthetic.user_films import FILM_KINDS, drawn_user_film
 from rock2d_tracking.tracked_film import moving_releases
 
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.tracking import real_looks
 from tests.tracking.user_film_outcomes import outcome_line, tracked_by_command
+from tests.tracking.user_films import FILM_KINDS, drawn_user_film
 
 Array = np.ndarray
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rock2d_tracking import film_reading
 from rock2d_tracking.film_reading import FilmFile
-from rock2d_tracking.synthetic.user_films import hide_first_frames
 
 from rock2d.errors import InputError
+from tests.tracking.user_films import hide_first_frames
 
 HEIGHT, WIDTH = 96, 128
 GREYS = np.tile(np.linspace(0, 250, WIDTH).astype(np.uint8), (HEIGHT, 1))

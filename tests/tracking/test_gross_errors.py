@@ -6,8 +6,9 @@ from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.first_setup import ground_of
 from rock2d_tracking.gross_errors import bounces_of, reject_gross_errors
 from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
-from rock2d_tracking.synthetic.real_looks import REST_FRAMES, floor_px, path_of
-from rock2d_tracking.synthetic.user_films import drawn_user_film
+
+from tests.tracking.real_looks import REST_FRAMES, floor_px, path_of
+from tests.tracking.user_films import drawn_user_film
 
 RADIUS_PX = 10.0
 

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from rock2d_tracking.synthetic.compression import compressed
-from rock2d_tracking.synthetic.real_looks import LOOK_KINDS, MILDEST_CRF, drawn_look, path_of, real_film
+
+from tests.tracking.real_looks import LOOK_KINDS, MILDEST_CRF, compressed, drawn_look, path_of, real_film
 
 SIZE_PX = (320, 200)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import av
 import numpy as np
 import pytest
-from rock2d_tracking.synthetic.optics import hand_shake
-from rock2d_tracking.synthetic.real_looks import camera_shift, flights_of, path_of, real_film
-from rock2d_tracking.synthetic.user_films import (
+
+from tests.tracking.real_looks import camera_shift, flights_of, hand_shake, path_of, real_film
+from tests.tracking.user_films import (
     FILM_KINDS,
     GRAVITY_M_S2,
     HIDDEN_FRAMES,

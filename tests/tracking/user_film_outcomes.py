@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from click.testing import CliRunner
-from rock2d_tracking.synthetic.real_looks import REST_FRAMES, RealFrame
-from rock2d_tracking.synthetic.user_films import GRAVITY_M_S2, SUFFIXES, UserFilm, write_user_film
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, FEWEST_FLIGHT_FRAMES
+from tests.tracking.real_looks import REST_FRAMES, RealFrame
+from tests.tracking.user_films import GRAVITY_M_S2, SUFFIXES, UserFilm, write_user_film
 
 Array = np.ndarray
 

@@ -8,14 +8,12 @@ twenty looks, drawn from a seed, at three severities.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
-
-from rock2d_tracking.synthetic.compression import compressed
-from rock2d_tracking.synthetic.optics import hand_shake, through_camera, through_lens
 
 Array = np.ndarray
 
@@ -34,6 +32,8 @@ MOST_BOUNCES = 20
 # the frames that are left out
 SLOWER_FRAMES, LATE_SHARE, LEFT_OUT_SHARE = 45, 0.2, 0.03
 REST_FRAMES = 6  # at the start, in which the hand holds the block
+SWINGS = np.array([1.0, 1.7, 3.0, 6.0])  # periods of the motion of a hand, over the shortest
+LENS_ROUNDS = 6  # iterations that invert a weak distortion
 SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall behind the block
 
 
@@ -416,3 +416,69 @@ def _drawn(look: RealLook, pose: Array, size_px: tuple[int, int]) -> tuple[Array
     seen /= np.maximum(cover, 1e-6)[..., None]
     box = np.s_[top - v0 : bottom - v0, left - u0 : right - u0]
     return cover[box], seen[box], np.s_[top:bottom, left:right]
+
+
+def hand_shake(seed: int, shake_px: float, shortest_frames: float, frames: Array) -> Array:
+    """(n, 2) displacement of the picture in px at the frames (n,) from frame 0: slow oscillations, `shake_px` root mean
+    square along each axis."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
+    way = np.zeros((len(frames), 2))
+    for period in SWINGS:
+        begin = rng.uniform(0, 2 * np.pi, 2)
+        swing = np.sin(2 * np.pi * frames[:, None] / (shortest_frames * period) + begin) - np.sin(begin)
+        way += shake_px * swing * np.sqrt(2.0 / (SWINGS**2).sum()) * period
+    return way
+
+
+def through_lens(places: Array, lens: float, size_px: tuple[int, int]) -> Array:
+    """(..., 2) places after distortion by a lens; `lens`: relative shift toward the centre of a point half a picture
+    width away from it."""
+    middle = 0.5 * (np.array(size_px) - 1.0)
+    off = np.asarray(places) - middle
+    return np.asarray(middle + off * (1.0 - lens * ((off / middle[0]) ** 2).sum(axis=-1, keepdims=True)))
+
+
+def through_camera(light: Array, lens: float, way_px: Array) -> Array:
+    """The light (height, width, 3) seen through a lens by a camera that moves the picture by `way_px` (2,)."""
+    import cv2
+
+    size_px = (light.shape[1], light.shape[0])
+    if lens:
+        v, u = np.mgrid[: size_px[1], : size_px[0]]
+        seen = np.stack([u, v], axis=-1).astype(float)
+        even = seen
+        for _ in range(LENS_ROUNDS):
+            even = even + seen - through_lens(even, lens, size_px)
+        u32, v32 = (np.ascontiguousarray(even[..., k], np.float32) for k in range(2))
+        light = cv2.remap(light, u32, v32, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if way_px.any():
+        moved = np.array([[1.0, 0.0, way_px[0]], [0.0, 1.0, way_px[1]]])
+        light = cv2.warpAffine(light, moved, size_px, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return light
+
+
+def compressed(pictures: Sequence[Array], quality_crf: float) -> Iterator[Array]:
+    """BGR pictures (height, width, 3), even in size, encoded as one film and decoded again.
+
+    quality_crf : constant rate factor of x264; 18 looks like the original, 28 gives small files
+    """
+    import av
+
+    if not pictures:
+        return
+    encoder = av.CodecContext.create("libx264", "w")
+    decoder = av.CodecContext.create("h264", "r")
+    assert isinstance(encoder, av.VideoCodecContext) and isinstance(decoder, av.VideoCodecContext)
+    encoder.height, encoder.width = pictures[0].shape[:2]
+    encoder.pix_fmt, encoder.time_base = "yuv420p", Fraction(1, 30)
+    # one thread: the pictures must not depend on the machine
+    encoder.thread_count = decoder.thread_count = 1
+    encoder.options = {"preset": "veryfast", "crf": f"{quality_crf:g}"}
+    packets = []
+    for number, picture in enumerate(pictures):
+        frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+        frame.pts = number
+        packets += encoder.encode(frame)
+    for packet in [*packets, *encoder.encode(None), None]:
+        for frame in decoder.decode(packet):
+            yield frame.to_ndarray(format="bgr24")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rock2d_tracking.synthetic.real_looks import (
+from tests.tracking.real_looks import (
     REST_FRAMES,
     RealFrame,
     RealLook,

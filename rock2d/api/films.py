@@ -46,18 +46,18 @@ class TrackResult:
     def flights(self) -> pd.DataFrame:
         """One row for each flight: release, block, begin_s, end_s, frames, state at t_s with standard errors, misfit
         (residual of the parabola fit over the noise), gravity_m_s2 and its error."""
-        return self.found.flights.copy()
+        return self.found.film.flights.copy()
 
     @property
     def impacts(self) -> pd.DataFrame:
         """One row for each impact: release, block, t_s, zone, velocities before and after with standard errors, normal
         restitution, penetration_m, rebound_m, flag."""
-        return self.found.impacts.copy()
+        return self.found.film.impacts.copy()
 
     @property
     def remarks(self) -> list[str]:
         """Findings about the film itself and remarks on the track, in sentences."""
-        return [*self.found.said.sentences(), *self.found.film.remarks]
+        return [*self.found.film.findings.sentences(), *self.found.film.remarks]
 
     def to_pandas(self) -> pd.DataFrame:
         """Every frame in which a release was followed.
@@ -69,7 +69,7 @@ class TrackResult:
             standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad. These three are NaN
             in frames that are not trusted; theta_rad is also NaN if no angle is visible.
         """
-        return self.found.film.placed_frames()
+        return self.found.film.frames.copy()
 
     def write(self, folder: str | Path) -> None:
         """Write the folder of `rock2d track`: experiment, tables, set-up file, overlay video and tracking.html.
@@ -98,7 +98,7 @@ class TrackResult:
 
         columns = ["release", "t_s", "zone", "restitution", "restitution_se", "flag"]
         said = (f"{self.experiment.name}: {self.found.counts()}", *self.remarks)
-        impacts = self.found.impacts[columns].head(IMPACTS_SHOWN)
+        impacts = self.found.film.impacts[columns].head(IMPACTS_SHOWN)
         return "".join(f"<p>{escape(text)}</p>" for text in said) + (
             table_html(impacts) if len(impacts) else ""
         )
@@ -177,8 +177,7 @@ def _setup_or_scale(setup: Mapping[str, Any] | str | Path | None, scale: Sequenc
     """Input of the tracker: a `Setup`, or a `FilmScale` of scale and frame rate."""
     from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_scale import FilmScale
-    from rock2d_tracking.setup_file import Setup
-    from rock2d_tracking.setup_writing import setup_text
+    from rock2d_tracking.setup_file import Setup, setup_text
 
     if setup is None:
         metres_per_pixel, fps = (None if value == FROM_GRAVITY else float(value) for value in scale)

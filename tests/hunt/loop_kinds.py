@@ -176,7 +176,7 @@ def _renumbered(rows: pd.DataFrame) -> pd.DataFrame:
 def _setup_in_metres(chain: Chain, film: Path) -> Path:
     """The set-up file of a film whose tracks are in metres."""
     from rock2d_tracking.camera import PixelMap
-    from rock2d_tracking.setup_writing import write_setup
+    from rock2d_tracking.setup_file import write_setup
 
     experiment, path = load_experiment(film), chain.folder / "metres.yaml"
     rows = experiment.trajectories

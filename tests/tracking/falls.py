@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.following import Follower, motion_in
+from rock2d_tracking.setup_file import Setup
 
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
@@ -25,6 +27,13 @@ STATES = [
     [0.0, 0.12, -0.4, 0.8, -1.4, 25.0],
 ]
 SYMMETRY = {"sphere": 2 * np.pi, "cube": np.pi / 2, "slab": np.pi}
+
+
+def followed(film: list[np.ndarray], setup: Setup, size_px: tuple[int, int]) -> Follower:
+    """What follows the blocks of a film, after it has."""
+    follower = Follower(film, setup, size_px, motion_in(film, setup, len(film)))
+    follower.follow(film)
+    return follower
 
 
 def falls(frames: int = 220, fps: float = 1000.0) -> Experiment:

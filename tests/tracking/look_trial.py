@@ -20,15 +20,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.following import follow
-from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.setup_file import Setup, write_setup
 from rock2d_tracking.tracked_film import moving_releases
 
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.tracking import real_looks
+from tests.tracking.falls import followed
 from tests.tracking.user_film_outcomes import outcome_line, tracked_by_command
 from tests.tracking.user_films import FILM_KINDS, drawn_user_film
 
@@ -87,10 +86,10 @@ def tracked(look: real_looks.RealLook, film: list[real_looks.RealFrame]) -> Outc
     """Track a film and compare it with the truth."""
     with tempfile.TemporaryDirectory() as folder:
         setup = setup_of(look, Path(folder))
-    followed = follow([f.image for f in film], setup, SIZE_PX, expected_frames=len(film))
-    looks = followed.looks["block"]
+    follower = followed([f.image for f in film], setup, SIZE_PX)
+    looks = follower.looks["block"]
     misses, ratios, found = [], [], set()
-    for release in moving_releases(followed.releases, look.fall_px):
+    for release in moving_releases(follower.releases, look.fall_px):
         for sight in release.seen:
             off = sight.pose[:2] - film[sight.frame].pose[:2]
             misses.append(off)

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
-from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.setup_file import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 

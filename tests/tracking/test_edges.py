@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from rock2d_tracking.edges import edge_points, fit_edges
-from rock2d_tracking.outline import outline_of
+from rock2d_tracking.outline import Patch, outline_of
 from rock2d_tracking.synthetic.scene import coverage
 
 from rock2d.scene.blocks import make_block
@@ -42,7 +42,7 @@ def test_shaded_blocks_are_found_and_measured(name, size):
     pose = (58.3, 61.6, 0.4 if name != "ball" else 0.0)
     image, wall = picture(name, pose, size)
     found = fit_edges(
-        image, wall, np.ones(image.shape, np.uint8), 1.0, edge_points(outline), np.array([60.5, 60.0, 0.3]),
+        Patch(image, wall, np.ones(image.shape, np.uint8), 1.0), edge_points(outline), np.array([60.5, 60.0, 0.3]),
         symmetric=name == "ball", free_size=True,
     )  # fmt: skip
     assert found is not None and found.seen > 0.9
@@ -57,7 +57,7 @@ def test_where_nothing_stands_out_there_is_no_edge():
     outline = outline_of(SHAPES["ball"], 1.0, -1)
     visible = np.ones(wall.shape, np.uint8)
     start = np.array([60.0, 60.0, 0.0])
-    assert fit_edges(wall, wall, visible, 1.0, edge_points(outline), start, symmetric=True) is None
+    assert fit_edges(Patch(wall, wall, visible, 1.0), edge_points(outline), start, symmetric=True) is None
 
 
 @pytest.mark.parametrize("smear_px", [(0.0, 12.0), (8.0, -8.0)])
@@ -71,7 +71,11 @@ def test_a_ball_that_smears_is_found_in_the_middle_of_its_smear(smear_px):
     start, visible = np.array([62.0, 58.0, 0.0]), np.ones(wall.shape, np.uint8)
     sharp, smeared = (
         fit_edges(
-            image, wall, visible, 1.0, edge_points(outline), start, symmetric=True, smear_px=np.array(own)
+            Patch(image, wall, visible, 1.0),
+            edge_points(outline),
+            start,
+            symmetric=True,
+            smear_px=np.array(own),
         )
         for own in ((0.0, 0.0), smear_px)
     )

@@ -6,23 +6,20 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import pandas as pd
 import pytest
-from rock2d_tracking.candidates import Candidate
-from rock2d_tracking.following import _Follower, follow
+from rock2d_tracking.candidates import CANDIDATE
+from rock2d_tracking.following import Follower, releases_shown
 from rock2d_tracking.looks import plain_looks
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.outline import outline_of
-from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.setup_file import Setup, write_setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
-from rock2d_tracking.tracked_film import TrackedFilm, findings_of, moving_releases, tracked_film
-from rock2d_tracking.velocities import flights_and_impacts
+from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, tracked_film
 
 from rock2d.files.experiment import Experiment
-from tests.tracking.falls import CAMERA, SIZE_PX, SYMMETRY, falls
+from tests.tracking.falls import CAMERA, SIZE_PX, SYMMETRY, falls, followed
 
 cv2.setNumThreads(1)
 NOISY = Faults(noise_grey=3.0, shot_noise=0.05)
@@ -38,11 +35,6 @@ class Tracked:
     releases: list[FollowedRelease]
     film: TrackedFilm
     setup: Setup
-
-    def flights_and_impacts(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """The two tables."""
-        experiment = self.film.experiment
-        return flights_and_impacts(findings_of(experiment, self.setup)[0], experiment)
 
     def misses(self, block: str) -> tuple[np.ndarray, np.ndarray]:
         """Distance in px and angle in rad by which each trusted frame of a block is off."""
@@ -83,7 +75,7 @@ def tracked(tmp_path_factory):
             shots = list(
                 film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40))
             )
-            releases = follow([s.image for s in shots], setup, SIZE_PX).releases
+            releases = followed([s.image for s in shots], setup, SIZE_PX).releases
             pictures = [[s.frame for s in r.sights] for r in releases]
             known[faults] = Tracked(experiment, shots, pictures, releases, film_in(releases, setup), setup)
         return known[faults]
@@ -114,9 +106,9 @@ def test_a_size_that_is_stated_wrong_is_corrected(tracked, tmp_path, factor):
     sizes = re.compile(r"(diameter_m|side_m|length_m|height_m): ([\d.e-]+)")
     text = sizes.sub(lambda m: f"{m[1]}: {float(m[2]) * factor:.9g}", found.setup.path.read_text())
     path.write_text(text)
-    followed = follow([s.image for s in found.shots], Setup(path), SIZE_PX)
-    assert [len(r.seen) for r in followed.releases] == [220, 220, 220]
-    for looks in followed.looks.values():
+    again = followed([s.image for s in found.shots], Setup(path), SIZE_PX)
+    assert [len(r.seen) for r in again.releases] == [220, 220, 220]
+    for looks in again.looks.values():
         assert looks.size * factor == pytest.approx(1.0, abs=0.005)
 
 
@@ -139,7 +131,7 @@ def test_frames_that_the_film_dropped_are_counted(tracked):
 
 def _velocity_errors(found: Tracked) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) of vx, vy (m/s), omega (rad/s) of all flights: errors, and stated standard errors."""
-    flights, _ = found.flights_and_impacts()
+    flights = found.film.flights
     truth = found.experiment.trajectories
     errors, stated = [], []
     for _, row in flights.iterrows():
@@ -166,7 +158,7 @@ def test_velocities_are_off_by_as_much_as_is_stated(tracked):
 
 
 def test_impacts_are_the_breaks_between_flights(tracked):
-    _, impacts = tracked(CLEAN).flights_and_impacts()
+    impacts = tracked(CLEAN).film.impacts
     assert len(impacts) >= 3
     assert (impacts["penetration_m"] >= 0).all() and set(impacts["flag"]) <= {"", "deep", "low", "deep low"}
     first = impacts.iloc[0]
@@ -196,14 +188,15 @@ def test_what_never_moves_is_no_release(tracked):
 )
 def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
     """A hand holds the ball, and its shadow on the wall has the outline of a ball, but no sharp one."""
-    follower = object.__new__(_Follower)
+    follower = object.__new__(Follower)
     outline = outline_of(falls().blocks["sphere"], 1e-3, -1)
     places = [np.array([100.0 + k, 80.0, 0.0]) for k in range(12)]
     darker = [
-        Candidate(k, p[0], p[1], 300.0, True, (-13.0, -13.0, -10.0), shadow) for k, p in enumerate(places)
+        np.array([(k, p[:2], 300.0, (-13.0, -13.0, -10.0), True, shadow)][: k % 3], CANDIDATE)
+        for k, p in enumerate(places)
     ]
     follower.chain, follower.looks = None, {"sphere": plain_looks(outline)}
-    follower.motion = Motion(candidates=[[own] if k % 3 else [] for k, own in enumerate(darker)])
+    follower.motion = Motion(candidates=darker)
     sights = [Sight(k, p, np.full(3, 0.5), confidence) for k, p in enumerate(places)]
     release = FollowedRelease("sphere", sights)
     follower._distrust_shadow(release)
@@ -213,7 +206,17 @@ def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
 
 def test_where_a_release_was_never_seen_any_block_is_another_one():
     """Its frames along an arc were all lost, so that there is no place from which the new one could be far away."""
-    follower = object.__new__(_Follower)
+    follower = object.__new__(Follower)
     follower.release = FollowedRelease("cube", [lost_sight(k, "no fit") for k in range(5)], 1.0, 0.0)
     sight = Sight(5, np.array([100.0, 80.0, 0.0]), np.ones(3), 1.0, "")
     assert follower._far_away(sight, outline_of(falls().blocks["cube"], 1e-3, -1))
+
+
+def test_what_was_seen_gets_the_releases_of_its_size_in_their_order():
+    """Releases without arcs do not shift the blocks of the others."""
+    stated = [500.0, 500.0, 360.0, 360.0, 800.0]
+    assert releases_shown([490.0, 370.0, 790.0], stated) == [0, 2, 4]
+    assert releases_shown([350.0, 365.0], stated) == [2, 3]
+    assert releases_shown([520.0, 510.0, 340.0, 370.0, 760.0], stated) == [0, 1, 2, 3, 4]
+    assert releases_shown([790.0, 350.0], stated) == [0, 2]  # no order has the large one before the small one
+    assert releases_shown([], stated) == []

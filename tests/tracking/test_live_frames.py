@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from rock2d_tracking.frame_pictures import IMPORTANT_RATIO, frame_pictures, shown_rows
-from rock2d_tracking.live_frames import belonging
-from rock2d_tracking.reasons import REASONS
-from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.live_frames import IMPORTANT_RATIO, belonging, frame_pictures, shown_rows
+from rock2d_tracking.setup_file import write_setup
+from rock2d_tracking.sights import REASONS
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 

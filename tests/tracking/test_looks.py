@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from rock2d_tracking.looks import best_channel_mix, learned_picture, matched
+from rock2d_tracking.looks import BlockFrame, best_channel_mix, learned_picture, matched
 
 
 def scene(colour: tuple[int, int, int], place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -15,7 +15,7 @@ def scene(colour: tuple[int, int, int], place: tuple[float, float]) -> tuple[np.
 
 def test_a_block_as_bright_as_the_wall_is_seen_by_its_colour():
     frame, wall = scene((20, 84, 128), (70, 50))  # the grey of the wall, to one level
-    mix = best_channel_mix([(frame, np.array([70.0, 50.0]))], wall, 12.0)
+    mix = best_channel_mix([BlockFrame(0, frame, np.array([70.0, 50.0]), np.zeros(2))], wall, 12.0)
     grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(float)
     assert abs(grey[50, 70] - grey[5, 5]) < 5
     seen = mix(frame).astype(float)
@@ -24,7 +24,7 @@ def test_a_block_as_bright_as_the_wall_is_seen_by_its_colour():
 
 def test_without_colour_the_view_is_the_usual_grey():
     frame, wall = scene((200, 200, 200), (70, 50))
-    mix = best_channel_mix([(frame, np.array([70.0, 50.0]))], wall, 12.0)
+    mix = best_channel_mix([BlockFrame(0, frame, np.array([70.0, 50.0]), np.zeros(2))], wall, 12.0)
     assert mix.weights_bgr is None
     np.testing.assert_array_equal(mix(frame), cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
 
@@ -35,7 +35,7 @@ def test_a_learned_picture_is_found_again(shift):
     wall = np.full((120, 120), 80.0, np.float32)
     own = cv2.GaussianBlur(rng.normal(0, 60, (120, 120)).astype(np.float32), (0, 0), 3)
     own *= np.hypot(*np.meshgrid(np.arange(120) - 60, np.arange(120) - 60)) < 14
-    picture = learned_picture([(wall + own, np.array([60.0, 60.0]))], wall, 14.0)
+    picture = learned_picture([BlockFrame(0, wall + own, np.full(2, 60.0), np.zeros(2))], wall, 14.0)
     assert picture is not None
     moved = np.roll(own, (int(shift[1]), int(shift[0])), axis=(0, 1))
     found = matched(wall + moved, wall, picture, np.array([61.0, 59.0]), 14.0)

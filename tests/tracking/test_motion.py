@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from rock2d_tracking.candidates import Candidate
+from rock2d_tracking.candidates import CANDIDATE
 from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.motion import arcs_of_other_gravity, find_arcs, find_chains, meeting, motion_of
 
 FALL_PX = 2.0
 
 
-def candidate(frame: int, u: float, v: float, area: float = 150.0) -> Candidate:
-    return Candidate(frame, u, v, area, True, (80.0, 80.0, 80.0), False)
+def candidate(frame: int, u: float, v: float, area: float = 150.0, change: float = 80.0) -> np.ndarray:
+    return np.array([(frame, (u, v), area, change, True, False)], CANDIDATE)
 
 
 def fallen(
@@ -22,7 +22,7 @@ def fallen(
     }
 
 
-def with_clutter(path: dict[int, tuple[float, float]], frames: int, seed: int) -> list[list[Candidate]]:
+def with_clutter(path: dict[int, tuple[float, float]], frames: int, seed: int) -> list[np.ndarray]:
     """A path among eight candidates a frame at random places, and a hand that moves evenly."""
     rng = np.random.default_rng(seed)
     table = []
@@ -30,7 +30,7 @@ def with_clutter(path: dict[int, tuple[float, float]], frames: int, seed: int) -
         own = [candidate(f, *rng.uniform(0, 400, 2), rng.uniform(60, 300)) for _ in range(8)]
         own.append(candidate(f, 30 + 4 * f, 300.0, 160.0))
         own += [candidate(f, *path[f])] if f in path else []
-        table.append(own)
+        table.append(np.concatenate(own))
     return table
 
 
@@ -52,9 +52,9 @@ def test_a_bounce_between_two_frames_joins_two_arcs(down_px, shadow_px):
     down = fallen(range(0, 12), 20.0, 50.0, (10.0, 0.0), FALL_PX)
     u, v = down[11]
     up = fallen(range(12, 24), u + 10.0, v + down_px, (10.0, -18.0), FALL_PX)
-    table = [[candidate(f, *p)] for f, p in sorted((down | up).items())]
+    table = [candidate(f, *p) for f, p in sorted((down | up).items())]
     if shadow_px is not None:
-        table[11].append(candidate(11, u, v + shadow_px))
+        table[11] = np.append(table[11], candidate(11, u, v + shadow_px))
         assert [a.first for a in find_arcs(table, FALL_PX)].count(11) == 1
     (chain,) = find_chains(find_arcs(table, FALL_PX), 30.0, [])
     assert (chain.first, chain.last, len(chain.arcs)) == (0, 23, 2)
@@ -64,7 +64,7 @@ def test_a_bounce_between_two_frames_joins_two_arcs(down_px, shadow_px):
 
 def test_falls_with_another_gravity_are_no_release():
     path = fallen(range(0, 20), 40.0, 100.0, (12.0, -14.0), FALL_PX)
-    table = [[candidate(f, *p)] for f, p in path.items()]
+    table = [candidate(f, *p) for f, p in path.items()]
     assert find_chains(find_arcs(table, FALL_PX / 4), 30.0, []) == []
     arcs = arcs_of_other_gravity(table, FALL_PX / 4)
     assert [a.other for a in arcs] == [True] and arcs[0].gravity_ratio == pytest.approx(4.0, rel=0.02)
@@ -88,17 +88,17 @@ def test_of_a_ball_and_its_shadow_the_ball_is_the_release():
     (chain,) = found.chains
     off = [np.hypot(*(chain.at(f) - path[f])) for f in range(chain.first, chain.last + 1)]
     assert chain.frames_seen > 15 and max(off) < 4.0
-    assert any(c.shadow for own in found.candidates for c in own)
+    assert any(own["shadow"].any() for own in found.candidates)
 
 
 def test_the_block_is_chosen_not_its_highlight_nor_flicker():
     down = fallen(range(0, 20), 60.0, 40.0, (3.0, 0.0), FALL_PX)
     flicker = fallen(range(22, 34), 300.0, 40.0, (3.0, 0.0), FALL_PX)
-    table: list[list[Candidate]] = [[] for _ in range(36)]
+    table = [np.empty(0, CANDIDATE)] * 36
     for f, (u, v) in down.items():
-        highlight = Candidate(f, u + 4, v - 5, 15.0, True, (160.0,) * 3, False)
-        table[f] = [candidate(f, u, v, area=600.0), highlight]
+        highlight = candidate(f, u + 4, v - 5, area=15.0, change=160.0)
+        table[f] = np.append(candidate(f, u, v, area=600.0), highlight)
     for f, (u, v) in flicker.items():
-        table[f] = [Candidate(f, u, v, 12.0, True, (4.0,) * 3, False)]
+        table[f] = candidate(f, u, v, area=12.0, change=4.0)
     (chain,) = find_chains(find_arcs(table, FALL_PX), 30.0, [])
     assert chain.area_px2 == 600.0 and chain.last < 20

@@ -9,8 +9,8 @@ import numpy as np
 
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.statistics import weighted_median
-from rock2d_tracking.candidates import Candidate
-from rock2d_tracking.clock import EVEN, Clock
+from rock2d_tracking.candidates import CANDIDATE
+from rock2d_tracking.film_reading import EVEN, Clock
 
 Array = np.ndarray
 
@@ -101,29 +101,26 @@ class Arc:
         return np.asarray((self.curve[0] * t + self.curve[1]) * t + self.curve[2])
 
 
-def find_arcs(candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
-    """Parabolas through the longest runs of candidates; `fall_px`: acceleration of gravity in px per frame squared."""
-    table = [np.array([(c.u_px, c.v_px, c.area_px2, *c.change, c.shadow) for c in own if c.whole]).reshape(-1, 7)
-             for own in candidates]  # fmt: skip
-    used = [np.zeros(len(own), bool) for own in table]
+def find_arcs(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
+    """Parabolas through the longest runs of candidates.
+
+    candidates : (n,) CANDIDATE of each frame
+    fall_px : acceleration of gravity along v in px per frame squared
+    """
+    search = _Search(candidates, fall_px, clock)
     arcs = []
-    for frame in range(len(table) - 2):
-        for i in range(len(table[frame])):
-            if used[frame][i]:
-                continue
-            best = _best_run(table, used, frame, i, fall_px, clock)
-            if best is None:
-                continue
-            run = _with_extended_ends(table, best, clock) if len(best) >= FEWEST_TO_GROW else best
-            arc = _arc(table, run, fall_px, clock)
-            if arc is not None:
-                arcs.append(arc)
-                for f, k in best:
-                    used[f][k] = True
+    for i in np.flatnonzero(search.rows["frame"] < len(candidates) - 2).tolist():
+        if search.used[i]:
+            continue
+        best = search.longest_run(i)
+        arc = search.arc(best) if best else None
+        if arc is not None:
+            arcs.append(arc)
+            search.used[best] = True
     return arcs
 
 
-def common_fall(candidates: list[list[Candidate]], down: int = 1, clock: Clock = EVEN) -> Measured | None:
+def common_fall(candidates: list[Array], down: int = 1, clock: Clock = EVEN) -> Measured | None:
     """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
     no arc is curved. `down`: its sign.
 
@@ -162,9 +159,7 @@ def mean_bend(arcs: Sequence[Arc]) -> Measured:
     return Measured(mean, float((max(squares, 1.0) / weights.sum()) ** 0.5))
 
 
-def arcs_of_other_gravity(
-    candidates: list[list[Candidate]], fall_px: float, clock: Clock = EVEN
-) -> list[Arc]:
+def arcs_of_other_gravity(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
     """The arcs whose acceleration is that of gravity only if scale, frame rate or the direction `up` is wrong."""
     down = 1 if fall_px > 0 else -1
     fall = common_fall(candidates, down, clock) or common_fall(candidates, -down, clock)
@@ -176,141 +171,133 @@ def arcs_of_other_gravity(
     ]  # fmt: skip
 
 
-def _best_run(
-    table: list[Array], used: list[Array], frame: int, i: int, fall_px: float, clock: Clock
-) -> list[tuple[int, int]] | None:
-    """The longest run of candidates that starts with candidate `i` of a frame."""
-    start, best = table[frame][i], None
-    for ahead in (1, 2):
-        if frame + ahead >= len(table) or (ahead == 2 and best is not None):
-            break
-        nxt = table[frame + ahead]
-        if not len(nxt):
-            continue
-        fits = np.flatnonzero(_similar(nxt, start) & ~used[frame + ahead])
-        for k in fits.tolist():
-            run = _followed_parabola(table, used, [(frame, i), (frame + ahead, k)], fall_px, clock)
-            if len(run) >= FEWEST_ARC_FRAMES and (best is None or len(run) > len(best)):
-                best = run
-    return best
+class _Search:
+    """Runs of candidates on parabolas. A run is a list of rows, one of a frame, in the order of time.
 
+    Attributes
+    ----------
+    rows : (n,) CANDIDATE, the whole ones of all frames, in the order of frames
+    used : (n,) which of them are part of an arc
+    """
 
-def _followed_parabola(
-    table: list[Array], used: list[Array], run: list[tuple[int, int]], fall_px: float, clock: Clock
-) -> list[tuple[int, int]]:
-    """A run of two candidates, extended frame by frame as long as candidates lie on its parabola."""
-    frame = run[-1][0] + 1
-    usual = table[run[0][0]][run[0][1]].copy()
-    radius = np.sqrt(usual[2] / np.pi)
-    missed = 0
-    while frame < len(table) and missed <= LONGEST_ARC_GAP:
-        at = _predicted(table, run, frame, fall_px, clock)
-        own = table[frame]
-        pick = -1
-        if len(own):
-            away = np.hypot(own[:, 0] - at[0], own[:, 1] - at[1])
-            away[~_similar(own, usual) | used[frame]] = np.inf
-            k = int(np.argmin(away))
-            last = table[run[-1][0]][run[-1][1]]
+    def __init__(self, candidates: list[Array], fall_px: float, clock: Clock) -> None:
+        self.rows = np.concatenate([np.empty(0, CANDIDATE), *(own[own["whole"]] for own in candidates)])
+        self.used = np.zeros(len(self.rows), bool)
+        self._places, self._areas, self._changes = (
+            np.ascontiguousarray(self.rows[name]) for name in ("place_px", "area_px2", "change")
+        )
+        self._begins = np.searchsorted(self.rows["frame"], np.arange(len(candidates) + 1))
+        self._fall_px, self._clock, self._when = fall_px, clock, clock(self.rows["frame"])
+
+    def _of_frame(self, frame: int) -> slice:
+        return slice(self._begins[frame], self._begins[frame + 1])
+
+    def longest_run(self, i: int) -> list[int]:
+        """The longest run that starts with row `i`, [] if none is long enough."""
+        best: list[int] = []
+        for frame in range(self.rows["frame"][i] + 1, self.rows["frame"][i] + 3):
+            if best or frame >= len(self._begins) - 1:
+                break
+            for k in np.flatnonzero(self._similar(frame, self._areas[i], self._changes[i])).tolist():
+                run = self._followed([i, int(self._begins[frame]) + k])
+                if len(run) >= FEWEST_ARC_FRAMES and len(run) > len(best):
+                    best = run
+        return best
+
+    def _similar(self, frame: int, area_px2: float, change: Array) -> Array:
+        """Which candidates of a frame have about the same area and colours, and are not part of an arc."""
+        own = self._of_frame(frame)
+        ratio, changes = self._areas[own] / area_px2, self._changes[own]
+        apart = np.abs(changes - change).max(axis=1)
+        most = np.maximum(np.abs(changes).max(axis=1), np.abs(change).max())
+        alike = (ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most)
+        return np.asarray(alike & ~self.used[own])
+
+    def _followed(self, run: list[int]) -> list[int]:
+        """A run of two candidates, extended frame by frame as long as candidates lie on its parabola."""
+        area, change = self._areas[run[0]], self._changes[run[0]]
+        first_step = np.hypot(*(self._places[run[1]] - self._places[run[0]]))
+        radius = np.sqrt(area / np.pi)
+        missed = 0
+        for frame in range(self.rows["frame"][run[-1]] + 1, len(self._begins) - 1):
+            if missed > LONGEST_ARC_GAP or (missed and len(run) < 4):
+                break
+            missed += 1
+            places = self._places[self._of_frame(frame)]
+            if not len(places):
+                continue
+            at = self._predicted(run, frame)
+            away = np.hypot(places[:, 0] - at[0], places[:, 1] - at[1])
+            away[~self._similar(frame, area, change)] = np.inf
             slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
             if len(run) == 2:  # two centroids say little about the pace
-                slack += 0.15 * float(
-                    np.hypot(*(table[run[1][0]][run[1][1]] - table[run[0][0]][run[0][1]])[:2])
-                )
-                slack += GRAVITY_RATIO[1] * abs(fall_px)
+                slack += 0.15 * first_step
+                slack += GRAVITY_RATIO[1] * abs(self._fall_px)
             # lens, perspective and air bend a long step
-            slack += STEP_TOLERANCE * float(np.hypot(*(at - last[:2])))
-            if away[k] < slack:
-                pick = k
-        if pick >= 0:
-            run.append((frame, pick))
-            usual[2:] = 0.8 * usual[2:] + 0.2 * own[pick, 2:]
-            missed = 0
-        else:
-            missed += 1
-            if len(run) < 4:
-                break
-        frame += 1
-    return run
+            slack += STEP_TOLERANCE * np.hypot(*(at - self._places[run[-1]]))
+            nearest = int(np.argmin(away))
+            if away[nearest] < slack:
+                k = int(self._begins[frame]) + nearest
+                run.append(k)
+                area, change = 0.8 * area + 0.2 * self._areas[k], 0.8 * change + 0.2 * self._changes[k]
+                missed = 0
+        return run
 
+    def _predicted(self, run: list[int], frame: int) -> Array:
+        recent = run[-RECENT_FRAMES:]
+        t = self._when[recent] - self._clock(frame)
+        at = self._places[recent]
+        if len(recent) >= 6:
+            return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
+        fallen = np.outer(t**2, [0.0, 0.5 * self._fall_px])
+        return np.asarray(np.linalg.lstsq(np.vander(t, 2), at - fallen, rcond=None)[0][-1])
 
-def _with_extended_ends(
-    table: list[Array], run: list[tuple[int, int]], clock: Clock
-) -> list[tuple[int, int]]:
-    """A run extended at both ends by candidates that lie on its parabola, whatever their colour: the contrast of a
-    block depends on the background."""
-    area = float(np.median([table[f][k, 2] for f, k in run]))
-    slack = max(1.5, ARC_TOLERANCE_RADII * np.sqrt(area / np.pi))
-    for step in (-1, 1):
-        run = run[::step]
-        frame, missed = run[-1][0] + step, 0
-        while 0 <= frame < len(table) and missed <= LONGEST_ARC_GAP:
-            t = clock(np.array([f for f, _ in run[-RECENT_FRAMES:]])) - clock(frame)
-            places = np.array([table[f][k, :2] for f, k in run[-RECENT_FRAMES:]])
-            at = np.linalg.lstsq(np.vander(t, 3), places, rcond=None)[0][-1]
-            away = np.hypot(*(table[frame][:, :2] - at).T)
-            ratio = table[frame][:, 2] / area
-            away[(ratio > GROWN_AREA_RATIO) | (ratio < 1 / GROWN_AREA_RATIO)] = np.inf
-            missed += 1
-            if len(away) and away.min() < slack + STEP_TOLERANCE * float(np.hypot(*(at - places[-1]))):
-                run, missed = [*run, (frame, int(np.argmin(away)))], 0
-            frame += step
-        run = run[::step]
-    return run
+    def _with_extended_ends(self, run: list[int]) -> list[int]:
+        """A run extended at both ends by candidates that lie on its parabola, whatever their colour: the contrast of a
+        block depends on the background."""
+        area = float(np.median(self._areas[run]))
+        slack = max(1.5, ARC_TOLERANCE_RADII * np.sqrt(area / np.pi))
+        for step in (-1, 1):
+            run = run[::step]
+            frame, missed = self.rows["frame"][run[-1]] + step, 0
+            while 0 <= frame < len(self._begins) - 1 and missed <= LONGEST_ARC_GAP:
+                recent, own = run[-RECENT_FRAMES:], self._of_frame(frame)
+                t = self._when[recent] - self._clock(frame)
+                at = np.linalg.lstsq(np.vander(t, 3), self._places[recent], rcond=None)[0][-1]
+                away = np.hypot(*(self._places[own] - at).T)
+                ratio = self._areas[own] / area
+                away[(ratio > GROWN_AREA_RATIO) | (ratio < 1 / GROWN_AREA_RATIO)] = np.inf
+                missed += 1
+                if len(away) and away.min() < slack + STEP_TOLERANCE * float(
+                    np.hypot(*(at - self._places[run[-1]]))
+                ):
+                    run, missed = [*run, int(own.start) + int(np.argmin(away))], 0
+                frame += step
+            run = run[::step]
+        return run
 
-
-def _similar(rows: Array, one: Array) -> Array:
-    """Which candidates have about the same area and colours as one of them."""
-    ratio = rows[:, 2] / one[2]
-    apart = np.abs(rows[:, 3:6] - one[3:6]).max(axis=1)
-    most = np.maximum(np.abs(rows[:, 3:6]).max(axis=1), np.abs(one[3:6]).max())
-    return np.asarray((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most))
-
-
-def _predicted(
-    table: list[Array], run: list[tuple[int, int]], frame: int, fall_px: float, clock: Clock
-) -> Array:
-    recent = run[-RECENT_FRAMES:]
-    t = clock(np.array([f for f, _ in recent])) - clock(frame)
-    at = np.array([table[f][k][:2] for f, k in recent])
-    if len(recent) >= 6:
-        return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
-    line = np.linalg.lstsq(np.vander(t, 2), at - np.outer(t**2, [0.0, 0.5 * fall_px]), rcond=None)[0]
-    return np.asarray(line[-1])
-
-
-def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float, clock: Clock) -> Arc | None:
-    """The arc of a run; None if it hardly moves."""
-    frames = np.array([f for f, _ in run])
-    rows = np.array([table[f][k] for f, k in run])
-    when = clock(frames)
-    middle = float(when.mean())
-    basis = np.vander(when - middle, 3)
-    curve, *_ = np.linalg.lstsq(basis, rows[:, :2], rcond=None)
-    left = rows[:, :2] - basis @ curve
-    sigma = np.sqrt((left**2).sum(axis=0) / max(len(frames) - 3, 1)) + 0.05
-    error = sigma * np.sqrt(np.linalg.inv(basis.T @ basis)[0, 0])
-    radius = float(np.sqrt(np.median(rows[:, 2]) / np.pi))
-    way = float(np.hypot(*np.ptp(rows[:, :2], axis=0)))
-    if way < max(3.0, MOVED_RADII * radius):
-        return None
-    bend, bend_error = 2 * curve[0, 1], 2 * error[1]
-    ratio = bend / fall_px if fall_px else 1.0
-    curved = abs(bend) > GRAVITY_SIGMAS * bend_error
-    falls = bool(curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend * (fall_px or 1.0) > 0)
-    other = bool(curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error)
-    contrast = float(np.abs(np.median(rows[:, 3:6], axis=0)).max())
-    return Arc(
-        frames,
-        rows[:, :2],
-        rows[:, 2],
-        curve,
-        middle,
-        clock,
-        falls,
-        other,
-        Measured(float(bend), float(bend_error)),
-        float(ratio),
-        contrast,
-        float(rows[:, 6].mean()),
-    )
+    def arc(self, run: list[int]) -> Arc | None:
+        """The arc of a run and of what lies before and after it on its parabola; None if it hardly moves."""
+        if len(run) >= FEWEST_TO_GROW:
+            run = self._with_extended_ends(run)
+        rows, when = self.rows[run], self._when[run]
+        places, areas, fall_px = rows["place_px"], rows["area_px2"], self._fall_px
+        middle = float(when.mean())
+        basis = np.vander(when - middle, 3)
+        curve, *_ = np.linalg.lstsq(basis, places, rcond=None)
+        left = places - basis @ curve
+        sigma = np.sqrt((left**2).sum(axis=0) / max(len(run) - 3, 1)) + 0.05
+        error = sigma * np.sqrt(np.linalg.inv(basis.T @ basis)[0, 0])
+        radius = float(np.sqrt(np.median(areas) / np.pi))
+        if float(np.hypot(*np.ptp(places, axis=0))) < max(3.0, MOVED_RADII * radius):
+            return None
+        bend = Measured(float(2 * curve[0, 1]), float(2 * error[1]))
+        ratio = bend.value / fall_px if fall_px else 1.0
+        curved = abs(bend.value) > GRAVITY_SIGMAS * bend.error
+        falls = curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend.value * (fall_px or 1.0) > 0
+        other = curved and not falls and abs(bend.value - fall_px) > GRAVITY_SIGMAS * bend.error
+        return Arc(
+            rows["frame"], places, areas, curve, middle, self._clock, falls, other, bend, ratio,
+            contrast=float(np.abs(np.median(rows["change"], axis=0)).max()),
+            shadow_share=float(rows["shadow"].mean()),
+        )  # fmt: skip

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 Array = np.ndarray
 
+# A candidate: its frame; centroid (u, v) and area in the film's pixels; mean change of its colours in grey levels, all
+# equal in a grey film; whether it does not touch the edges of the picture, and whether it only darkens the background.
+CANDIDATE = np.dtype([
+    ("frame", np.int64), ("place_px", float, 2), ("area_px2", float), ("change", float, 3), ("whole", bool),
+    ("shadow", bool),
+])  # fmt: skip
 CHUNK_SAMPLES = 41  # the background is the median of this many pictures
 CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
 LEAST_AREA_PX = 6  # area of a candidate in the coarse picture
@@ -21,27 +25,6 @@ SHADOW_RATIOS = (0.4, 0.985)  # ratio of the light in a shadow to that of the gr
 SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 
 
-class Candidate(NamedTuple):
-    """A region of one frame that differs from the background.
-
-    Attributes
-    ----------
-    u_px, v_px : its centroid in the film's pixels
-    area_px2 : its area in the film's pixels
-    whole : whether it does not touch the edges of the picture
-    change : (3,) mean change of its colours, in grey levels; all equal in a grey film
-    shadow : whether it only darkens the background
-    """
-
-    frame: int
-    u_px: float
-    v_px: float
-    area_px2: float
-    whole: bool
-    change: tuple[float, float, float]
-    shadow: bool
-
-
 def shrunk(picture: Array, coarse: int) -> Array:
     """A picture with pixels `coarse` times as wide; incomplete pixels at the right and lower edge are cut off."""
     import cv2
@@ -53,8 +36,8 @@ def shrunk(picture: Array, coarse: int) -> Array:
     return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[list[Candidate]]:
-    """Candidates of each picture, which are `coarse` times smaller than the film's; `first`: number of the first."""
+def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[Array]:
+    """(n,) CANDIDATE of each picture, which is `coarse` times smaller than a frame; `first`: number of the first."""
     import cv2
 
     chosen = np.unique(
@@ -84,34 +67,35 @@ def _limit(stack: Array, still: Array) -> Array:
     return np.clip(CHANGED_SIGMAS * np.maximum(own, level), LEAST_CHANGE_GREY, 250).astype(np.uint8)
 
 
-def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
-    """The cores of changed regions. A block and its shadow, or a hand, may touch, but their cores do not."""
+def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> Array:
+    """(n,) CANDIDATE: cores of changed regions. A block and its shadow, or a hand, may touch; their cores do not."""
     import cv2
 
     count, labels = cv2.connectedComponents(mask)
+    found = np.empty(0, CANDIDATE)
     if count == 1:
-        return []
+        return found
     apart = np.asarray(cv2.absdiff(picture, still))
     off: Array = apart.max(axis=2) if apart.ndim == 3 else apart
     inside = np.flatnonzero(labels)
     own, change = labels.ravel()[inside], off.ravel()[inside]
     order = np.lexsort((change, own))
     ends = np.searchsorted(own[order], np.arange(1, count + 1))
-    found: list[Candidate] = []
     for quantile in STRONG_QUANTILES:
         strong = np.zeros(count)
         strong[1:] = change[order][(ends[:-1] + quantile * (np.diff(ends) - 1)).astype(int)]
         core = (off > CORE_SHARE * strong[labels]) & (mask > 0)
-        for c in _cores(core.astype(np.uint8), picture, still, frame, coarse):
-            same = (o for o in found if max(abs(o.u_px - c.u_px), abs(o.v_px - c.v_px)) < SAME_PX * coarse)
-            if not any(1 / SAME_AREA < o.area_px2 / c.area_px2 < SAME_AREA for o in same):
-                found.append(c)
+        for own in _cores(core.astype(np.uint8), picture, still, frame, coarse):
+            same = np.abs(found["place_px"] - own["place_px"]).max(axis=1) < SAME_PX * coarse
+            ratio = found["area_px2"] / own["area_px2"]
+            if not (same & (ratio > 1 / SAME_AREA) & (ratio < SAME_AREA)).any():
+                found = np.append(found, own)
     # those with the largest area and change; the others are flicker
-    found.sort(key=lambda c: -c.area_px2 * max(map(abs, c.change)))
-    return found[:MOST_CANDIDATES]
+    order = np.argsort(-found["area_px2"] * np.abs(found["change"]).max(axis=1), kind="stable")
+    return found[order[:MOST_CANDIDATES]]
 
 
-def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
+def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> Array:
     import cv2
 
     _, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
@@ -127,12 +111,9 @@ def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -
         now, before = (a[box][within].reshape(area, -1).astype(float) for a in (picture, still))
         change = np.broadcast_to((now - before).mean(axis=0), 3)
         whole = left > 0 and top > 0 and left + wide < width and top + high < height
-        u, v = (centres[k] + 0.5) * coarse - 0.5
-        found.append(Candidate(
-            frame, float(u), float(v), float(area * coarse**2), whole,
-            (float(change[0]), float(change[1]), float(change[2])), _is_shadow(now, before),
-        ))  # fmt: skip
-    return found
+        place = (centres[k] + 0.5) * coarse - 0.5
+        found.append((frame, place, area * coarse**2, change, whole, _is_shadow(now, before)))
+    return np.array(found, CANDIDATE)
 
 
 def _is_shadow(now: Array, before: Array) -> bool:

@@ -79,7 +79,7 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
 
     found.write(out, explain)
     report(counts)
-    _report_findings(found.said, report)
+    _report_findings(found.film.findings, report)
     for remark in found.film.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
@@ -107,7 +107,7 @@ def film(
     `faults`: one of `FAULT_LEVELS`. Raises `InputError` for an experiment that cannot be filmed.
     """
     from rock2d.files.experiment import load_experiment, seen_frames
-    from rock2d_tracking.setup_writing import write_setup
+    from rock2d_tracking.setup_file import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
     from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
@@ -160,8 +160,7 @@ def import_files(
     """
     from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import CameraScale, import_tracks
-    from rock2d_tracking.setup_checks import check_sanity
-    from rock2d_tracking.tracked_film import film_of, findings_of, with_measured_noise
+    from rock2d_tracking.tracked_film import check_sanity, findings_of, with_measured_noise
 
     setup = Setup(config)
     if setup.from_gravity is not None:
@@ -178,7 +177,7 @@ def import_files(
         setup.keys.name, setup.keys.gravity_m_s2, setup.fps, setup.metres_per_pixel, np.deg2rad(1.0),
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
     )  # fmt: skip
-    found = with_measured_noise(film_of(stated, setup), stated)
+    found = with_measured_noise(stated, setup)
     check_sanity(found, setup)
     _, said = findings_of(found, setup)
     with atomic_folder(out) as folder:

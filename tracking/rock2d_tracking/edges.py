@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.statistics import weighted_median
-from rock2d_tracking.outline import Outline
+from rock2d_tracking.outline import Outline, Patch
 
 Array = np.ndarray
 
@@ -104,10 +104,7 @@ def edge_points(outline: Outline) -> EdgePoints:
 
 
 def fit_edges(
-    image: Array,
-    background: Array,
-    visible: Array,
-    noise: float,
+    patch: Patch,
     edge: EdgePoints,
     start: Array,
     *,
@@ -117,9 +114,6 @@ def fit_edges(
 ) -> EdgeFit | None:
     """Fit position, angle and, if `free_size`, size of an outline to its edge in a patch of a frame; None if it fails.
 
-    image, background : (h, w) or (h, w, 3) float32
-    visible : (h, w) uint8, 0 where soil may hide the block
-    noise : 1 sigma of a pixel in grey levels
     start : (3,) u, v in px and angle in rad in the patch
     symmetric : whether the outline is a circle, which has no angle
     smear_px : (2,) displacement of the block while the shutter is open
@@ -134,7 +128,7 @@ def fit_edges(
             half = max(WIDE_SHARE * edge.inner_px, NARROWEST_PX)
         else:
             half = min(max(NARROW_SHARE * edge.inner_px, NARROWEST_PX), WIDEST_PX)
-        offset, strength, wide_px = _offsets(image, background, visible, noise, edge, p, half, smear_px)
+        offset, strength, wide_px = _offsets(patch, edge, p, half, smear_px)
         if (strength > 0).sum() < FEWEST_POINTS // 3:
             return None
         turned, normals = _placed(edge, p)
@@ -204,14 +198,7 @@ def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:
 
 
 def _offsets(
-    image: Array,
-    background: Array,
-    visible: Array,
-    noise: float,
-    edge: EdgePoints,
-    p: Array,
-    half: float,
-    smear_px: Array,
+    patch: Patch, edge: EdgePoints, p: Array, half: float, smear_px: Array
 ) -> tuple[Array, Array, Array]:
     """(n,) distance in px from each edge point outward to the edge, (n,) its strength, 0 to 1, and (n,) width over
     which motion smears the edge there.
@@ -230,14 +217,14 @@ def _offsets(
     t = reach[:, None] * along
     u = (p[0] + turned[:, :1] + normals[:, :1] * t).astype(np.float32)
     v = (p[1] + turned[:, 1:] + normals[:, 1:] * t).astype(np.float32)
-    height, width = image.shape[:2]
+    height, width = patch.image.shape[:2]
     inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
     n = len(turned)
-    seen = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(n, count, -1)
-    behind = cv2.remap(background, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(
-        n, count, -1
+    seen, behind, shown = (
+        cv2.remap(values, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for values in (patch.image, patch.background, patch.visible.astype(np.float32))
     )
-    shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen, behind = seen.reshape(n, count, -1), behind.reshape(n, count, -1)
     # the part from which the block's colour is taken: inside, and outside the smear
     inner = (t < -np.maximum((1 - INNER_SHARE) * half, 0.5 * wide_px[:, None])) | (along <= along[2])
     own = np.nanmedian(np.where(inner[..., None], seen, np.nan), axis=1)[:, None]
@@ -250,7 +237,7 @@ def _offsets(
     offset = reach * (along[1] - along[0]) * (np.clip(share, -0.3, 1.3).sum(axis=1) - 0.5) - reach
     middle = np.abs(along) <= 0.6
     level = np.sqrt(power[:, middle].min(axis=1))
-    faint = FAINTEST_EDGE_SIGMAS * noise
+    faint = FAINTEST_EDGE_SIGMAS * patch.noise
     strength = np.where(level > faint, level**2 / (level**2 + (3 * faint) ** 2), 0.0)
     strength *= inside.all(axis=1) & (shown[:, middle].min(axis=1) > 0.5)
     return offset, strength, wide_px

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -17,9 +16,8 @@ from rock2d.kinematics.flight_gravity import Measured
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d_tracking.arcs import Arc, mean_bend
 from rock2d_tracking.film_scale import Proposal, proposal
-from rock2d_tracking.following import Followed
+from rock2d_tracking.following import Follower
 from rock2d_tracking.motion import Motion
-from rock2d_tracking.setup_file import Setup
 
 Array = np.ndarray
 
@@ -51,12 +49,11 @@ FEWEST_CURVED = 8  # least frames of an arc whose curvature is reported
 
 
 class TrackingAttempt(NamedTuple):
-    """A film, the motion in it, and the followed releases and the set-up, if there are any."""
+    """A film, the motion in it, and what followed its blocks, if there were any."""
 
     frames: Iterable[Array]
     motion: Motion
-    followed: Followed | None
-    setup: Setup | None
+    follower: Follower | None = None
 
 
 def write_explanation(folder: Path, seen: TrackingAttempt, said: str) -> None:
@@ -68,12 +65,12 @@ def write_explanation(folder: Path, seen: TrackingAttempt, said: str) -> None:
 
 
 def _counts(seen: TrackingAttempt) -> list[str]:
-    _, motion, followed, setup = seen
+    _, motion, follower = seen
     number = [len(c) for c in motion.candidates]
     falls, other = sum(a.falls for a in motion.arcs), sum(a.other for a in motion.arcs)
     lines = [
         f"frames: {len(number)}; candidates in a frame: {np.median(number) if number else 0:g} (median), "
-        f"{sum(c.shadow for own in motion.candidates for c in own)} look like shadows",
+        f"{sum(own['shadow'].sum() for own in motion.candidates)} look like shadows",
         f"arcs: {len(motion.arcs)}; {falls} fall as gravity does, {other} are bent otherwise, the others are straight",
         f"releases that arcs show: {len(motion.chains)}",
     ]
@@ -81,24 +78,25 @@ def _counts(seen: TrackingAttempt) -> list[str]:
         ratios = [f"{a.gravity_ratio:.3f}" for a in chain.arcs if a.falls]
         lines.append(
             f"  {k}: frames {chain.first} to {chain.last}, {chain.frames_seen} of them with a candidate, radius "
-            f"{np.sqrt(chain.area_px2 / np.pi):.1f} px, acceleration over gravity {', '.join(ratios)}"
+            f"{chain.radius_px:.1f} px, acceleration over gravity {', '.join(ratios)}"
         )
-    if followed is None or setup is None:
+    if follower is None:
         return lines
-    for name, looks in followed.looks.items():
+    for name, looks in follower.looks.items():
         lines.append(
             f"block {name}: fitted by its {looks.kind}; seen {looks.size:.3f} times as large as stated"
             + (f" (± {looks.size_error:.3f})" if np.isfinite(looks.size_error) else " (not measured)")
         )
-    reasons = lost_frames(followed)
-    reasons["trusted"] = sum(len(r.seen) for r in followed.releases)
+    reasons = follower.lost_frames()
+    reasons["trusted"] = sum(len(r.seen) for r in follower.releases)
     lines += [f"frames {reason}: {count}" for reason, count in reasons.most_common()]
     return lines
 
 
 def keys_to_try(seen: TrackingAttempt) -> list[str]:
     """Three keys of the set-up file, the most helpful first, each with the evidence from the film."""
-    _, motion, _, setup = seen
+    _, motion, follower = seen
+    setup = follower.setup if follower is not None else None
     found: list[str] = []
     curved = [a for a in motion.arcs if (a.other or a.falls) and len(a.frames) >= FEWEST_CURVED]
     if curved:
@@ -129,7 +127,7 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
                     f"({stated * setup.metres_per_pixel:.4g} m)"
                 )
     least = setup.keys.detection.least_seen if setup is not None else 0.55
-    reasons = [reason for reason, _ in lost_frames(seen.followed).most_common()] if seen.followed else []
+    reasons = [reason for reason, _ in follower.lost_frames().most_common()] if follower is not None else []
     wanted = [*(KEY_OF_REASON[r] for r in reasons if r in KEY_OF_REASON), *USUAL_KEYS]
     found += [text.format(least=least) for text in dict.fromkeys(wanted)]
     first = {text.split(":")[0]: text for text in reversed(found)}
@@ -144,17 +142,10 @@ def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
     )
 
 
-def lost_frames(followed: Followed) -> Counter[str]:
-    """Number of lost frames by reason."""
-    reasons = Counter(s.reason for r in followed.releases for s in r.sights if s.reason)
-    reasons.update(followed.rejected)
-    return reasons
-
-
-def why_not_tracked(followed: Followed) -> str:
+def why_not_tracked(follower: Follower) -> str:
     """A message for a film in which no release can be trusted."""
-    reasons = ", ".join(f"{reason!r} {count}" for reason, count in lost_frames(followed).most_common(3))
-    sights = max((r.sights for r in followed.releases), key=len, default=[])
+    reasons = ", ".join(f"{reason!r} {count}" for reason, count in follower.lost_frames().most_common(3))
+    sights = max((r.sights for r in follower.releases), key=len, default=[])
     if sights:
         trusted = sum(not s.reason for s in sights)
         errors = [max(s.error[:2]) for s in sights if np.isfinite(s.error[:2]).all()]
@@ -164,12 +155,12 @@ def why_not_tracked(followed: Followed) -> str:
             f"a block was followed from frame {sights[0].frame} to {sights[-1].frame}, but in {len(sights)} frames "
             f"{trusted} can be trusted and show it move: {FEWEST_FLIGHT_FRAMES} are needed{known}{lost}"
         )
-    chains = followed.motion.chains
+    chains = follower.motion.chains
     if chains:
         chain = max(chains, key=lambda c: c.frames_seen)
         return (
             f"something falls in frames {chain.first} to {chain.last}, with a radius of "
-            f"{np.sqrt(chain.area_px2 / np.pi):.1f} px, but the block of the set-up file was fitted in none of them"
+            f"{chain.radius_px:.1f} px, but the block of the set-up file was fitted in none of them"
             + (f": {reasons}" if reasons else "")
         )
     return (
@@ -196,9 +187,9 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
                 still = picture.copy()
                 _draw_arcs(still, motion, scale)
             for c in motion.candidates[number]:
-                radius = max(2, int(np.sqrt(c.area_px2 / np.pi) * scale) + 2)
-                at = (int(c.u_px * scale), int(c.v_px * scale))
-                cv2.circle(picture, at, radius, SHADOW_BGR if c.shadow else OTHER_BGR, 1, cv2.LINE_AA)
+                radius = max(2, int(np.sqrt(c["area_px2"] / np.pi) * scale) + 2)
+                at = (c["place_px"] * scale).astype(int).tolist()
+                cv2.circle(picture, at, radius, SHADOW_BGR if c["shadow"] else OTHER_BGR, 1, cv2.LINE_AA)
             chain = motion.chain_at(number)
             place = chain.at(number) if chain is not None else None
             if place is not None:

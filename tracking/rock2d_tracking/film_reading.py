@@ -16,7 +16,6 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.errors import InputError, counted
-from rock2d_tracking.clock import EVEN, Clock
 from rock2d_tracking.steadying import steadied
 
 if TYPE_CHECKING:
@@ -97,6 +96,26 @@ class FilmFile:
     def frames(self, last: int | None = None) -> Frames:
         """The frames in order as (height, width) or (height, width, 3) uint8, before frame `last`."""
         return Frames(self, last)
+
+
+class Clock:
+    """Instants of frames in units of the usual frame interval; without `instants` the frame rate is constant."""
+
+    def __init__(self, instants: Array | None = None) -> None:
+        """`instants` (n,): of each frame, increasing."""
+        self._instants = instants
+
+    def __call__(self, frame: float | Array) -> Array:
+        """Instants of frame numbers, interpolated between frames and extrapolated at the usual rate."""
+        at = np.asarray(frame, float)
+        if self._instants is None:
+            return at
+        last = len(self._instants) - 1
+        beyond = np.minimum(at, 0.0) + np.maximum(at - last, 0.0)
+        return np.asarray(np.interp(at, np.arange(last + 1), self._instants) + beyond)
+
+
+EVEN = Clock()  # constant frame rate
 
 
 class Stamps(NamedTuple):

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.errors import InputError, counted
 from rock2d.files.experiment import write_experiment_files
 from rock2d.files.folders import atomic_folder, write_whole
+from rock2d.kinematics.film_findings import write_film_findings
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
 from rock2d_tracking.explanation import (
@@ -24,33 +25,27 @@ from rock2d_tracking.explanation import (
     why_not_tracked,
     write_explanation,
 )
-from rock2d_tracking.film_reading import FilmFile, Frames
+from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
-from rock2d_tracking.first_setup import SETUP, FirstSetup, first_motion, ground_of
-from rock2d_tracking.following import Followed, Prepared, followed, motion_in, prepared
+from rock2d_tracking.first_setup import SETUP, FirstSetup, ground_of
+from rock2d_tracking.following import Follower, motion_in
 from rock2d_tracking.lens import lens_bend
-from rock2d_tracking.live_frames import SeenFrames, live_frames, seen_frames
+from rock2d_tracking.live_frames import LiveFrames, live_frames
 from rock2d_tracking.looks import ChannelMix, Looks
-from rock2d_tracking.motion import Motion
+from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.overlay import Overlay
-from rock2d_tracking.setup_checks import check_sanity
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_shifts
 from rock2d_tracking.tracked_film import (
+    PLACE,
     TrackedFilm,
-    findings_of,
+    check_sanity,
     moving_releases,
     rescaled,
     tracked_film,
 )
-from rock2d_tracking.velocities import MID_AIR, flights_and_impacts
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from rock2d.kinematics.film_findings import FilmFindings
-    from rock2d.kinematics.film_segments import FilmSegments
+from rock2d_tracking.velocities import MID_AIR
 
 Array = np.ndarray
 
@@ -74,51 +69,43 @@ class FilmTrack:
 
     Attributes
     ----------
-    film : experiment, frames and remarks
-    flights, impacts : tables, see `velocities.flights_and_impacts`
-    data : the frames divided into flights
-    said : findings on the film, such as its accuracy
+    film : set-up that was used or guessed, frames, experiment, flights, impacts, findings and remarks
     looks : how each block was recognised
-    setup : the set-up that was used or guessed
     overlay : WebM of the film with the tracked outlines
     still : (height, width) uint8, the first frame
-    seen : the frames for the page
+    live : the frames for the page
     """
 
     film: TrackedFilm
-    flights: pd.DataFrame
-    impacts: pd.DataFrame
-    data: FilmSegments
-    said: FilmFindings
     looks: Mapping[str, Looks]
-    setup: Setup
     overlay: bytes
     still: Array
-    seen: SeenFrames
+    live: LiveFrames
 
     def counts(self) -> str:
         """Releases, frames, flights and impacts in words."""
-        frames = self.film.frames
+        film, frames = self.film, self.film.frames
         return (
             f"{counted(frames['release'].nunique(), 'release')}, {(frames['reason'] == '').sum()} of "
-            f"{counted(len(frames), 'frame')} trusted, {counted(len(self.flights), 'flight')}, "
-            f"{counted((self.impacts['flag'] != MID_AIR).sum(), 'impact')}"
+            f"{counted(len(frames), 'frame')} trusted, {counted(len(film.flights), 'flight')}, "
+            f"{counted((film.impacts['flag'] != MID_AIR).sum(), 'impact')}"
         )
 
     def write(self, folder: Path, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the experiment folder with tables, page and overlay, completely or not at all; `also` writes further
         files into the folder that is passed to it."""
-        from rock2d.kinematics.film_findings import write_film_findings
-
+        film = self.film
         with atomic_folder(folder) as partial:
-            write_experiment_files(partial, self.film.experiment)
-            write_film_findings(partial, self.said)
+            write_experiment_files(partial, film.experiment)
+            write_film_findings(partial, film.findings)
             self._write_metadata(partial / "track.json")
-            tables = {"frames": self.film.frames, "flights": self.flights, "measured_impacts": self.impacts}
+            tables = {
+                "frames": film.frames.drop(columns=PLACE), "flights": film.flights, "measured_impacts": film.impacts
+            }  # fmt: skip
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
             self.write_page(partial)
-            (partial / SETUP).write_text(self.setup.text, encoding="utf-8")
+            (partial / SETUP).write_text(film.setup.text, encoding="utf-8")
             also(partial)
 
     def write_page(self, folder: Path) -> None:
@@ -126,20 +113,19 @@ class FilmTrack:
         from rock2d_tracking.page import write_page
 
         (folder / OVERLAY).write_bytes(self.overlay)
-        live = live_frames(self.seen, self.film, self.looks, self.flights, self.impacts)
-        write_page(folder / PAGE, self.film, self.flights, self.impacts, self.data, self.still, live)
+        write_page(folder / PAGE, self.film, self.still, self.live)
 
     def _write_metadata(self, path: Path) -> None:
         """Write how each block was recognised, and the possible common offset of its positions."""
-        blocks = {}
-        for name, offset_px in self.film.offset_px.items():
-            looks = self.looks[name]
-            blocks[name] = {
-                "fit": looks.kind,
-                "radius_px": float(np.sqrt(looks.outline.area_px2 / np.pi)),
+        blocks = {
+            name: {
+                "fit": self.looks[name].kind,
+                "radius_px": self.looks[name].outline.radius_px,
                 "position_error_px": offset_px,
-                "position_error_m": offset_px * self.setup.metres_per_pixel,
+                "position_error_m": offset_px * self.film.setup.metres_per_pixel,
             }
+            for name, offset_px in self.film.offset_px.items()
+        }
         write_whole(path, json.dumps({"blocks": blocks}, indent=1, allow_nan=False) + "\n")
 
 
@@ -175,27 +161,19 @@ class ShownFrames(Frames):
             yield from bar.counted(super().__iter__())
 
 
-class TrackedSetup(NamedTuple):
-    """The set-up before the blocks of a film are followed, and the function that completes it afterwards.
+class Start(NamedTuple):
+    """The state before the blocks of a film are followed.
 
     Attributes
     ----------
-    setup : the set-up with which blocks are followed
+    follower : follows them with a set-up
     setup_of : gives the set-up from the followed releases, scale and frame rate
     guessed : whether the set-up is guessed from the film
     """
 
-    setup: Setup
-    prepared: Prepared
+    follower: Follower
     setup_of: Callable[[list[FollowedRelease], FilmScale], Setup]
     guessed: bool = False
-
-    @property
-    def asked(self) -> FilmScale:
-        """Scale and frame rate as stated: None for the one computed from gravity."""
-        given = self.setup.from_gravity.which if self.setup.from_gravity is not None else ""
-        scale, fps, gravity = self.setup.scale
-        return FilmScale(None if given == "scale" else scale, None if given == "fps" else fps, gravity)
 
 
 def track_film(
@@ -212,38 +190,41 @@ def track_film(
     film = FilmFile(video)
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.shifts_px = camera_shifts(frames, film.expected_frames)
+    asked = known.scale if isinstance(known, Setup) else known
+    stamps = frames.stamps(asked.fps)
     if isinstance(known, Setup):
-        return _track(film, frames, _known_setup(film, frames, known))
-    return _track(film, frames, _first_setup(film, frames, known))
+        start = _start_with_setup(film, frames, known, stamps.clock)
+    else:
+        start = _start_with_scale(film, frames, known, stamps.clock)
+    return _track(film, frames, start, asked, stamps)
 
 
-def _known_setup(film: FilmFile, frames: Frames, setup: Setup) -> TrackedSetup:
-    motion = motion_in(frames, setup, film.expected_frames, frames.stamps(setup.scale.fps).clock)
+def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock) -> Start:
+    motion = motion_in(frames, setup, film.expected_frames, clock)
     if not motion.scale.fall_px:
-        raise NotTrackedError(
-            _nothing_falls(film, motion), TrackingAttempt(frames, motion, None, None), setup.text
-        )
+        raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup.text)
     whole = setup.with_scale(motion.scale)
-    ready = prepared(frames, whole, film.size_px, motion)
-    return TrackedSetup(whole, ready, lambda releases, scale: whole.with_scale(scale))
+    follower = Follower(frames, whole, film.size_px, motion)
+    return Start(follower, lambda releases, scale: whole.with_scale(scale))
 
 
-def _first_setup(film: FilmFile, frames: Frames, asked: FilmScale) -> TrackedSetup:
-    """The set-up of a film without a set-up file."""
-    motion = first_motion(film, frames, asked)
+def _start_with_scale(film: FilmFile, frames: Frames, asked: FilmScale, clock: Clock) -> Start:
+    """The start of a film without a set-up file."""
+    motion = motion_of(frames, film.expected_frames, [], asked, clock)
     if not motion.scale.fall_px:
         raise _nothing_falls(film, motion)
     first = FirstSetup(film, motion, asked, motion.scale)
     if not motion.chains:
-        seen = TrackingAttempt(frames, motion, None, None)
+        seen = TrackingAttempt(frames, motion)
         raise NotTrackedError(_nothing_falls(film, motion), seen, first.setup().text)
-    ready = prepared(frames, first.setup(), film.size_px, motion)
-    sized = replace(first, size=ready.looks["ball"].size)
+    follower = Follower(frames, first.setup(), film.size_px, motion)
+    sized = replace(first, size=follower.looks["ball"].size)
+    follower.setup = sized.setup()
 
     def with_ground(releases: list[FollowedRelease], scale: FilmScale) -> Setup:
         return replace(sized, scale=scale, ground_px=ground_of(releases, scale.fall_px)).setup()
 
-    return TrackedSetup(sized.setup(), ready, with_ground, guessed=True)
+    return Start(follower, with_ground, guessed=True)
 
 
 def _nothing_falls(film: FilmFile, motion: Motion) -> InputError:
@@ -258,81 +239,77 @@ def _nothing_falls(film: FilmFile, motion: Motion) -> InputError:
     return InputError(said, film.path)
 
 
-def _track(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[FilmTrack, TrackingAttempt]:
-    setup = known.setup
-    found_in_film, still, overlay = _follow_releases(film, frames, known)
-    seen = TrackingAttempt(frames, found_in_film.motion, found_in_film, setup)
-    stamps = frames.stamps(known.asked.fps)
-    for sight in (s for release in found_in_film.releases for s in release.sights):
+def _track(
+    film: FilmFile, frames: Frames, start: Start, asked: FilmScale, stamps: Stamps
+) -> tuple[FilmTrack, TrackingAttempt]:
+    follower, guessed = start.follower, start.guessed
+    still, overlay = _follow_releases(film, frames, follower)
+    seen = TrackingAttempt(frames, follower.motion, follower)
+    for sight in (s for release in follower.releases for s in release.sights):
         sight.when = float(stamps.clock(sight.frame))
         sight.read, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
     try:
-        kept = moving_releases(found_in_film.releases, setup.fall_px)
+        kept = moving_releases(follower.releases, follower.fall_px)
         if not kept:
-            raise InputError(why_not_tracked(found_in_film), film.path)
-        found, data, said, setup = _experiment_of(film, kept, len(found_in_film.releases), known)
+            raise InputError(why_not_tracked(follower), film.path)
+        found = _tracked_film(film, kept, start, asked)
         found.remarks.extend([stamps.remark] if stamps.remark else [])
         if frames.shifts_px is not None:
             found.remarks.append(
                 f"the camera moved by {np.sqrt(frames.shifts_px.var(axis=0).sum()):.2g} px (root mean square): its "
                 "motion, read from the background, was taken out; places are those in the first frame"
             )
-        found.remarks.extend(_remarks_on_looks(found_in_film, sized=not known.guessed))
-        found.remarks.extend(check_sanity(found.experiment, setup, guessed=known.guessed))
+        found.remarks.extend(_remarks_on_looks(follower.looks, sized=not guessed))
+        found.remarks.extend(check_sanity(found.experiment, found.setup, guessed=guessed))
     except InputError as error:
-        raise NotTrackedError(error, seen, setup.text, overlay) from None
-    flights, impacts = flights_and_impacts(data, found.experiment)
-    found.remarks.extend(_remarks_on_scale(said, setup, options=known.guessed))
-    found.remarks.extend(_remarks_on_lens(data, setup, film.size_px))
-    looks = found_in_film.looks
+        raise NotTrackedError(error, seen, follower.setup.text, overlay) from None
+    found.remarks.extend(_remarks_on_scale(found, options=guessed))
+    found.remarks.extend(_remarks_on_lens(found, film.size_px))
     read = np.array([sight.read for release in kept for sight in release.sights])
-    pictured = seen_frames(frames, found.placed_frames(), read, looks, (flights, impacts), still)
-    return FilmTrack(found, flights, impacts, data, said, looks, setup, overlay, still, pictured), seen
+    live = live_frames(frames, found, read, follower.looks, still)
+    return FilmTrack(found, follower.looks, overlay, still, live), seen
 
 
-def _experiment_of(
-    film: FilmFile, kept: list[FollowedRelease], followed: int, known: TrackedSetup
-) -> tuple[TrackedFilm, FilmSegments, FilmFindings, Setup]:
-    """The experiment of a film, its flights and impacts, the findings on the film, and the set-up.
-
-    A scale or frame rate that is not stated is computed from the acceleration of the flights.
+def _tracked_film(film: FilmFile, kept: list[FollowedRelease], start: Start, asked: FilmScale) -> TrackedFilm:
+    """The film of the releases that moved. A scale or frame rate that is not stated is computed from the acceleration
+    of the flights.
 
     Raises InputError if it is not stated and no flight shows gravity clearly.
     """
-    setup = known.setup_of(kept, known.prepared.motion.scale)
-    found = tracked_film(kept, followed, setup, film.size_px)
-    (data, said), given = findings_of(found.experiment, setup), setup.from_gravity
-    if given is None:
-        return found, data, said, setup
-    for _ in range(GRAVITY_ROUNDS):
+    follower = start.follower
+    setup = start.setup_of(kept, follower.motion.scale)
+    found = tracked_film(kept, len(follower.releases), setup, film.size_px)
+    given = setup.from_gravity
+    for _ in range(GRAVITY_ROUNDS if given is not None else 0):
+        said = found.findings
         if said.ratio is None:
             raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
-        scale, before = known.asked.completed(setup.scale.fall_px * said.ratio.value), setup
-        error = said.unexplained_error / said.ratio.value * (0.5 if given.which == "fps" else 1.0)
-        setup = known.setup_of(kept, scale).with_scale(scale, error)
-        found = rescaled(found, before, setup, film.size_px)
-        data, said = findings_of(found.experiment, setup)
-    return found, data, said, setup
+        scale = asked.completed(found.setup.scale.fall_px * said.ratio.value)
+        error = said.unexplained_error / said.ratio.value * (0.5 if asked.fps is None else 1.0)
+        setup = start.setup_of(kept, scale).with_scale(scale, error)
+        found = rescaled(found, setup, film.size_px)
+    return found
 
 
-def _follow_releases(film: FilmFile, frames: Frames, known: TrackedSetup) -> tuple[Followed, Array, bytes]:
-    """The followed releases, the first frame in grey, and the overlay."""
+def _follow_releases(film: FilmFile, frames: Frames, follower: Follower) -> tuple[Array, bytes]:
+    """Follow the releases; returns the first frame in grey, and the overlay."""
     still: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / OVERLAY
-        with closing(Overlay(path, known.setup, film.size_px, film.expected_frames)) as overlay:
+        with closing(Overlay(path, follower.setup, film.size_px, film.expected_frames)) as overlay:
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
                     still.append(GREY(frame))
                 overlay.draw(number, frame, release)
 
-            found = followed(frames, known.prepared, on_progress)
-        return found, still[0], path.read_bytes()
+            follower.follow(frames, on_progress)
+        return still[0], path.read_bytes()
 
 
-def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> list[str]:
+def _remarks_on_scale(film: TrackedFilm, *, options: bool) -> list[str]:
     """Remarks on a wrong scale or frame rate with the right values, and on a scale computed from gravity."""
+    said, setup = film.findings, film.setup
     if said.off and said.ratio is not None:
         ratio = Measured(said.ratio.value, said.unexplained_error)
         return [proposal(setup.scale, ratio).sentence(options=options)]
@@ -342,11 +319,12 @@ def _remarks_on_scale(said: FilmFindings, setup: Setup, *, options: bool) -> lis
     return []
 
 
-def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int]) -> list[str]:
+def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
     """A remark if a lens seems to distort the flights and no distortion is stated."""
-    if setup.keys.camera.distortion is not None:
+    if film.setup.keys.camera.distortion is not None:
         return []
-    bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
+    segments = film.segments
+    bend = lens_bend(segments.film, segments.segmentation.flights, film.setup.pixel_map(size_px), size_px)
     if bend is None:
         return []
     return [
@@ -356,10 +334,10 @@ def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int])
     ]
 
 
-def _remarks_on_looks(followed: Followed, *, sized: bool) -> list[str]:
+def _remarks_on_looks(blocks: Mapping[str, Looks], *, sized: bool) -> list[str]:
     """Remarks on the size and recognition of blocks; `sized`: whether their sizes were stated."""
     remarks = []
-    for name, looks in followed.looks.items():
+    for name, looks in blocks.items():
         if sized and abs(looks.size - 1.0) > max(SIZE_WORTH_A_REMARK, 3 * looks.size_error):
             remarks.append(
                 f"block {name} is seen {looks.size:.3f} (± {looks.size_error:.3f}) times as large as its size and the "

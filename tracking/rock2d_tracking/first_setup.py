@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d_tracking import FROM_GRAVITY
-from rock2d_tracking.film_reading import FilmFile, Frames
+from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.gross_errors import bounces_of
-from rock2d_tracking.motion import Motion, motion_of
+from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
@@ -65,11 +65,6 @@ class FirstSetup:
     def setup(self) -> Setup:
         """The set-up, as read from its text."""
         return Setup(SETUP, _text(self)).with_scale(self.scale)
-
-
-def first_motion(film: FilmFile, frames: Frames, first: FilmScale) -> Motion:
-    """The motion in a film whose blocks are unknown."""
-    return motion_of(frames, film.expected_frames, [], first, frames.stamps(first.fps).clock)
 
 
 def _text(first: FirstSetup) -> str:

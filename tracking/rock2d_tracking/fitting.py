@@ -72,6 +72,18 @@ class Fitter:
             int(np.clip(v - half, 0, height)), int(np.clip(v + half + 1, 0, height)),
         )  # fmt: skip
 
+    def _patch(self, frame: Array, pose: Array, reaches: float, outline: Outline) -> tuple[Patch, Array]:
+        """The piece of a frame around a pose, and what a pose (3,) in it is less than in the frame."""
+        u0, u1, v0, v1 = self.window(pose, reaches, outline)
+        part = np.s_[v0:v1, u0:u1]
+        patch = Patch(
+            frame[part].astype(np.float32),
+            self.background.grey[part],
+            self.visible[part],
+            self.background.noise,
+        )
+        return patch, np.array([u0, v0, 0.0])
+
     def fit_any_angle(
         self,
         number: int,
@@ -96,27 +108,28 @@ class Fitter:
         self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False
     ) -> EdgeFit | None:
         """The fit of the edge from a start (3,) in the film's pixels; None if it fails."""
-        u0, u1, v0, v1 = self.window(start, 1.9, looks.outline)
-        if min(u1 - u0, v1 - v0) < looks.outline.reach_px:
+        patch, corner = self._patch(frame, start, 1.9, looks.outline)
+        if min(patch.visible.shape) < looks.outline.reach_px:
             return None
         smear_px = looks.shutter * self.pace_px
         if np.hypot(*smear_px) < LEAST_SMEAR_PX:
             smear_px = NO_SMEAR
         found = fit_edges(
-            frame[v0:v1, u0:u1].astype(np.float32), self.background.grey[v0:v1, u0:u1], self.visible[v0:v1, u0:u1],
-            self.background.noise, looks.edge, start - [u0, v0, 0.0],
+            patch, looks.edge, start - corner,
             symmetric=looks.outline.symmetry_rad == 0.0, free_size=free_size, smear_px=smear_px,
         )  # fmt: skip
-        return None if found is None else found._replace(pose=found.pose + np.array([u0, v0, 0.0]))
+        return None if found is None else found._replace(pose=found.pose + corner)
 
     def covered(self, frame: Array, looks: Looks, pose: Array) -> float:
         """Share of the inside of an outline at a pose that differs from the background; NaN outside the picture."""
-        u0, u1, v0, v1 = self.window(pose, 1.0, looks.outline)
-        v, u = np.mgrid[v0:v1, u0:u1]
-        inside = np.hypot(u - pose[0], v - pose[1]) <= COVERED_RADII * looks.edge.inner_px
+        patch, corner = self._patch(frame, pose, 1.0, looks.outline)
+        v, u = np.indices(patch.visible.shape)
+        inside = (
+            np.hypot(u + corner[0] - pose[0], v + corner[1] - pose[1]) <= COVERED_RADII * looks.edge.inner_px
+        )
         if not inside.any():
             return float("nan")
-        apart = np.abs(frame[v0:v1, u0:u1].astype(np.float32) - self.background.grey[v0:v1, u0:u1])[inside]
+        apart = np.abs(patch.image - patch.background)[inside]
         return float(
             (apart > max(FAINTEST_CONTRAST_SIGMAS * self.background.noise, FAINTEST_CONTRAST_GREY)).mean()
         )
@@ -153,18 +166,12 @@ class Fitter:
 
     def _fit_picture(self, number: int, frame: Array, looks: Looks, start: Array) -> Sight:
         assert looks.picture is not None
-        u0, u1, v0, v1 = self.window(start, 3.0, looks.outline)
-        image = frame[v0:v1, u0:u1].astype(np.float32)
-        found = matched(
-            image,
-            self.background.grey[v0:v1, u0:u1],
-            looks.picture,
-            start[:2] - looks.centre_px - [u0, v0],
-            looks.outline.reach_px,
-        )
+        patch, corner = self._patch(frame, start, 3.0, looks.outline)
+        near = start[:2] - looks.centre_px - corner[:2]
+        found = matched(patch.image, patch.background, looks.picture, near, looks.outline.reach_px)
         if found is None or found[1] < LEAST_MATCH:
             return lost_sight(number, "another picture")
-        pose = np.array([*(found[0] + looks.centre_px + [u0, v0]), start[2]])
+        pose = np.array([*(found[0] + looks.centre_px + corner[:2]), start[2]])
         return Sight(number, pose, np.array([PICTURE_ERROR_PX, PICTURE_ERROR_PX, np.nan]), found[1])
 
     def _fit_outline(
@@ -176,21 +183,21 @@ class Fitter:
         grey: float | None,
         least: float | None,
     ) -> Sight:
-        u0, u1, v0, v1 = self.window(start, 1.2, outline)
-        if min(u1 - u0, v1 - v0) < outline.reach_px:
+        patch, corner = self._patch(frame, start, 1.2, outline)
+        height, width = patch.visible.shape
+        if min(width, height) < outline.reach_px:
             return lost_sight(number, "out of the picture")
-        image = frame[v0:v1, u0:u1].astype(np.float32)
-        behind = self.background.grey[v0:v1, u0:u1]
+        own = start - corner
         if grey is None:
-            a, b, half = int(start[1] - v0), int(start[0] - u0), int(0.4 * outline.reach_px) + 1
+            b, a, half = int(own[0]), int(own[1]), int(0.4 * outline.reach_px) + 1
             # median of a part that is larger than the marks
-            grey = float(np.median(image[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]))
-        p = np.array([start[0] - u0, start[1] - v0, start[2], grey, max(self._blur, SMALLEST_BLUR_PX)])
-        patch = Patch(image, behind, self.visible[v0:v1, u0:u1], self.background.noise)
+            part = np.s_[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]
+            grey = float(np.median(patch.image[part]))
+        p = np.array([*own, grey, max(self._blur, SMALLEST_BLUR_PX)])
         p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
-        a, b = int(np.clip(p[FIT_V], 0, v1 - v0 - 1)), int(np.clip(p[FIT_U], 0, u1 - u0 - 1))
-        contrast = abs(float(p[FIT_GREY]) - float(behind[a, b]))
-        pose = np.array([p[FIT_U] + u0, p[FIT_V] + v0, p[FIT_ANGLE]])
+        a, b = int(np.clip(p[FIT_V], 0, height - 1)), int(np.clip(p[FIT_U], 0, width - 1))
+        contrast = abs(float(p[FIT_GREY]) - float(patch.background[a, b]))
+        pose = p[[FIT_U, FIT_V, FIT_ANGLE]] + corner
         reason = ""
         if not np.isfinite(p).all() or not np.isfinite(error).all():
             reason = "no fit"

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice, pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.clock import EVEN, Clock
+from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import (
     FEWEST_BLOCK_FRAMES,
     SEEN_TO_START,
-    BlockFrames,
     frames_with_blocks,
     learned_looks,
 )
-from rock2d_tracking.looks import SLOW_ERROR_FACTOR, ChannelMix, Looks, best_channel_mix, plain_looks
+from rock2d_tracking.looks import SLOW_ERROR_FACTOR, BlockFrame, best_channel_mix, plain_looks
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
-from rock2d_tracking.release_order import releases_shown
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 
@@ -46,99 +42,42 @@ STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where
 OnProgress = Callable[[int, Array, FollowedRelease | None], None]
 
 
-class Prepared(NamedTuple):
-    """The state before the blocks of a film are followed: the motion, the mix of colours, and a follower with
-    background and looks."""
-
-    motion: Motion
-    mix: ChannelMix
-    follower: _Follower
-
-    @property
-    def looks(self) -> dict[str, Looks]:
-        """How each block looks."""
-        return self.follower.looks
-
-
-def follow(
-    film: Iterable[Array],
-    setup: Setup,
-    size_px: tuple[int, int],
-    on_progress: OnProgress = lambda number, frame, release: None,
-    expected_frames: int = 0,
-    clock: Clock = EVEN,
-) -> Followed:
-    """All releases of a film, in the order filmed.
-
-    film : (height, width) or (height, width, 3) uint8; it is read two or three times, from the start
-    expected_frames : approximate number of frames, 0 if unknown
-    on_progress : called for every frame with its number, its picture and the release being followed, if any
-    clock : the instants of frames
-    """
-    motion = motion_in(film, setup, expected_frames, clock)
-    if not motion.candidates:
-        return Followed([], motion, {})
-    return followed(film, prepared(film, setup, size_px, motion), on_progress)
-
-
-def followed(film: Iterable[Array], known: Prepared, on_progress: OnProgress) -> Followed:
-    """As `follow`, for a film that was `prepared`."""
-    follower = known.follower
-    for number, frame in enumerate(film):
-        follower.read_frame(number, known.mix(frame))
-        on_progress(number, frame, follower.release)
-    follower.end_release()
-    return Followed(follower.releases, known.motion, follower.looks, follower.rejected)
-
-
 def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
     """The motion in a film with a set-up."""
     metres = setup.scale.metres_per_pixel
     outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
-    radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    return motion_of(film, expected_frames, radii, setup.scale, clock, setup.down)
+    return motion_of(film, expected_frames, [o.radius_px for o in outlines], setup.scale, clock, setup.down)
 
 
-def prepared(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> Prepared:
-    """Learn the background, and the looks of the blocks at the places given by their arcs."""
-    named = setup.keys.detection.background_frames
-    samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
-    samples = samples or motion.samples
-    block_frames = frames_with_blocks(film, motion)
-    still = np.median(np.stack(samples), axis=0).astype(np.uint8)
-    radius = float(np.median([np.sqrt(c.area_px2 / np.pi) for c in motion.chains])) if motion.chains else 1.0
-    mix = best_channel_mix([(picture, place) for _, picture, place in block_frames], still, radius)
-    follower = _Follower(setup, size_px, Background([mix(s) for s in samples]), motion)
-    follower.learn_looks([(number, mix(picture), place) for number, picture, place in block_frames])
-    return Prepared(motion, mix, follower)
+class Follower:
+    """The search for the blocks of a film.
 
+    Attributes
+    ----------
+    setup, motion : the set-up and the motion from which it starts
+    looks : how each block is recognised
+    releases : the followed releases, in the order filmed
+    rejected : number of lost frames of objects that were not followed in any frame, by reason
+    """
 
-@dataclass
-class Followed:
-    """The followed releases, the motion in the film, the looks of each block, and the number of lost frames of rejected
-    objects by reason."""
+    def __init__(self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> None:
+        """Read the film to learn the background, and the looks of the blocks at the places given by their arcs.
 
-    releases: list[FollowedRelease]
-    motion: Motion
-    looks: dict[str, Looks]
-    rejected: Counter[str] = field(default_factory=Counter)
-
-
-class _Follower:
-    """The state of the search while a film is read."""
-
-    def __init__(
-        self,
-        setup: Setup,
-        size_px: tuple[int, int],
-        background: Background,
-        motion: Motion,
-    ) -> None:
-        self.setup, self.background, self.motion = setup, background, motion
+        film : (height, width) or (height, width, 3) uint8
+        """
+        named = setup.keys.detection.background_frames
+        samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
+        samples = samples or motion.samples
+        block_frames = frames_with_blocks(film, motion)
+        still = np.median(np.stack(samples), axis=0).astype(np.uint8)
+        radius = float(np.median([c.radius_px for c in motion.chains])) if motion.chains else 1.0
+        self.mix = best_channel_mix(block_frames, still, radius)
+        self.setup, self.motion = setup, motion
+        self.background = Background([self.mix(s) for s in samples])
         self.map: PixelMap = setup.pixel_map(size_px)
         self.fall_px = setup.fall_px
         visible = above_ground(setup.cross_section, self.map, size_px)
-        self.fitter = Fitter(background, visible, setup.keys.detection.least_seen)
+        self.fitter = Fitter(self.background, visible, setup.keys.detection.least_seen)
         self.looks = {
             name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
             for name, block in setup.blocks.items()
@@ -152,13 +91,32 @@ class _Follower:
         self._sighted: list[tuple[Sight, Array]] = []  # sights of what may be a block, with their frames
         self._marks = Marks()
         self._lost = 0
+        self._learn_looks([f._replace(picture=self.mix(f.picture)) for f in block_frames])
+
+    def follow(
+        self,
+        film: Iterable[Array],
+        on_progress: OnProgress = lambda number, frame, release: None,
+    ) -> None:
+        """Read the film from the start and find all its releases.
+
+        on_progress : called for every frame with its number, its picture and the release being followed, if any
+        """
+        for number, frame in enumerate(film):
+            self._read_frame(number, self.mix(frame))
+            on_progress(number, frame, self.release)
+        self._end_release()
+
+    def lost_frames(self) -> Counter[str]:
+        """Number of lost frames by reason."""
+        return Counter(s.reason for r in self.releases for s in r.sights if s.reason) + self.rejected
 
     # --- what the blocks look like ---
 
-    def learn_looks(self, block_frames: BlockFrames) -> None:
+    def _learn_looks(self, block_frames: list[BlockFrame]) -> None:
         """Set size and kind of fit of each block, from frames in which its arc gives its place."""
         for name in self.looks:
-            own = [s for s in block_frames if self._block_of_chain(s[0]) == name]
+            own = [f for f in block_frames if self._block_of_chain(f.number) == name]
             if len(own) >= FEWEST_BLOCK_FRAMES:
                 self.looks[name] = learned_looks(self.fitter, self.looks[name], own, self.motion)
         self.fitter.forget_contrast()
@@ -178,7 +136,7 @@ class _Follower:
 
     # --- frame by frame ---
 
-    def read_frame(self, number: int, frame: Array) -> None:
+    def _read_frame(self, number: int, frame: Array) -> None:
         """Process the next frame."""
         self._begin_release_of_chain(number)
         if self.release is not None:
@@ -189,7 +147,7 @@ class _Follower:
             if not on_arc and self._lost >= FRAMES_TO_START and self._search(number, frame):
                 return  # another release has begun
             if not on_arc and (self._lost > self.longest_loss or (self._lost and self._has_left())):
-                self.end_release()
+                self._end_release()
         else:
             self._search(number, frame)
         self._learn(frame)
@@ -206,19 +164,19 @@ class _Follower:
             if np.hypot(*(self._expected(number)[:2] - place)) < 2.0 * reach:
                 self.chain = chain
                 return
-        self.end_release()
+        self._end_release()
         name = self._block_of_chain(number) if self._chain_blocks else self._next_block()
         self.release, self._marks, self.chain = self._new_release(name), Marks(), chain
 
     def _new_release(self, name: str) -> FollowedRelease:
         looks = self.looks[name]
-        radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
+        radius = looks.outline.radius_px
         # a block of which only the lit part is seen looks smaller and off centre
         beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
         bias_px = float(np.hypot(looks.bias_px, beside))
         return FollowedRelease(name, [], SLOW_ERROR_FACTOR, bias_px, radius, looks.shutter)
 
-    def end_release(self) -> None:
+    def _end_release(self) -> None:
         """End the release that is being followed."""
         if self.release is not None:
             self._distrust_hidden(self.release)
@@ -253,10 +211,10 @@ class _Follower:
         if self.chain is not None:
             return self.chain.shadow_share
         reach_px = 0.5 * self.looks[release.block].outline.reach_px
-        near = [
-            c.shadow for s in release.seen for c in self.motion.candidates[s.frame]
-            if np.hypot(c.u_px - s.pose[0], c.v_px - s.pose[1]) < reach_px
-        ]  # fmt: skip
+        near: list[bool] = []
+        for sight in release.seen:
+            own = self.motion.candidates[sight.frame]
+            near += own["shadow"][np.hypot(*(own["place_px"] - sight.pose[:2]).T) < reach_px].tolist()
         return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
@@ -350,7 +308,7 @@ class _Follower:
         if place is None:
             return None
         moving = self.motion.near(number, place, 0.5 * outline.reach_px)
-        return place if moving is None else np.array([moving.u_px, moving.v_px])
+        return place if moving is None else moving
 
     def _expected(self, number: int) -> Array:
         """Pose in this frame if the motion of the last frames continues."""
@@ -426,7 +384,7 @@ class _Follower:
         if len(self._sighted) < FRAMES_TO_START:
             return False
         taken = self._sighted
-        self.end_release()
+        self._end_release()
         self.release = self._new_release(name)
         self._marks = Marks()
         for sight, own in taken:
@@ -465,11 +423,11 @@ class _Follower:
 
     def _blob(
         self, number: int, frame: Array, near: Array, reach_px: float, outline: Outline
-    ) -> tuple[float, float] | None:
-        """Centre of the region that differs from the background near a place, at most `reach_px` away."""
+    ) -> Array | None:
+        """(2,) centre of the region that differs from the background near a place, at most `reach_px` away."""
         moving = self.motion.near(number, near[:2], reach_px, outline.area_px2)
         if moving is not None:
-            return moving.u_px, moving.v_px
+            return moving
         u0, u1, v0, v1 = self._around(near, 2.5)
         if u1 - u0 < 4 or v1 - v0 < 4:
             return None
@@ -480,7 +438,7 @@ class _Follower:
         if mask.sum() < CANDIDATE_AREAS[0] * outline.area_px2:
             return None
         v, u = np.nonzero(mask)
-        return float(np.median(u)) + u0, float(np.median(v)) + v0
+        return np.array([np.median(u) + u0, np.median(v) + v0])
 
     def _around(self, pose: Array, reaches: float) -> tuple[int, int, int, int]:
         """First and last u, first and last v around the block that is followed or expected."""
@@ -491,3 +449,27 @@ class _Follower:
 def _nearest_angle(angle: float, near: float, symmetry: float) -> float:
     """The angle nearest to `near` among those at which the block looks the same."""
     return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
+
+
+def releases_shown(areas_px2: Sequence[float], stated_px2: Sequence[float]) -> list[int]:
+    """Index of the stated release of each visible object, in the order filmed, if not all releases are visible.
+
+    areas_px2 : (n,) of the visible objects, fewer than stated releases
+    stated_px2 : (m,) of the blocks of the stated releases
+
+    Minimises the sum of |log(area / stated area)|; among equal assignments, it takes the earliest releases.
+    """
+    miss = np.abs(np.log(np.asarray(areas_px2)[:, None] / np.asarray(stated_px2)))
+    seen, stated = miss.shape
+    least = np.full((seen + 1, stated + 1), np.inf)  # of the first k seen among the first m stated
+    least[0] = 0.0
+    for k in range(1, seen + 1):
+        for m in range(k, stated + 1):
+            least[k, m] = min(least[k, m - 1], least[k - 1, m - 1] + miss[k - 1, m - 1])
+    chosen, m = [], stated
+    for k in range(seen, 0, -1):
+        while m > k and least[k, m - 1] <= least[k, m]:
+            m -= 1
+        chosen.append(m - 1)
+        m -= 1
+    return chosen[::-1]

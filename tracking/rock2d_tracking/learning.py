@@ -10,12 +10,11 @@ import numpy as np
 
 from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit, edge_points
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
-from rock2d_tracking.looks import Looks, learned_picture
+from rock2d_tracking.looks import BlockFrame, Looks, learned_picture
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.sights import Sight
 
 Array = np.ndarray
-BlockFrames = list[tuple[int, Array, Array]]  # number, picture, and place (2,) in px of frames with a block
 
 FEWEST_BLOCK_FRAMES, MOST_BLOCK_FRAMES = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
@@ -35,11 +34,10 @@ UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over
 CENTRE_STEP_PX = 0.25  # spacing of the places that are tried
 
 
-def frames_with_blocks(film: Iterable[Array], motion: Motion) -> BlockFrames:
-    """Frames in which a block is on its arc: number, picture, and place (2,) in px."""
+def frames_with_blocks(film: Iterable[Array], motion: Motion) -> list[BlockFrame]:
+    """Some frames of each release in which the block is on its arc."""
     if not motion.chains:
         return []
-    # some of each release
     wanted: set[int] = set()
     for chain in motion.chains:
         own = np.concatenate([a.frames for a in chain.arcs])
@@ -47,21 +45,24 @@ def frames_with_blocks(film: Iterable[Array], motion: Motion) -> BlockFrames:
         wanted |= set(own[np.linspace(0, len(own) - 1, count).round().astype(int)].tolist())
     found = []
     for number, frame in enumerate(islice(film, max(wanted) + 1)):
-        spanning = motion.chain_at(number) if number in wanted else None
-        place = spanning.at(number) if spanning is not None else None
-        if place is not None:
-            found.append((number, frame, place))
+        own_chain = motion.chain_at(number) if number in wanted else None
+        place = own_chain.at(number) if own_chain is not None else None
+        if own_chain is not None and place is not None:
+            found.append(BlockFrame(number, frame, place, own_chain.pace(number)))
     return found
 
 
-def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motion: Motion) -> Looks:
+def learned_looks(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame], motion: Motion) -> Looks:
     """The looks of a block with the size and the kind of fit from its frames; `looks`: those of the set-up."""
-    paces = [_pace(motion, number) for number, _, _ in block_frames]
-    looks = replace(looks, shutter=_shutter(fitter, looks, block_frames, paces))
-    sized, turns = _fit_size(fitter, looks, block_frames, paces)
+    looks = replace(looks, shutter=_shutter(fitter, looks, block_frames))
+    sized, turns = _fit_size(fitter, looks, block_frames)
 
     def sights(own: Looks) -> list[Sight]:
-        return _sights(fitter, own, block_frames, turns, paces)
+        found = []
+        for frame, starts in zip(block_frames, turns, strict=True):
+            fitter.pace_px = frame.pace
+            found.append(fitter.fit_any_angle(frame.number, frame.picture, own, frame.place, turns=starts))
+        return found
 
     by_outline = sights(looks)
     trusted = TRUSTED_OVER_SEEN * fitter.least_seen
@@ -76,17 +77,15 @@ def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motio
         return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
         return replace(looks, kind="edge")
-    still = fitter.background.grey
-    pairs = [(image, place) for _, image, place in block_frames]
-    picture = learned_picture(pairs, still, looks.outline.reach_px)
+    picture = learned_picture(block_frames, fitter.background.grey, looks.outline.reach_px)
     if picture is None:
         return replace(looks, kind="edge")
-    centre, error = _centre_of_picture(fitter, looks, pairs)
+    centre, error = _centre_of_picture(fitter, looks, block_frames)
     return replace(looks, kind="picture", picture=picture, centre_px=centre, bias_px=error)
 
 
 def _centre_of_picture(
-    fitter: Fitter, looks: Looks, pairs: list[tuple[Array, Array]]
+    fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]
 ) -> tuple[tuple[float, float], float]:
     """Vector from the middle of a learned picture to the centroid in px, and the standard error of a coordinate.
 
@@ -97,7 +96,7 @@ def _centre_of_picture(
     import cv2
 
     reach = looks.outline.reach_px
-    wide = learned_picture(pairs, fitter.background.grey, WIDE_PICTURE * reach)
+    wide = learned_picture(block_frames, fitter.background.grey, WIDE_PICTURE * reach)
     if wide is None:
         return (0.0, 0.0), UNKNOWN_CENTRE * reach
     steps = np.arange(-2 * UNKNOWN_CENTRE * reach, 2 * UNKNOWN_CENTRE * reach, CENTRE_STEP_PX)
@@ -126,38 +125,18 @@ def _centre_of_picture(
     return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(np.sqrt(squares.max()), CENTRE_STEP_PX))
 
 
-def _sights(
-    fitter: Fitter, looks: Looks, block_frames: BlockFrames, turns: list[Array], paces: list[Array]
-) -> list[Sight]:
-    found = []
-    for (number, image, place), own, pace in zip(block_frames, turns, paces, strict=True):
-        fitter.pace_px = pace
-        found.append(fitter.fit_any_angle(number, image, looks, place, turns=own))
-    return found
-
-
-def _pace(motion: Motion, number: int) -> Array:
-    """(2,) displacement of the block per frame, from its chain at a frame."""
-    chain = motion.chain_at(number)
-    assert chain is not None
-    return chain.pace(number)
-
-
-def _shutter(fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]) -> float:
+def _shutter(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> float:
     """The shortest open share of the frame interval with which smeared edges are seen as well as with any other."""
-    fast = [
-        (image, place, pace) for (_, image, place), pace in zip(block_frames, paces, strict=True)
-        if np.hypot(*pace) > FAST_RADII * looks.edge.inner_px
-    ]  # fmt: skip
+    fast = [f for f in block_frames if np.hypot(*f.pace) > FAST_RADII * looks.edge.inner_px]
     if len(fast) < FEWEST_BLOCK_FRAMES or looks.outline.symmetry_rad != 0.0:
         return 0.0
     seen = []
     for shutter in SHUTTERS:
         own = replace(looks, shutter=shutter)
         shares = []
-        for image, place, pace in fast:
-            fitter.pace_px = pace
-            found = fitter.edge_fit(image, own, np.array([*place, 0.0]), free_size=True)
+        for frame in fast:
+            fitter.pace_px = frame.pace
+            found = fitter.edge_fit(frame.picture, own, np.array([*frame.place, 0.0]), free_size=True)
             shares.append(0.0 if found is None else found.seen)
         seen.append(float(np.mean(shares)))
     return next(s for s, share in zip(SHUTTERS, seen, strict=True) if share > max(seen) - SAME_SHARE)
@@ -200,9 +179,7 @@ def _edge_is_better(
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _fit_size(
-    fitter: Fitter, looks: Looks, block_frames: BlockFrames, paces: list[Array]
-) -> tuple[Looks, list[Array]]:
+def _fit_size(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> tuple[Looks, list[Array]]:
     """The looks with the size fitted to the edge (unchanged if the edge is not visible enough), and the start angles of
     each frame, one if its edge was found."""
     size, outline = 1.0, looks.outline
@@ -210,11 +187,11 @@ def _fit_size(
     for _ in range(SIZE_ROUNDS):
         trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
         sizes = []
-        for k, (_, image, place) in enumerate(block_frames):
+        for k, frame in enumerate(block_frames):
             best: EdgeFit | None = None
-            fitter.pace_px = paces[k]
+            fitter.pace_px = frame.pace
             for turn in turns[k]:
-                found = fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True)
+                found = fitter.edge_fit(frame.picture, trial, np.array([*frame.place, turn]), free_size=True)
                 if found is not None and (best is None or found.seen > best.seen):
                     best = found
                 if best is not None and best.seen > SURE_FIT:

@@ -8,17 +8,16 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.graphics.live_data import in_page
-from rock2d_tracking.frame_pictures import STILL_WIDTH_PX, FramePictures, frame_pictures, webp
 from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import Outline
-from rock2d_tracking.reasons import REASONS
+from rock2d_tracking.sights import REASONS
 from rock2d_tracking.tracked_film import LARGEST_ERROR_RADII, LARGEST_STATED_ERROR_PX, TrackedFilm
 from rock2d_tracking.velocities import MID_AIR
 
@@ -30,6 +29,12 @@ FRAME_BYTES, TEXT_OF_BYTES = 120, 4 / 3  # of a frame without its picture; of ba
 ELLIPSE_POINTS = 48
 SHOWN_PER_S = 15.0  # approximate number of frames per second during playback
 SPEEDS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.025, 0.01, 0.005, 0.0025, 0.001)
+HALF_RADII, LEAST_HALF_PX = 3.0, 20  # half the side of a picture, in radii of the block, and its minimum
+LARGEST_SIDE_PX = 160  # larger pictures are reduced
+QUALITY = 75  # of WebP, 0 to 100
+MOST_TRIED = 2500  # most pictures that are made to find how many fit
+IMPORTANT_RATIO = 8  # important frames are shown this many times as often as others
+STILL_WIDTH_PX = 720
 
 
 @dataclass(frozen=True)
@@ -49,53 +54,6 @@ class LiveFrames:
     speeds: Sequence[float]
     speed: float
     notes: Sequence[str]
-
-
-@dataclass(frozen=True)
-class SeenFrames:
-    """The frames of a film for its page.
-
-    Attributes
-    ----------
-    table : `TrackedFilm.placed_frames`, the first MOST_FRAMES rows
-    flight, impact : (n,) row of the flight and of the impact that each belongs to, -1 for none
-    still : WebP of the first frame
-    size_px : (width, height) of the film
-    """
-
-    table: pd.DataFrame
-    flight: Array
-    impact: Array
-    pictures: FramePictures
-    still: bytes
-    size_px: tuple[int, int]
-
-
-def seen_frames(
-    film: Iterable[Array],
-    table: pd.DataFrame,
-    numbers: Array,
-    looks: Mapping[str, Looks],
-    motion: tuple[pd.DataFrame, pd.DataFrame],
-    still: Array,
-) -> SeenFrames:
-    """The frames with their pictures.
-
-    film : read once more, from the start
-    table : `TrackedFilm.placed_frames`
-    numbers : (n,) of each row in the film
-    motion : tables of flights and impacts
-    """
-    shown = table.iloc[:MOST_FRAMES]
-    flight, impact = belonging(shown, *motion)
-    radii = shown["block"].map({name: np.sqrt(own.outline.area_px2 / np.pi) for name, own in looks.items()})
-    important = ((shown["reason"] != "") | (impact >= 0)).to_numpy(bool)
-    room = (MOST_BYTES - FRAME_BYTES * len(shown)) / TEXT_OF_BYTES
-    pictures = frame_pictures(
-        film, numbers[: len(shown)], _places(shown), radii.to_numpy(float), important, int(room)
-    )
-    size_px = (still.shape[1], still.shape[0])
-    return SeenFrames(shown, flight, impact, pictures, webp(still, STILL_WIDTH_PX), size_px)
 
 
 def belonging(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
@@ -129,29 +87,37 @@ def _places(frames: pd.DataFrame) -> Array:
 
 
 def live_frames(
-    seen: SeenFrames,
-    film: TrackedFilm,
-    looks: Mapping[str, Looks],
-    flights: pd.DataFrame,
-    impacts: pd.DataFrame,
+    frames: Iterable[Array], film: TrackedFilm, numbers: Array, looks: Mapping[str, Looks], still: Array
 ) -> LiveFrames:
-    """The live view of a tracked film."""
-    table, fps = seen.table, film.experiment.fps
-    groups = table.groupby("release", sort=False)
+    """The live view of a tracked film.
+
+    frames : the pictures of the film, read once more, from the start
+    numbers : (n,) of each row of `film.frames` in the file
+    still : (height, width) the first picture
+    """
+    table, fps = film.frames.iloc[:MOST_FRAMES], film.experiment.fps
+    flight, impact = belonging(table, film.flights, film.impacts)
     names = list(dict.fromkeys(table["block"]))
+    pictures = frame_pictures(
+        frames, numbers[: len(table)], _places(table),
+        table["block"].map({name: looks[name].outline.radius_px for name in names}).to_numpy(float),
+        important=((table["reason"] != "") | (impact >= 0)).to_numpy(bool),
+        most_bytes=int((MOST_BYTES - FRAME_BYTES * len(table)) / TEXT_OF_BYTES),
+    )  # fmt: skip
+    groups = table.groupby("release", sort=False)
     reasons = list(dict.fromkeys(table["reason"]))
     data = {
-        "size": seen.size_px, "still": _text(seen.still),
+        "size": still.shape[::-1], "still": _text(webp(still, STILL_WIDTH_PX)),
         "blocks": [_block(name, looks[name]) for name in names],
         "reasons": [[reason, REASONS.get(reason, "").replace("`", "")] for reason in reasons],
         "releases": [
             [int(own["release"].iloc[0]), names.index(own["block"].iloc[0]), len(own)] for number, own in groups
         ],
-        "frames": _columns(table, reasons, film) | {"flight": seen.flight.tolist(), "impact": seen.impact.tolist()},
-        "flights": _flight_texts(flights), "impacts": _impact_texts(impacts),
+        "frames": _columns(table, reasons) | {"flight": flight.tolist(), "impact": impact.tolist()},
+        "flights": _flight_texts(film.flights), "impacts": _impact_texts(film.impacts),
         "pictures": {
-            "rows": seen.pictures.rows.tolist(), "boxes": seen.pictures.boxes_px.tolist(),
-            "images": list(map(_text, seen.pictures.images)),
+            "rows": pictures.rows.tolist(), "boxes": pictures.boxes_px.tolist(),
+            "images": list(map(_text, pictures.images)),
         },
     }  # fmt: skip
     words = [
@@ -160,7 +126,7 @@ def live_frames(
     ]
     speeds = [speed for speed in SPEEDS if speed * fps >= 1.0] or [1.0]
     speed = next((speed for speed in speeds if speed * fps <= SHOWN_PER_S), speeds[-1])
-    return LiveFrames(in_page(data), words, speeds, speed, _notes(seen, len(film.frames)))
+    return LiveFrames(in_page(data), words, speeds, speed, _notes(pictures, len(table), len(film.frames)))
 
 
 def _text(raw: bytes) -> str:
@@ -169,8 +135,7 @@ def _text(raw: bytes) -> str:
 
 def _block(name: str, looks: Looks) -> dict[str, Any]:
     """Name, outline about the centroid in px, and why its frames are trusted."""
-    radius = float(np.sqrt(looks.outline.area_px2 / np.pi))
-    limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * radius)
+    limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * looks.outline.radius_px)
     how = (
         "correlation with the learned picture" if looks.kind == "picture" else "of the outline seen as fitted"
     )
@@ -185,7 +150,7 @@ def _polygon(outline: Outline) -> Array:
     return np.column_stack([np.cos(turn), np.sin(turn)]) * outline.semi_axes_px
 
 
-def _columns(table: pd.DataFrame, reasons: Sequence[str], film: TrackedFilm) -> dict[str, list[Any]]:
+def _columns(table: pd.DataFrame, reasons: Sequence[str]) -> dict[str, list[Any]]:
     """Columns of the frames; None where there is no number."""
     places = {"x_m": 7, "y_m": 7, "theta_rad": 5}
     pixels = {"u_px": 4, "v_px": 4, "angle_px_rad": 5}
@@ -234,14 +199,98 @@ def _impact_texts(impacts: pd.DataFrame) -> list[str]:
     return texts
 
 
-def _notes(seen: SeenFrames, frames: int) -> list[str]:
-    """Remarks on frames and pictures that are not on the page."""
-    shown, pictures = len(seen.table), len(seen.pictures.rows)
+def _notes(pictures: FramePictures, shown: int, frames: int) -> list[str]:
+    """Remarks on frames and pictures that are not on the page; `shown`: number of the frames that are."""
     notes = [f"This view shows the first {shown} of {frames} frames."] if shown < frames else []
-    if pictures == shown:
+    own = len(pictures.rows)
+    if own == shown:
         return [*notes, "Every frame has its picture, cut out about the block."]
     return [
         *notes,
-        f"{pictures} of {shown} frames have a picture: one in {seen.pictures.stride}, and more of the lost ones and of "
-        "those between two flights. The overlay video and frames.csv have all.",
+        f"{own} of {shown} frames have a picture: one in {pictures.stride}, and more of the lost ones and "
+        "of those between two flights. The overlay video and frames.csv have all.",
     ]
+
+
+class FramePictures(NamedTuple):
+    """Pictures of some frames.
+
+    Attributes
+    ----------
+    stride : every `stride`-th frame is shown, of those that are not important
+    rows : (n,) of the table of frames
+    boxes_px : (n, 4) left, top, width and height of each in the film
+    images : WebP
+    """
+
+    stride: int
+    rows: Array
+    boxes_px: Array
+    images: list[bytes]
+
+
+def frame_pictures(
+    film: Iterable[Array],
+    numbers: Array,
+    places_px: Array,
+    radii_px: Array,
+    important: Array,
+    most_bytes: int,
+) -> FramePictures:
+    """Pictures of as many frames as fit into `most_bytes`.
+
+    numbers : (n,) of each row in the film
+    places_px : (n, 2) centres of the pictures
+    radii_px : (n,) of the blocks
+    important : (n,) which rows are preferred
+    """
+    stride = 1
+    while shown_rows(important, stride).sum() > MOST_TRIED:
+        stride *= 2
+    wanted = np.flatnonzero(shown_rows(important, stride))
+    made = _cut_out(film, wanted, numbers, places_px, radii_px)
+    sizes = np.zeros(len(important))
+    sizes[list(made)] = [len(image) for _, image in made.values()]
+    while stride < len(important) and sizes[shown_rows(important, stride)].sum() > most_bytes:
+        stride *= 2
+    kept = [row for row in np.flatnonzero(shown_rows(important, stride)).tolist() if row in made]
+    boxes = np.array([made[row][0] for row in kept]).reshape(-1, 4)
+    return FramePictures(stride, np.array(kept, int), boxes, [made[row][1] for row in kept])
+
+
+def shown_rows(important: Array, stride: int) -> Array:
+    """(n,) which rows have a picture."""
+    number = np.arange(len(important))
+    return (number % stride == 0) | (important & (number % max(1, stride // IMPORTANT_RATIO) == 0))
+
+
+def _cut_out(
+    film: Iterable[Array], wanted: Array, numbers: Array, places_px: Array, radii_px: Array
+) -> dict[int, tuple[Array, bytes]]:
+    """Row -> its box and picture."""
+    rows_of: dict[int, list[int]] = {}
+    for row in wanted.tolist():
+        rows_of.setdefault(int(numbers[row]), []).append(row)
+    last, made = max(rows_of, default=-1), {}
+    for number, frame in enumerate(film):
+        for row in rows_of.get(number, ()):
+            half = max(round(HALF_RADII * radii_px[row]), LEAST_HALF_PX)
+            middle = np.round(places_px[row]).astype(int)
+            low = np.clip(middle - half, 0, np.array(frame.shape[1::-1]) - 1)
+            high = np.clip(middle + half + 1, low + 1, frame.shape[1::-1])
+            part = frame[low[1] : high[1], low[0] : high[0]]
+            made[row] = (np.concatenate([low, high - low]), webp(part, LARGEST_SIDE_PX))
+        if number == last:
+            break
+    return made
+
+
+def webp(picture: Array, largest_px: int) -> bytes:
+    """A picture as WebP, reduced so that no side is longer than `largest_px`."""
+    import cv2
+
+    scale = min(1.0, largest_px / max(picture.shape[:2]))
+    size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
+    if scale < 1.0:
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return bytes(cv2.imencode(".webp", np.ascontiguousarray(picture), [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1])

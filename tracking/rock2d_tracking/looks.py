@@ -4,7 +4,7 @@ size, and the suitable kind of fit."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,16 @@ SEARCH_RADII = 0.8  # around the expected place in which the learned picture is 
 SLOW_ERROR_FACTOR = 1.75  # true errors over those of a fit, measured on synthetic films
 
 Kind = Literal["outline", "edge", "picture"]
+
+
+class BlockFrame(NamedTuple):
+    """A frame in which a block is on its arc: its number, its picture, the place (2,) of the block in px, and its
+    displacement (2,) in px per usual frame interval."""
+
+    number: int
+    picture: Array
+    place: Array
+    pace: Array
 
 
 @dataclass(frozen=True)
@@ -87,15 +97,12 @@ def plain_looks(outline: Outline) -> Looks:
     return Looks("outline", outline, edge_points(outline))
 
 
-def best_channel_mix(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> ChannelMix:
-    """The mix of channels in which the weakest parts of the rim of blocks have the best contrast.
-
-    block_frames : pictures and the place of the block in each; `still`: the picture without a block
-    """
+def best_channel_mix(block_frames: list[BlockFrame], still: Array, radius_px: float) -> ChannelMix:
+    """The mix of channels in which the weakest parts of the rim of blocks have the best contrast; `still`: the picture
+    without a block."""
     if still.ndim == 2 or not block_frames:
         return ChannelMix()
-    rims = [_rim_steps(picture, still, place, radius_px) for picture, place in block_frames]
-    steps = np.concatenate(rims)
+    steps = np.concatenate([_rim_steps(frame, still, radius_px) for frame in block_frames])
     if not len(steps):
         return ChannelMix()
     tried = [
@@ -115,10 +122,11 @@ def best_channel_mix(block_frames: list[tuple[Array, Array]], still: Array, radi
     return ChannelMix(best / np.abs(best).sum())
 
 
-def _rim_steps(picture: Array, still: Array, place: Array, radius_px: float) -> Array:
+def _rim_steps(frame: BlockFrame, still: Array, radius_px: float) -> Array:
     """(n, 3) mean change of colour in each sector of the rim of a block."""
+    place = frame.place
     v, u = _ring(still.shape[:2], place, RIM_RADII[0] * radius_px, RIM_RADII[1] * radius_px)
-    step = picture[v, u].astype(float) - still[v, u]
+    step = frame.picture[v, u].astype(float) - still[v, u]
     sector = (np.arctan2(v - place[1], u - place[0]) / (2 * np.pi) % 1.0 * RIM_SECTORS).astype(int)
     return np.array([step[sector == k].mean(axis=0) for k in np.unique(sector)]).reshape(-1, 3)
 
@@ -133,15 +141,14 @@ def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float
     return v[within], u[within]
 
 
-def learned_picture(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
+def learned_picture(block_frames: list[BlockFrame], still: Array, radius_px: float) -> Array | None:
     """Median difference from the background around a block (2 h + 1 pixels wide); None if no frame contains it."""
     import cv2
 
     half = int(np.ceil(TEMPLATE_RADII * radius_px)) + 1
     size = (2 * half + 1, 2 * half + 1)
     found = []
-    for picture, place in block_frames:
-        u, v = place
+    for _, picture, (u, v), _ in block_frames:
         if not (half <= u < still.shape[1] - half - 1 and half <= v < still.shape[0] - half - 1):
             continue
         off = picture.astype(np.float32) - still

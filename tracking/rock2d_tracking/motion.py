@@ -21,8 +21,8 @@ from rock2d_tracking.arcs import (
     common_fall,
     find_arcs,
 )
-from rock2d_tracking.candidates import Candidate, candidates_of, shrunk
-from rock2d_tracking.clock import EVEN, Clock
+from rock2d_tracking.candidates import candidates_of, shrunk
+from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.film_scale import UNKNOWN, FilmScale
 
 Array = np.ndarray
@@ -66,6 +66,11 @@ class Chain:
         return float(np.median(np.concatenate([a.areas for a in self.arcs])))
 
     @property
+    def radius_px(self) -> float:
+        """Radius of the circle of this area."""
+        return float(np.sqrt(self.area_px2 / np.pi))
+
+    @property
     def shadow_share(self) -> float:
         """Share of its frames that look like a shadow."""
         return float(
@@ -101,7 +106,7 @@ class Motion:
 
     Attributes
     ----------
-    candidates : candidates of each frame
+    candidates : (n,) CANDIDATE of each frame
     chains : the arcs of each release, in the order filmed
     samples : pictures of full size, evenly distributed over the film
     arcs : all arcs, of blocks and of other things
@@ -109,7 +114,7 @@ class Motion:
     scale : scale and frame rate; one of them possibly computed from the arcs
     """
 
-    candidates: list[list[Candidate]] = field(default_factory=list)
+    candidates: list[Array] = field(default_factory=list)
     chains: list[Chain] = field(default_factory=list)
     samples: list[Array] = field(default_factory=list)
     arcs: list[Arc] = field(default_factory=list)
@@ -120,26 +125,21 @@ class Motion:
         """The chain that spans a frame."""
         return next((c for c in self.chains if c.first <= frame <= c.last), None)
 
-    def near(
-        self, frame: int, place: Array, reach_px: float, area_px2: float | None = None
-    ) -> Candidate | None:
-        """The whole candidate of a frame nearest to a place, if one is within reach; if the area is known, similar
-        areas are preferred."""
-
-        def away(c: Candidate) -> float:
-            return float(np.hypot(c.u_px - place[0], c.v_px - place[1]))
-
-        def cost(c: Candidate) -> float:
-            unlike = (
-                0.0 if area_px2 is None else abs(np.log(c.area_px2 / area_px2)) / np.log(CANDIDATE_AREAS[1])
-            )
-            return away(c) + UNLIKE_SHARE * reach_px * unlike
-
-        own = self.candidates[frame] if frame < len(self.candidates) else []
-        own = [c for c in own if c.whole and not c.shadow and away(c) <= reach_px]
+    def near(self, frame: int, place: Array, reach_px: float, area_px2: float | None = None) -> Array | None:
+        """(2,) centroid in px of the whole candidate of a frame nearest to a place, if one is within reach; if the area
+        is known, similar areas are preferred."""
+        if frame >= len(self.candidates):
+            return None
+        own = self.candidates[frame]
+        away = np.hypot(*(own["place_px"] - place).T)
+        possible = own["whole"] & ~own["shadow"] & (away <= reach_px)
         if area_px2 is not None:
-            own = [c for c in own if CANDIDATE_AREAS[0] < c.area_px2 / area_px2 < CANDIDATE_AREAS[1]]
-        return min(own, key=cost, default=None)
+            ratio = own["area_px2"] / area_px2
+            possible &= (ratio > CANDIDATE_AREAS[0]) & (ratio < CANDIDATE_AREAS[1])
+            away += UNLIKE_SHARE * reach_px * (np.abs(np.log(ratio)) / np.log(CANDIDATE_AREAS[1]))
+        if not possible.any():
+            return None
+        return np.asarray(own["place_px"][np.argmin(np.where(possible, away, np.inf))])
 
 
 def motion_of(

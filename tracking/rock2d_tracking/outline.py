@@ -34,7 +34,7 @@ class Patch(NamedTuple):
 
     Attributes
     ----------
-    image, background : (h, w) float32 grey values, with the block and without
+    image, background : (h, w) float32 grey values, with the block and without; for `fit_edges` also (h, w, 3)
     visible : (h, w) uint8, 0 where soil may hide the block
     noise : 1 sigma of a pixel in grey levels
     """
@@ -84,6 +84,11 @@ class Outline:
             (hb * normals[:, 1] - h * before[:, 1]) / cross, (h * before[:, 0] - hb * normals[:, 0]) / cross
         ])  # fmt: skip
         return corner
+
+    @property
+    def radius_px(self) -> float:
+        """Radius of the circle of its area."""
+        return float(np.sqrt(self.area_px2 / np.pi))
 
     def scaled(self, factor: float) -> Outline:
         """The outline, `factor` times as large."""

@@ -11,10 +11,7 @@ import pandas as pd
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, live_page
-from rock2d.kinematics.film_findings import film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flight_gravity import flight_gravity
-from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.live_frames import LiveFrames
 from rock2d_tracking.tracked_film import TrackedFilm
 from rock2d_tracking.velocities import MID_AIR
@@ -28,41 +25,32 @@ LISTED_IMPACTS = 8  # up to this many, the restitution of each impact is listed
 SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel
 
 
-def write_page(
-    path: Path,
-    film: TrackedFilm,
-    flights: pd.DataFrame,
-    impacts: pd.DataFrame,
-    data: FilmSegments,
-    background: Array,
-    live: LiveFrames,
-) -> None:
+def write_page(path: Path, film: TrackedFilm, background: Array, live: LiveFrames) -> None:
     """Write the page; `overlay.webm` must be in the same folder."""
     frames, name = film.frames, film.experiment.name
     figures = [
         ("Tracks", "Trusted frames on the still picture of the film.", _tracks(frames, background)),
         ("Gravity", "Acceleration of each flight that shows it, with its 95 % interval. The band is what all flights "
          "say together, the line the stated gravity: beside the band, scale or frame rate is wrong.",
-         _gravity(film, data)),
+         _gravity(film)),
         ("Flights", "Residuals of the parabolas against the time within the flight. A pattern means a lens, a tilt, a "
-         "wrong frame rate or air; noise alone means a good track.", _residuals(film, data)),
+         "wrong frame rate or air; noise alone means a good track.", _residuals(film)),
         ("Sub-pixel bias", "Mean residuals of the parabolas by the place of the centre within its pixel. A wave means "
-         "that the tracker prefers some places.", _bias(film, data)),
+         "that the tracker prefers some places.", _bias(film)),
         ("Trust", "Confidence of every frame, release after release; lost frames have 0.", _trust(frames)),
     ]  # fmt: skip
-    own = film.experiment
-    said = film_findings(data, setup_world(own), own.fps, own.from_gravity).sentences()
-    rows = list(_summary(film, flights, impacts).items())
     above = [
         Section(items=film.remarks),
-        Section("What the film says of itself", items=said, video="overlay.webm", tables=[Table((), rows)]),
-    ]
+        Section("What the film says of itself", items=film.findings.sentences(), video="overlay.webm",
+                tables=[Table((), list(_summary(film).items()))]),
+    ]  # fmt: skip
     below = [Section(title, [text], pictures=[drawn(figure, title)]) for title, text, figure in figures]
     write_whole(path, live_page(f"{name}: tracked", above, "live_frames", live, below))
 
 
-def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) -> dict[str, str]:
+def _summary(film: TrackedFilm) -> dict[str, str]:
     """Label -> value of the table at the top of the page."""
+    flights, impacts = film.flights, film.impacts
     frames, experiment, flag = film.frames, film.experiment, impacts["flag"].astype(str)
     own, beside = impacts[flag != MID_AIR], int((flag == MID_AIR).sum())
     lost = frames.loc[frames["reason"] != "", "reason"].value_counts()
@@ -110,7 +98,7 @@ def _tracks(frames: pd.DataFrame, background: Array) -> Figure:
     return figure
 
 
-def _flight_residuals(film: TrackedFilm, data: FilmSegments) -> tuple[Array, Array, Array]:
+def _flight_residuals(data: FilmSegments) -> tuple[Array, Array, Array]:
     """Residuals of the parabolas in each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1);
     row of the frame among the trusted ones."""
     residuals, when, rows = [], [], []
@@ -124,11 +112,11 @@ def _flight_residuals(film: TrackedFilm, data: FilmSegments) -> tuple[Array, Arr
     return np.concatenate(residuals), np.concatenate(when), np.concatenate(rows)
 
 
-def _residuals(film: TrackedFilm, data: FilmSegments) -> Figure:
+def _residuals(film: TrackedFilm) -> Figure:
     figure, axes = blank_axes(9.0, 2.8, 3)
-    if not len(data.segmentation.flights):
+    if not len(film.segments.segmentation.flights):
         return figure
-    residuals, when, _ = _flight_residuals(film, data)
+    residuals, when, _ = _flight_residuals(film.segments)
     scale = [1.0 / _pixel_m(film), 1.0 / _pixel_m(film), 180 / np.pi]
     for k, (own, name) in enumerate(zip(axes, ("x (px)", "y (px)", "angle (°)"), strict=True)):
         own.plot(when, residuals[:, k] * scale[k], ".", ms=1.5, color=PAGE_ACCENT, alpha=0.3)
@@ -137,11 +125,11 @@ def _residuals(film: TrackedFilm, data: FilmSegments) -> Figure:
     return figure
 
 
-def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
+def _bias(film: TrackedFilm) -> Figure:
     figure, axes = blank_axes(7.0, 2.8, 2)
-    if not len(data.segmentation.flights):
+    if not len(film.segments.segmentation.flights):
         return figure
-    residuals, _, rows = _flight_residuals(film, data)
+    residuals, _, rows = _flight_residuals(film.segments)
     seen = film.frames[film.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")
     for own, column, k in zip(axes, ("u_px", "v_px"), (0, 1), strict=True):
         within = seen[column].to_numpy(float)[rows] % 1.0
@@ -159,12 +147,12 @@ def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
     return figure
 
 
-def _gravity(film: TrackedFilm, data: FilmSegments) -> Figure:
+def _gravity(film: TrackedFilm) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     figure, (axes,) = blank_axes(7.0, 2.8)
     stated = film.experiment.gravity_m_s2
-    found = flight_gravity(data.film, data.segmentation.flights, stated)
+    found = film.findings.gravity
     axes.axhline(stated, color=PAGE_RULE)
     axes.set_xlabel("flight")
     axes.set_ylabel("g (m/s²)")
@@ -192,7 +180,5 @@ def _trust(frames: pd.DataFrame) -> Figure:
 def _pixel_m(film: TrackedFilm) -> float:
     """Metres per pixel, from the tracked frames."""
     seen = film.frames[film.frames["reason"] == ""]
-    table = film.experiment.trajectories
-    assert table is not None
-    metres, pixels = (np.ptp(own, axis=0) for own in (table[["x_m", "y_m"]], seen[["u_px", "v_px"]]))
+    metres, pixels = (np.ptp(seen[list(names)], axis=0) for names in (("x_m", "y_m"), ("u_px", "v_px")))
     return float(np.hypot(*metres) / max(np.hypot(*pixels), 1e-9))

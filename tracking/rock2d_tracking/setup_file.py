@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import copy
+import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
-from rock2d.files.experiment import FromGravity
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
-from rock2d.files.text_files import read_text
+from rock2d.files.experiment import Experiment, FromGravity
+from rock2d.files.folders import path_inside, write_whole
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
+from rock2d.files.text_files import read_text, require_regular
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.checkerboard import scale_of_board
 from rock2d_tracking.film_scale import FilmScale
+
+LARGEST_SCALE_SPREAD = 0.02  # over a checkerboard; a larger one shows that the camera was oblique
 
 GravityWord = Literal["gravity"]
 
@@ -220,3 +225,70 @@ class Setup:
         """Name of the block of a release, counted from 0."""
         names = self.keys.releases
         return names[0] if len(names) == 1 else names[min(release, len(names) - 1)]
+
+
+def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
+    """Write what `Setup` reads; `releases`: the block of each."""
+    keys = {
+        "name": experiment.name,
+        "gravity_m_s2": float(experiment.gravity_m_s2),
+        "camera": {
+            "fps": float(experiment.fps),
+            "scale": {"metres_per_pixel": float(camera.metres_per_pixel)},
+            "up": "up" if camera.up < 0 else "down",
+            "origin_px": [float(v) for v in camera.origin_px],
+            "origin_m": [float(v) for v in camera.origin_m],
+            "tilt_deg": float(np.rad2deg(camera.tilt_rad)),
+        },
+        "cross_section": {
+            "points_m": experiment.cross_section.points_m.tolist(),
+            "zones": list(experiment.cross_section.zones),
+        },
+        "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
+        "releases": list(releases),
+    }
+    write_whole(path, setup_text(keys))
+
+
+def setup_text(keys: Mapping[str, Any]) -> str:
+    """The text of a set-up file with these keys."""
+    from ruamel.yaml import YAML
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    text = io.StringIO()
+    yaml.dump(keys, text)
+    return text.getvalue()
+
+
+def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:
+    """Metres per pixel from a picture of a checkerboard in the plane of motion.
+
+    corners : number of inner corners in a row, and number of rows
+
+    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique.
+    """
+    import cv2
+
+    try:
+        path = path_inside(folder, picture)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    require_regular(path)
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise InputError("cannot be read as a picture", path)
+    found, points = cv2.findChessboardCorners(image, corners)
+    if not found:
+        raise InputError(f"no checkerboard of {corners[0]} × {corners[1]} inner corners found", path)
+    precise = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
+    grid = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
+    along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
+    sides = np.concatenate([along.ravel(), across.ravel()])
+    halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]
+    uneven = float(np.ptp([np.mean(h) for h in halves]) / np.mean(sides))
+    if uneven > LARGEST_SCALE_SPREAD:
+        raise InputError(
+            f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path
+        )
+    return float(square_m / np.mean(sides))

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
-from rock2d.errors import counted
-from rock2d.files.experiment import Experiment
+from rock2d.errors import InputError, counted
+from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
+from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
-from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
+from rock2d_tracking.velocities import flights_table, impacts_table
 
 Array = np.ndarray
 
+PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
 LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side with which a step is compared
@@ -39,26 +42,32 @@ class TrackedFilm:
 
     Attributes
     ----------
-    experiment : with the noise found in its flights
+    setup : with which pixels and frames were converted
     frames : a row for each frame of a release: release, block, frame, t_s, u_px, v_px, angle_px_rad, their standard
-        errors, confidence, reason ("" or why the frame is lost)
+        errors, confidence, reason ("" or why the frame is lost); x_m, y_m, theta_rad, NaN where it is lost
+    experiment : its trusted frames, with the noise found in its flights
+    segments, findings : its flights and impacts, and findings on the film, such as its accuracy
     remarks : for the user
     offset_px : block -> standard error of a coordinate that all its frames share
     """
 
-    experiment: Experiment
+    setup: Setup
     frames: pd.DataFrame
+    experiment: Experiment
+    segments: FilmSegments
+    findings: FilmFindings
     remarks: list[str]
     offset_px: dict[str, float]
 
-    def placed_frames(self) -> pd.DataFrame:
-        """`frames` with x_m, y_m and theta_rad, NaN where a frame is lost."""
-        frames, seen = self.frames.copy(), self.experiment.trajectories
-        assert seen is not None
-        trusted = frames["reason"] == ""
-        for name in ("x_m", "y_m", "theta_rad"):
-            frames.loc[trusted, name] = seen[name].to_numpy()
-        return frames
+    @cached_property
+    def flights(self) -> pd.DataFrame:
+        """See `velocities.flights_table`."""
+        return flights_table(self.experiment, self.segments, self.findings.gravity)
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """See `velocities.impacts_table`."""
+        return impacts_table(self.experiment, self.segments)
 
 
 def tracked_film(
@@ -69,7 +78,6 @@ def tracked_film(
     kept : its `moving_releases`, at least one
     followed : number of objects that were followed
     """
-    camera = setup.pixel_map(size_px)
     remarks: list[str] = []
     if len(kept) < followed:
         remarks.append(
@@ -91,8 +99,7 @@ def tracked_film(
             f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there"
         )
     fps = setup.fps
-    rows = [_rows(k, release, fps) for k, release in enumerate(kept)]
-    frames = pd.DataFrame([row for own in rows for row in own])
+    frames = pd.concat([_frames(k, release, fps) for k, release in enumerate(kept)], ignore_index=True)
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
         remarks.append("circles carry no marks: their angle is left empty and their spin is unknown")
     offset_px: dict[str, float] = {}
@@ -101,19 +108,16 @@ def tracked_film(
     steps = np.concatenate([np.diff([s.when for s in release.sights]) for release in kept])
     usual_fps = fps / float(np.median(steps))  # another one than stated only where the frame rate varies
     smear_offset_s = SMEAR_OFFSET * max(release.shutter for release in kept) / fps
-    experiment = _experiment(frames, setup, camera, usual_fps, smear_offset_s)
-    return TrackedFilm(experiment, frames, remarks, offset_px)
+    return _measured(frames, setup, size_px, usual_fps, smear_offset_s, remarks, offset_px)
 
 
-def rescaled(film: TrackedFilm, before: Setup, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
-    """The film with scale and frame rate of `setup` instead of those of `before`."""
-    slower = before.fps / setup.fps
+def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
+    """The film with scale and frame rate of `setup`."""
+    slower, own = film.setup.fps / setup.fps, film.experiment
     frames = film.frames.assign(t_s=(film.frames["t_s"] * slower).round(9))
-    own = film.experiment
-    experiment = _experiment(
-        frames, setup, setup.pixel_map(size_px), own.fps / slower, own.smear_offset_s * slower
+    return _measured(
+        frames, setup, size_px, own.fps / slower, own.smear_offset_s * slower, film.remarks, film.offset_px
     )
-    return replace(film, experiment=experiment, frames=frames)
 
 
 def _moves(release: FollowedRelease, fall_px: float) -> bool:
@@ -175,39 +179,84 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
     return int(found.sum())
 
 
-def _rows(number: int, release: FollowedRelease, fps: float) -> list[dict[str, object]]:
-    first = release.sights[0].when
-    return [
-        {
-            "release": number, "block": release.block, "frame": s.frame, "t_s": round((s.when - first) / fps, 9),
-            "u_px": s.pose[0], "v_px": s.pose[1], "angle_px_rad": s.pose[2],
-            "u_error_px": s.error[0], "v_error_px": s.error[1], "angle_error_rad": s.error[2],
-            "confidence": s.confidence, "reason": s.reason,
-        }
-        for s in release.sights
-    ]  # fmt: skip
-
-
-def _experiment(
-    frames: pd.DataFrame, setup: Setup, camera: PixelMap, fps: float, smear_offset_s: float
-) -> Experiment:
-    seen = frames[frames["reason"] == ""]
-    world = camera.to_world(seen[["u_px", "v_px"]].to_numpy(float))
-    theta = camera.angle_to_world(seen["angle_px_rad"].to_numpy(float))
-    if not setup.keys.detection.marks:
-        theta[seen["block"].map(lambda name: setup.blocks[name].shape == "circle").to_numpy(bool)] = np.nan
-    table = pd.DataFrame({
-        "release": seen["release"].to_numpy(), "block": seen["block"].to_numpy(), "t_s": seen["t_s"].to_numpy(),
-        "x_m": world[:, 0], "y_m": world[:, 1], "theta_rad": theta,
+def _frames(number: int, release: FollowedRelease, fps: float) -> pd.DataFrame:
+    """Rows of `TrackedFilm.frames` of a release, without places in metres."""
+    sights = release.sights
+    pose, error = np.array([s.pose for s in sights]).T, np.array([s.error for s in sights]).T
+    return pd.DataFrame({
+        "release": number, "block": release.block, "frame": [s.frame for s in sights],
+        "t_s": [round((s.when - sights[0].when) / fps, 9) for s in sights],
+        "u_px": pose[0], "v_px": pose[1], "angle_px_rad": pose[2],
+        "u_error_px": error[0], "v_error_px": error[1], "angle_error_rad": error[2],
+        "confidence": [s.confidence for s in sights], "reason": [s.reason for s in sights],
     })  # fmt: skip
-    errors = seen[["u_error_px", "v_error_px", "angle_error_rad"]].to_numpy(float)
+
+
+def _measured(
+    frames: pd.DataFrame,
+    setup: Setup,
+    size_px: tuple[int, int],
+    fps: float,
+    smear_offset_s: float,
+    remarks: list[str],
+    offset_px: dict[str, float],
+) -> TrackedFilm:
+    """The film with places in metres, and what its trusted frames show."""
+    camera, trusted = setup.pixel_map(size_px), (frames["reason"] == "").to_numpy()
+    place = camera.to_world(frames[["u_px", "v_px"]].to_numpy(float)[trusted])
+    theta = camera.angle_to_world(frames["angle_px_rad"].to_numpy(float)[trusted])
+    if not setup.keys.detection.marks:
+        theta[[setup.blocks[name].shape == "circle" for name in frames["block"][trusted]]] = np.nan
+    frames = frames.assign(x_m=np.nan, y_m=np.nan, theta_rad=np.nan)
+    frames.loc[trusted, PLACE] = np.column_stack([place, theta])
+    errors = frames[["u_error_px", "v_error_px", "angle_error_rad"]].to_numpy(float)[trusted]
     position = float(np.nanmedian(errors[:, :2])) * setup.metres_per_pixel
     angle = float(np.nanmedian(errors[:, 2])) if np.isfinite(errors[:, 2]).any() else 0.0
     stated = Experiment(
         setup.keys.name, setup.keys.gravity_m_s2, fps, position, angle, setup.cross_section, dict(setup.blocks),
-        trajectories=table, from_gravity=setup.from_gravity, smear_offset_s=smear_offset_s,
+        trajectories=frames.loc[trusted, list(TRAJECTORY_COLUMNS)].reset_index(drop=True),
+        from_gravity=setup.from_gravity, smear_offset_s=smear_offset_s,
     )  # fmt: skip
-    return with_measured_noise(film_of(stated, setup), stated)
+    experiment = with_measured_noise(stated, setup)
+    return TrackedFilm(
+        setup, frames, experiment, *findings_of(experiment, setup), remarks=remarks, offset_px=offset_px
+    )
+
+
+def with_measured_noise(experiment: Experiment, setup: Setup) -> Experiment:
+    """The experiment with the noise measured in its flights; unchanged without flights."""
+    cut = segment_film(setup_world(experiment), film_of(experiment, setup))
+    if not len(cut.flights):
+        return experiment
+    x, y, theta = cut.film.noise
+    position = float(np.sqrt(0.5 * (x * x + y * y)))
+    return replace(experiment, position_noise_m=position, angle_noise_rad=float(theta))
+
+
+def findings_of(experiment: Experiment, setup: Setup) -> tuple[FilmSegments, FilmFindings]:
+    """The flights and impacts of the film of an experiment, and the findings on the film."""
+    world = setup_world(experiment)
+    segments = FilmSegments.of(film_of(experiment, setup), world)
+    return segments, film_findings(segments, world, experiment.fps, experiment.from_gravity)
+
+
+def check_sanity(experiment: Experiment, setup: Setup, *, guessed: bool = False) -> list[str]:
+    """Remarks on an experiment. Raises InputError if frame rate, scale or axes must be wrong. `guessed`: whether the
+    ground is a guess; it is then not checked."""
+    sanity = check_film(experiment, film_of(experiment, setup))
+    harmless = {FEW_RELEASES, ABOVE_GROUND} if guessed else {FEW_RELEASES}
+    wrong = [fault.message for fault in sanity.faults if fault.code not in harmless]
+    if wrong:
+        raise InputError("; ".join(wrong), setup.path)
+    if sanity.mirror:
+        raise InputError(
+            f"seen with {sanity.mirror} mirrored, blocks would fall and stay above the ground: "
+            "is the film upside down (camera: up), or was it filmed from behind?",
+            setup.path,
+        )
+    if sanity.registered is not None:
+        raise InputError(sanity.remarks[-1], setup.path)
+    return sanity.remarks
 
 
 def film_of(experiment: Experiment, setup: Setup) -> Film:
@@ -219,20 +268,3 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
     least = SMALLEST_NOISE_PX * setup.metres_per_pixel * np.array([1.0, 1.0, 1.0 / reach])
     film.noise = film.long_noise = np.maximum(np.minimum(film.noise, film.stated_noise), least)
     return film
-
-
-def findings_of(experiment: Experiment, setup: Setup) -> tuple[FilmSegments, FilmFindings]:
-    """The flights and impacts of the film of an experiment, and the findings on the film."""
-    world = setup_world(experiment)
-    data = FilmSegments.of(film_of(experiment, setup), world)
-    return data, film_findings(data, world, experiment.fps, experiment.from_gravity)
-
-
-def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
-    """The experiment with the noise measured in its flights; unchanged without flights."""
-    cut = segment_film(setup_world(experiment), film)
-    if not len(cut.flights):
-        return experiment
-    x, y, theta = cut.film.noise
-    position = float(np.sqrt(0.5 * (x * x + y * y)))
-    return replace(experiment, position_noise_m=position, angle_noise_rad=float(theta))

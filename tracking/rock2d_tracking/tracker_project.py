@@ -20,8 +20,7 @@ from xml.parsers import expat
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.delimited_text import number
-from rock2d_tracking.tracked_points import Points
+from rock2d_tracking.tracked_points import Points, number
 
 LINE = "line"  # attribute of an element: its line in the file
 LARGEST_FRAME_DIGITS = 9

@@ -13,7 +13,7 @@ from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.contacts import Contacts, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flight_gravity import flight_gravity
+from rock2d.kinematics.flight_gravity import FlightGravity
 from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impacts import Impacts
 from rock2d.kinematics.setup_world import setup_world
@@ -30,27 +30,15 @@ WIDEST_GAP = 0.6
 MID_AIR = "mid-air"
 
 
-def flights_and_impacts(data: FilmSegments, experiment: Experiment) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables of the flights and impacts of an experiment's film (see `tracked_film.findings_of`).
+def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGravity | None) -> pd.DataFrame:
+    """Table of the flights of an experiment's film: release, block, begin_s, end_s, frames, the state at the middle
+    instant `t_s` and its standard errors (`*_se`), `misfit` (root mean square of the residuals of the parabola, over
+    the noise), `gravity_m_s2` (acceleration of a flight that clearly falls, otherwise NaN; also NaN if scale or frame
+    rate was computed from it) and its standard error.
 
-    Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
-    (`*_se`), `misfit` (root mean square of the residuals of the parabola, over the noise), `gravity_m_s2` (acceleration
-    of a flight that clearly falls, otherwise NaN; also NaN if scale or frame rate was computed from it) and its
-    standard error. Impacts: release, block, t_s and zone of the contact, velocities just before and after it with
-    standard errors, `restitution` (speed across the ground after over before), `penetration_m`, `rebound_m`, `flag`
-    (any of "deep", "low", "wide gap"; "mid-air" if the ground is not near and the block does not bounce: this is not an
-    impact).
+    gravity : that of the flights; None if no flight shows it
     """
-    setup = setup_world(experiment)
-    states = data.states(setup)
-    known = np.minimum(states.residuals.shape[2], data.basis.degrees)
-    # (flights, 3) root mean square residuals of x, y and theta, over the noise
-    misfit = np.sqrt((states.residuals**2).sum(axis=2) / known[:, None])
-    flights = _flights(experiment, data, states.middle, misfit)
-    return flights, _impacts(experiment, data, setup, misfit)
-
-
-def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: Array) -> pd.DataFrame:
+    middle, misfit = data.states(setup_world(experiment)).middle, _misfit(data, experiment)
     film, flights = data.film, data.segmentation.flights
     error = _errors(data, np.arange(len(flights)), np.zeros(len(flights)), misfit)
     names = list(experiment.blocks)
@@ -62,8 +50,7 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
     for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
-    measured = experiment.from_gravity is None  # else it is no measurement
-    found = flight_gravity(film, flights, experiment.gravity_m_s2) if measured else None
+    found = gravity if experiment.from_gravity is None else None  # else it is no measurement
     for name, values in (("gravity_m_s2", "each"), ("gravity_m_s2_se", "each_error")):
         table[name] = np.where(found.used, getattr(found, values), np.nan) if found is not None else np.nan
     return table
@@ -76,8 +63,19 @@ def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array
     return error * np.tile(np.maximum(misfit[which], 1.0), 2)
 
 
-def _impacts(experiment: Experiment, data: FilmSegments, world: World, misfit: Array) -> pd.DataFrame:
-    """Table of the impacts and of the changes of motion in mid-air, ordered by time."""
+def _misfit(data: FilmSegments, experiment: Experiment) -> Array:
+    """(flights, 3) root mean square residuals of x, y and theta, over the noise."""
+    residuals = data.states(setup_world(experiment)).residuals
+    known = np.minimum(residuals.shape[2], data.basis.degrees)
+    return np.asarray(np.sqrt((residuals**2).sum(axis=2) / known[:, None]))
+
+
+def impacts_table(experiment: Experiment, data: FilmSegments) -> pd.DataFrame:
+    """Table of the impacts of an experiment's film and of the changes of motion in mid-air, ordered by time: release,
+    block, t_s and zone of the contact, velocities just before and after it with standard errors, `restitution` (speed
+    across the ground after over before), `penetration_m`, `rebound_m`, `flag` (any of "deep", "low", "wide gap";
+    "mid-air" if the ground is not near and the block does not bounce: this is not an impact)."""
+    world, misfit = setup_world(experiment), _misfit(data, experiment)
     tables = [_contacts(experiment, data, pairs, world, misfit) for pairs in (data.impacts, data.mid_air)]
     tables[1]["flag"] = MID_AIR
     tables[1][["restitution", "restitution_se"]] = np.nan

@@ -18,9 +18,8 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.delimited_text import cells, number, separator_of
 from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import Points
+from rock2d_tracking.tracked_points import Points, cells, number, separator_of
 
 COLUMN_NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
 

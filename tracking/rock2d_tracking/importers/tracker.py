@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d.files.folders import write_whole
-from rock2d_tracking.delimited_text import cells, number, separator_of
 from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points
+from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points, cells, number, separator_of
 from rock2d_tracking.tracker_project import looks_like_project, read_project
 
 if TYPE_CHECKING:

@@ -38,24 +38,6 @@ def test_y_down_is_mirrored_in_place_and_in_turning(put):
     assert down["theta_rad"].to_numpy() == pytest.approx(-up["theta_rad"].to_numpy())
 
 
-def test_marks_may_lie_in_files_of_their_own(put):
-    lines = MULTI.splitlines()[3:]
-    a, b = (
-        put(
-            f"mark_{name}\nt\tframe\tx\ty\n"
-            + "".join(
-                "\t".join([line.split("\t")[0], *line.split("\t")[k : k + 3]]) + "\n" for line in lines
-            ),
-            f"{name}.txt",
-        )
-        for name, k in (("A", 1), ("B", 4))
-    )
-    apart = imported([(a, b)], "tracker", **SCALE, block=CUBE, marks=("mark_A", "mark_B"))
-    together = imported(put(MULTI), "tracker", **SCALE, block=CUBE, marks=("A", "B"))
-    pd.testing.assert_frame_equal(apart, together, check_exact=True)
-    assert "is also in" in refusal(imported, [(a, a)], "tracker", **SCALE, block=CUBE).message
-
-
 def test_one_mark_shows_no_spin(put):
     heard = []
     seen = imported([put(TRACKER)], "tracker", **SCALE, block=SPHERE, report=heard.append)
@@ -91,8 +73,8 @@ def test_releases_are_parted_by_long_gaps_or_by_files(put, tmp_path):
     say = {**SCALE, "block": SPHERE, "report": lambda _: None}
     for gap, releases in ((None, [0] * 6), (3, [0] * 6), (2, [0, 0, 0, 0, 1, 1]), (1, [0, 0, 1, 1, 2, 2])):
         assert imported(path, "tracker", **say, gap_frames=gap)["release"].tolist() == releases
-    two = imported([path, put(TRACKER, "b.csv")], "tracker", **say, first_release=7)
-    assert two["release"].tolist() == [7] * 6 + [8] * 3
+    two = imported([path, put(TRACKER, "b.csv")], "tracker", **say)
+    assert two["release"].tolist() == [0] * 6 + [1] * 3
     two.to_csv(tmp_path / "trajectories.csv", index=False)
     pd.testing.assert_frame_equal(read_trajectories(tmp_path / "trajectories.csv", {"sphere"}), two)
 
@@ -113,9 +95,6 @@ def test_a_turn_is_not_lost_between_releases(put):
         ({"marks": ("A", "B"), "centroid": ("middle",)}, "no track 'middle'; the tracks are 'A', 'B'"),
         ({"marks": ()}, "marks: name one or two of the tracks 'A', 'B'"),
         ({"marks": ("A", "B", "A")}, "marks: expected one or two"),
-        ({"y": "left"}, "up or down"),
-        ({"metres_per_unit": 0.0}, "metres_per_unit"),
-        ({"fps": float("nan")}, "fps: expected a positive number"),
         ({"file_fps": -1.0}, "file_fps: expected a positive number"),
     ],
 )
@@ -124,10 +103,9 @@ def test_what_is_said_of_a_file_must_be_possible(put, change, words):
     assert words in refusal(imported, put(MULTI), "tracker", **say).message
 
 
-def test_marks_at_one_point_and_no_file_and_no_such_kind_are_refused(put):
+def test_marks_at_one_point_and_no_such_kind_are_refused(put):
     say = {**SCALE, "block": CUBE, "marks": ("A", "B")}
     error = refusal(imported, put(MULTI.replace("1.0\t3.0", "1.0\t2.0")), "tracker", **say)
     assert "no direction" in error.message and error.line == 5
-    assert "at least one file" in refusal(imported, [], "tracker", **say).message
     assert "did you mean 'tracker'" in refusal(read_points, put(MULTI), "traker").message
     assert "cannot be read" in refusal(read_points, "nowhere.csv", "tracker").message

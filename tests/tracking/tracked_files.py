@@ -1,9 +1,8 @@
 """Files as other tracking programs write them, and short ways to read them."""
 
-from dataclasses import fields
-
 import pandas as pd
-from rock2d_tracking.importing import CameraScale, ImportOptions, TrackedFiles, import_tracks
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.importing import ImportOptions, TrackedFiles, import_tracks
 
 SCALE = {"metres_per_unit": 1.0, "y": "up", "fps": 1000.0}
 
@@ -82,12 +81,21 @@ def values(points, track):
     return table.loc[table["track"] == track, ["u", "v"]].to_numpy().tolist()
 
 
-def imported(paths, kind, *, block, report=print, **stated) -> pd.DataFrame:
-    """`import_tracks` with its records made from flat names."""
-    records = {record: {f.name for f in fields(record)} for record in (CameraScale, ImportOptions)}
-    y = stated.pop("y")
-    scale, options = (
-        record(**{name: stated[name] for name in names & set(stated)}) for record, names in records.items()
-    )
-    assert set(stated) <= set.union(*records.values())
-    return import_tracks(TrackedFiles(paths, kind, y), scale, block, options, report=report)
+def imported(
+    path,
+    kind,
+    *,
+    block,
+    metres_per_unit,
+    fps,
+    y,
+    origin=(0.0, 0.0),
+    origin_m=(0.0, 0.0),
+    report=print,
+    **options,
+) -> pd.DataFrame:
+    """`import_tracks` of one file or several films, with its records made from flat names."""
+    paths = path if isinstance(path, list) else [path]
+    camera = PixelMap(metres_per_unit, origin, origin_m, up=1 if y == "up" else -1)
+    files = TrackedFiles(paths, kind, y)
+    return import_tracks(files, camera, fps, block, ImportOptions(**options), report=report)

@@ -125,7 +125,7 @@ def film(
     length = int(table["release"].isin(numbers).sum()) + FILM_REST_FRAMES * len(numbers)
     with Bars(progress).stage("filming", length, "frames") as bar:
         size_px, quality = film_format.size_px, options.faults.quality
-        write_film(out, bar.counted(shots), size_px, FILM_PLAYED_FPS, quality, truth=True)
+        write_film(out, bar.counted(shots), size_px, FILM_PLAYED_FPS, quality)
     setup = out.with_suffix(".yaml")
     first = table.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])
@@ -159,7 +159,7 @@ def import_files(
     `block`: name of the block; default: that of the first release. Raises InputError for invalid input.
     """
     from rock2d.kinematics.film_findings import write_film_findings
-    from rock2d_tracking.importing import CameraScale, import_tracks
+    from rock2d_tracking.importing import import_tracks
     from rock2d_tracking.tracked_film import check_sanity, findings_of, with_measured_noise
 
     setup = Setup(config)
@@ -169,10 +169,9 @@ def import_files(
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
-    camera = setup.keys.camera
-    (u, v), (x_m, y_m) = camera.origin_px, camera.origin_m
-    scale = CameraScale(setup.metres_per_pixel, setup.fps, (u, v), (x_m, y_m))
-    table = import_tracks(files, scale, setup.blocks[name], options, report=report)
+    (u, v), (x_m, y_m) = setup.keys.camera.origin_px, setup.keys.camera.origin_m
+    camera = PixelMap(setup.metres_per_pixel, (u, v), (x_m, y_m), up=1 if files.y == "up" else -1)
+    table = import_tracks(files, camera, setup.fps, setup.blocks[name], options, report=report)
     stated = Experiment(
         setup.keys.name, setup.keys.gravity_m_s2, setup.fps, setup.metres_per_pixel, np.deg2rad(1.0),
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,

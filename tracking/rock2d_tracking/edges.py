@@ -50,7 +50,6 @@ class EdgePoints(NamedTuple):
     points: Array
     normals: Array
     inner_px: float
-    perimeter_px: float
 
 
 class EdgeFit(NamedTuple):
@@ -83,7 +82,7 @@ def edge_points(outline: Outline) -> EdgePoints:
         points = np.column_stack([a * np.cos(turn), b * np.sin(turn)])
         normals = np.column_stack([np.cos(turn) / a, np.sin(turn) / b])
         normals /= np.hypot(*normals.T)[:, None]
-        return EdgePoints(points, normals, float(min(a, b)), float(perimeter))
+        return EdgePoints(points, normals, float(min(a, b)))
     corners = outline.corners_px
     ends = np.roll(corners, -1, axis=0)
     lengths = np.hypot(*(ends - corners).T)
@@ -95,12 +94,7 @@ def edge_points(outline: Outline) -> EdgePoints:
         share = np.linspace(CORNER_SHARE, 1 - CORNER_SHARE, n)[:, None]
         places.append(start + share * (end - start))
         outward.append(np.tile(normal, (n, 1)))
-    return EdgePoints(
-        np.concatenate(places),
-        np.concatenate(outward),
-        float(outline.edges[:, 2].min()),
-        float(lengths.sum()),
-    )
+    return EdgePoints(np.concatenate(places), np.concatenate(outward), float(outline.edges[:, 2].min()))
 
 
 def fit_edges(

@@ -10,7 +10,6 @@ from itertools import islice, pairwise
 import numpy as np
 
 from rock2d_tracking.background import Background
-from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import (
@@ -74,12 +73,12 @@ class Follower:
         self.mix = best_channel_mix(block_frames, still, radius)
         self.setup, self.motion = setup, motion
         self.background = Background([self.mix(s) for s in samples])
-        self.map: PixelMap = setup.pixel_map(size_px)
+        camera = setup.pixel_map(size_px)
         self.fall_px = setup.fall_px
-        visible = above_ground(setup.cross_section, self.map, size_px)
+        visible = above_ground(setup.cross_section, camera, size_px)
         self.fitter = Fitter(self.background, visible, setup.keys.detection.least_seen)
         self.looks = {
-            name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
+            name: plain_looks(outline_of(block, setup.metres_per_pixel, camera.up))
             for name, block in setup.blocks.items()
         }
         self._chain_blocks = self._blocks_of_chains()
@@ -195,7 +194,7 @@ class Follower:
         if self.looks[release.block].kind == "outline":
             for sight in release.seen:
                 if sight.confidence < TRUSTED_OVER_SEEN * self.setup.keys.detection.least_seen:
-                    sight.reason, sight.confidence = "half hidden", 0.0
+                    sight.reject("half hidden")
 
     def _distrust_shadow(self, release: FollowedRelease) -> None:
         """Reject a release that darkens the background like a shadow, unless its outline is sharp."""
@@ -203,7 +202,7 @@ class Follower:
             return
         if np.median([s.confidence for s in release.seen]) < SURE_FIT:
             for sight in release.seen:
-                sight.reason, sight.confidence = "like a shadow", 0.0
+                sight.reject("like a shadow")
 
     def _shadow_share(self, release: FollowedRelease) -> float:
         """Share of the candidates of a release that look like a shadow. Without arcs, the candidates at its places

@@ -32,10 +32,6 @@ def reject_gross_errors(release: FollowedRelease, fall_px: float) -> None:
     _reject_frames(release.seen, fall_px)  # the neighbours of rejected flights
 
 
-def _reject(sight: Sight, reason: str) -> None:
-    sight.reason, sight.confidence = reason, 0.0
-
-
 def _reject_background(seen: list[Sight]) -> None:
     """Reject frames whose outline contains much more background than usual."""
     covered = np.array([s.covered for s in seen])
@@ -44,7 +40,7 @@ def _reject_background(seen: list[Sight]) -> None:
     least = LEAST_COVERED * float(np.nanmedian(covered))
     for sight in seen:
         if sight.covered < least:
-            _reject(sight, "on the background")
+            sight.reject("on the background")
 
 
 def _reject_frames(seen: list[Sight], fall_px: float) -> None:
@@ -66,7 +62,7 @@ def _reject_frames(seen: list[Sight], fall_px: float) -> None:
         if misses and min(misses) > 1.0:
             odd.append(i)
     for i in odd:
-        _reject(seen[i], "jumps")
+        seen[i].reject("jumps")
 
 
 def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
@@ -97,7 +93,7 @@ def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
                 known = own
                 continue
             for sight in own:
-                _reject(sight, "jumps")
+                sight.reject("jumps")
     _reject_between(seen, flights, fall_px)
 
 
@@ -115,7 +111,7 @@ def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: floa
             place = _extrapolated(own, np.array([sight.when]), fall_px)[0]
             away.append(float(np.hypot(*(sight.pose[:2] - place))))
         if flights[beside[int(np.argmin(away))]][0].reason:
-            _reject(sight, "jumps")
+            sight.reject("jumps")
 
 
 def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float) -> bool:

@@ -9,7 +9,7 @@ played back).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,31 +35,14 @@ class TrackedFiles:
 
     Attributes
     ----------
-    paths : one entry for each film: its file, or several files that each hold some of its tracks; or a single file
+    paths : one for each film
     kind : one of `importer_names()`
     y : "up" or "down", where the files' y grows
     """
 
-    paths: str | Path | Iterable[str | Path | Sequence[str | Path]]
+    paths: Sequence[str | Path]
     kind: str
     y: str
-
-
-@dataclass(frozen=True)
-class CameraScale:
-    """The units of the files in the world.
-
-    Attributes
-    ----------
-    metres_per_unit : length in m of the files' unit (a pixel, or the unit that the program was calibrated in)
-    fps : true frame rate of the camera in 1/s; `t_s` is frame / fps, whatever times the files hold
-    origin, origin_m : a point in the files' units, and where it is in the world, in m
-    """
-
-    metres_per_unit: float
-    fps: float
-    origin: tuple[float, float] = (0.0, 0.0)
-    origin_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -74,7 +57,6 @@ class ImportOptions:
     file_fps : frames per unit of the files' time; needed, and used, only where a file has no frame numbers
     min_confidence : points below it were not seen; needed if the file states confidences (0 takes all)
     gap_frames : more lost frames in a row than this separate two releases; without it each film is one release
-    first_release : number of the first release
     """
 
     marks: Sequence[str] = ()
@@ -82,7 +64,6 @@ class ImportOptions:
     file_fps: float | None = None
     min_confidence: float | None = None
     gap_frames: int | None = None
-    first_release: int = 0
 
 
 def read_points(path: str | Path, kind: str) -> Points:
@@ -106,13 +87,17 @@ def read_points(path: str | Path, kind: str) -> Points:
 
 def import_tracks(
     files: TrackedFiles,
-    scale: CameraScale,
+    camera: PixelMap,
+    fps: float,
     block: Block,
     options: ImportOptions = ImportOptions(),
     *,
     report: Callable[[str], Any] = print,
 ) -> pd.DataFrame:
     """Trajectories of what was tracked in one or several films of releases of `block`.
+
+    camera : map of the files' unit of length (a pixel, or the unit that the program was calibrated in), up as `files.y`
+    fps : true frame rate of the camera in 1/s; `t_s` is frame / fps, whatever times the files hold
 
     Returns rows of `TRAJECTORY_COLUMNS`. A frame that lacks one of the points is a missing row. One mark alone shows no
     orientation: for a circle `theta_rad` is then NaN throughout, and `report` gets a remark about it. Any other block
@@ -122,71 +107,51 @@ def import_tracks(
     """
     import pandas as pd
 
-    _check(files, scale, options)
-    up = 1 if files.y == "up" else -1
-    world = PixelMap(scale.metres_per_unit, scale.origin, scale.origin_m, up=up)
-    films = [files.paths] if isinstance(files.paths, (str, Path)) else list(files.paths)
-    if not films or not all(films):
-        raise InputError("expected at least one file to import")
+    if options.file_fps is not None and not 0 < options.file_fps <= LARGEST:
+        raise InputError(f"file_fps: expected a positive number, found {shown(options.file_fps)}")
+    if len(options.marks) > 2:
+        raise InputError("marks: expected one or two; name points that show only the centroid in centroid")
     parts: list[pd.DataFrame] = []
     without_spin = False
-    for film in films:
-        paths = [film] if isinstance(film, (str, Path)) else film
-        points = [read_points(path, files.kind) for path in paths]
-        for own in points:
-            if own.y and own.y != files.y:
-                raise InputError(f"y grows {own.y}wards in this format: state y {own.y}", own.path, own.line)
-            if own.said:
-                report(own.said)
+    for path in files.paths:
+        points = read_points(path, files.kind)
+        if points.y and points.y != files.y:
+            raise InputError(
+                f"y grows {points.y}wards in this format: state y {points.y}", points.path, points.line
+            )
+        if points.said:
+            report(points.said)
         tracks = _tracks(points, options)
-        frame, x_y_m, theta_rad = _motion(tracks, world, block, options)
+        frame, x_y_m, theta_rad = _motion(tracks, camera, block, options)
         if theta_rad is None:
             without_spin, theta_rad = True, np.full(len(frame), np.nan)
         longest_gap = math.inf if options.gap_frames is None else options.gap_frames
         splits = np.flatnonzero(np.diff(frame) - 1 > longest_gap) + 1
         for rows in np.split(np.arange(len(frame)), splits):
-            release = options.first_release + len(parts)
-            columns = (release, block.name, frame[rows] / scale.fps, *x_y_m[rows].T, theta_rad[rows])
+            columns = (len(parts), block.name, frame[rows] / fps, *x_y_m[rows].T, theta_rad[rows])
             parts.append(pd.DataFrame(dict(zip(TRAJECTORY_COLUMNS, columns, strict=True))))
     if without_spin:
         report(f"{block.name}: one mark shows no orientation; theta_rad stays empty and the spin is unknown")
     return pd.concat(parts, ignore_index=True)
 
 
-def _check(files: TrackedFiles, scale: CameraScale, options: ImportOptions) -> None:
-    """Raises `InputError` for statements that cannot be right."""
-    stated = {
-        "metres_per_unit": scale.metres_per_unit, "fps": scale.fps, "file_fps": options.file_fps,
-    }  # fmt: skip
-    for name, value in stated.items():
-        if value is not None and not 0 < value <= LARGEST:
-            raise InputError(f"{name}: expected a positive number, found {shown(value)}")
-    if len(options.marks) > 2:
-        raise InputError("marks: expected one or two; name points that show only the centroid in centroid")
-    if files.y not in ("up", "down"):
-        raise InputError(f"y: expected up or down (where the files' y grows), found {shown(files.y)}")
-
-
-def _tracks(points: list[Points], options: ImportOptions) -> dict[str, Points]:
+def _tracks(points: Points, options: ImportOptions) -> dict[str, Points]:
     """The points of each track of a film, by frame number."""
-    tracks: dict[str, Points] = {}
-    for part in points:
-        table = part.table.assign(frame=_frames(part, options.file_fps))
-        twice = table.duplicated(["track", "frame"])
-        if twice.any():
-            row = table[twice].iloc[0]
-            message = f"track {shown(row['track'])} has a second point in frame {row['frame']}"
-            raise InputError(message, part.path, int(row["line"]))
-        if "confidence" in table:
-            if options.min_confidence is None:
-                message = "the file states confidences: give min_confidence, below which a point was not seen"
-                raise InputError(message, part.path, part.line)
-            table = table[table["confidence"] >= options.min_confidence]
-        for name in dict.fromkeys(part.table["track"]):
-            if name in tracks:
-                raise InputError(f"track {shown(name)} is also in {tracks[name].path}", part.path, part.line)
-            tracks[name] = Points(part.path, part.line, table[table["track"] == name].set_index("frame"))
-    return tracks
+    table = points.table.assign(frame=_frames(points, options.file_fps))
+    twice = table.duplicated(["track", "frame"])
+    if twice.any():
+        row = table[twice].iloc[0]
+        message = f"track {shown(row['track'])} has a second point in frame {row['frame']}"
+        raise InputError(message, points.path, int(row["line"]))
+    if "confidence" in table:
+        if options.min_confidence is None:
+            message = "the file states confidences: give min_confidence, below which a point was not seen"
+            raise InputError(message, points.path, points.line)
+        table = table[table["confidence"] >= options.min_confidence]
+    return {
+        name: Points(points.path, points.line, table[table["track"] == name].set_index("frame"))
+        for name in dict.fromkeys(points.table["track"])
+    }
 
 
 def _frames(points: Points, file_fps: float | None) -> pd.Series:

@@ -65,6 +65,10 @@ class Sight:
     def __post_init__(self) -> None:
         self.when = float(self.frame)
 
+    def reject(self, reason: str) -> None:
+        """Distrust the frame, which keeps its pose."""
+        self.reason, self.confidence = reason, 0.0
+
 
 @dataclass
 class FollowedRelease:

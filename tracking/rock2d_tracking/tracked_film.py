@@ -143,7 +143,7 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
         limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * release.radius_px)
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
-                sight.reason, sight.confidence = "unsure", 0.0
+                sight.reject("unsure")
     return [release for release in kept if _moves(release, fall_px)]
 
 

@@ -155,13 +155,11 @@ def write_film(
     size_px: tuple[int, int],
     fps_video: float,
     quality: int | None = None,
-    *,
-    truth: bool = False,
 ) -> Path:
     """Write a film as AVI and return its path: Motion JPEG of `quality` 1 to 100, or lossless FFV1 if None.
 
-    With `truth`, also write a CSV of `TRUTH_COLUMNS` with the same name: one row for each picture in the order of the
-    film, with empty cells if no block is in the picture. Motion JPEG stores `fps_video` as a whole number.
+    Its truth is a CSV of `TRUTH_COLUMNS` with the same name: one row for each picture in the order of the film, with
+    empty cells if no block is in the picture. Motion JPEG stores `fps_video` as a whole number.
 
     Both files are written completely or not at all. Raises InputError if the suffix is not .avi, the size is odd or not
     that of the shots, there are no shots, or this OpenCV lacks the codec.
@@ -175,12 +173,10 @@ def write_film(
         raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
     with ExitStack() as stack:  # closes the files before they are renamed
         part = stack.enter_context(atomic_file(path))
-        table = None
-        if truth:
-            part_truth = stack.enter_context(atomic_file(path.with_suffix(".csv")))
-            file = stack.enter_context(part_truth.open("w", encoding="utf-8", newline=""))
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(TRUTH_COLUMNS)
+        part_truth = stack.enter_context(atomic_file(path.with_suffix(".csv")))
+        file = stack.enter_context(part_truth.open("w", encoding="utf-8", newline=""))
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(TRUTH_COLUMNS)
         writer = _writer(part, fps_video, size_px, quality)
         stack.callback(writer.release)
         if not writer.isOpened():
@@ -194,9 +190,8 @@ def write_film(
             # OpenCV's Motion JPEG garbles grey pictures
             writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
             pictures += 1
-            if table is not None:
-                pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
-                table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
+            pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
+            table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
         writer.release()
         if not pictures:
             raise InputError(f"{path}: nothing could be written")

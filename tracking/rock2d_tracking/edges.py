@@ -59,17 +59,14 @@ class EdgeFit(NamedTuple):
     ----------
     pose : (3,) u, v in px and angle in rad
     error : (3,) standard errors
-    size, size_error : factor on the outline, and its standard error (infinite if it was not fitted)
+    size : factor on the outline
     seen : share of the outline with contrast whose edge was found on the outline
-    contrast : median contrast of the edge, in grey levels
     """
 
     pose: Array
     error: Array
     size: float
-    size_error: float
     seen: float
-    contrast: float
 
 
 def edge_points(outline: Outline) -> EdgePoints:
@@ -114,7 +111,6 @@ def fit_edges(
     """
     p = np.array([start[0], start[1], start[2], 1.0])
     free = np.array([True, True, not symmetric, free_size])
-    scatter, seen, contrast = 1.0, 0.0, 0.0
     reach = float(np.hypot(*edge.points.T).max())
     for round_ in range(WIDE_ROUNDS + NARROW_ROUNDS):
         wide = round_ < WIDE_ROUNDS
@@ -151,7 +147,6 @@ def fit_edges(
         strong = strength > STRONG
         # where the block has the colour of the background, its edge is unknown
         seen = float((strong & near).sum() / max(strong.sum(), ENOUGH_STRONG * len(strong)))
-        contrast = float(np.median(strength))
         if not wide and length < 0.01 and abs(full[3]) * reach < 0.01 and round_ > WIDE_ROUNDS:
             break
     errors = np.full(4, np.inf)
@@ -160,7 +155,7 @@ def fit_edges(
         return None
     if symmetric:
         errors[2] = np.nan
-    return EdgeFit(p[:3], errors[:3], float(p[3]), float(errors[3]), seen, contrast)
+    return EdgeFit(p[:3], errors[:3], float(p[3]), seen)
 
 
 def _errors(columns: Array, weight: Array, left: Array) -> Array:

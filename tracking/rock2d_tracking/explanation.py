@@ -18,6 +18,7 @@ from rock2d_tracking.arcs import Arc, mean_bend
 from rock2d_tracking.film_scale import Proposal, proposal
 from rock2d_tracking.following import Follower
 from rock2d_tracking.motion import Motion
+from rock2d_tracking.overlay import put_text, reduced, reduced_size
 
 Array = np.ndarray
 
@@ -178,10 +179,8 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
         for number, frame in enumerate(film):
             if number % stride or number >= len(motion.candidates):
                 continue
-            scale = min(1.0, WIDTH_PX / frame.shape[1])
-            size = (int(frame.shape[1] * scale) // 2 * 2, int(frame.shape[0] * scale) // 2 * 2)
-            picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-            picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+            scale, size = reduced_size((frame.shape[1], frame.shape[0]), WIDTH_PX)
+            picture = reduced(frame, size)
             if still is None:
                 writer = stack.enter_context(VideoWriter(folder / "candidates.webm", PLAYED_FPS, size))
                 still = picture.copy()
@@ -193,17 +192,9 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
             chain = motion.chain_at(number)
             place = chain.at(number) if chain is not None else None
             if place is not None:
-                cv2.drawMarker(
-                    picture,
-                    (int(place[0] * scale), int(place[1] * scale)),
-                    BLOCK_BGR,
-                    cv2.MARKER_CROSS,
-                    14,
-                    1,
-                )
-            cv2.putText(
-                picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA
-            )
+                at = (place * scale).astype(int).tolist()
+                cv2.drawMarker(picture, at, BLOCK_BGR, cv2.MARKER_CROSS, 14, 1)
+            put_text(picture, f"frame {number}", (8, 18), 0.45)
             writer.write(picture)
     if still is not None:
         cv2.imwrite(str(folder / "candidates.png"), still)

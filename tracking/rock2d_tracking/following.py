@@ -340,12 +340,11 @@ class Follower:
 
     def _with_angle_of_marks(self, frame: Array, sight: Sight, near: float, outline: Outline) -> Sight:
         contrast = max(self.fitter.contrast, 1.0)
-        found = self._marks.angle(
-            frame, self.fitter.visible, (sight.pose[0], sight.pose[1]), outline.reach_px, near, contrast
-        )
-        if found is None:
+        centre_px = (sight.pose[0], sight.pose[1])
+        angle = self._marks.angle(frame, self.fitter.visible, centre_px, outline.reach_px, near, contrast)
+        if angle is None:
             return lost_sight(sight.frame, "marks not recognised")
-        sight.pose[2] = found[0]
+        sight.pose[2] = angle
         sight.error[2] = 1.0 / outline.reach_px * sight.error[0]
         return sight
 

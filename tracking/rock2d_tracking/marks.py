@@ -21,9 +21,9 @@ class Marks:
         self._reference: Array | None = None  # harmonics (rings, HIGHEST_HARMONIC) of the picture at angle 0
 
     def angle(self, frame: Array, counts: Array, centre_px: tuple[float, float], radius_px: float, near_rad: float,
-              contrast: float) -> tuple[float, float] | None:  # fmt: skip
-        """(angle in rad from u toward v, correlation) of a block, the angle nearest to `near_rad`; None if the marks
-        cannot be recognised.
+              contrast: float) -> float | None:  # fmt: skip
+        """Angle of a block in rad from u toward v, the one nearest to `near_rad`; None if the marks cannot be
+        recognised.
 
         The angle of the first picture is `near_rad` by definition. Where `counts` (height, width) is 0 soil may hide
         the block.
@@ -40,7 +40,7 @@ class Marks:
         order = np.arange(1, HIGHEST_HARMONIC + 1)
         if self._reference is None:
             self._reference = waves * np.exp(1j * order * near_rad)
-            return near_rad, 1.0
+            return near_rad
         together = (waves * np.conj(self._reference)).sum(axis=0)
         size = np.sqrt((np.abs(waves) ** 2).sum() * (np.abs(self._reference) ** 2).sum())
         # correlation as a function of the turn, on a fine grid, then the top of a parabola
@@ -61,7 +61,7 @@ class Marks:
             self._reference = (1 - REFERENCE_UPDATE) * self._reference + REFERENCE_UPDATE * waves * np.exp(
                 1j * order * angle
             )
-        return float(angle), float(top)
+        return float(angle)
 
     def _rings(self, frame: Array, centre_px: tuple[float, float], radius_px: float) -> Array | None:
         """(rings, RING_SAMPLES) grey values, None where the block leaves the picture."""

@@ -24,8 +24,7 @@ class Overlay:
     """Writes a WebM frame by frame, until `close`."""
 
     def __init__(self, path: Path, setup: Setup, size_px: tuple[int, int], expected_frames: int) -> None:
-        self._scale = min(1.0, OVERLAY_WIDTH_PX / size_px[0])
-        self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
+        self._scale, self._size = reduced_size(size_px, OVERLAY_WIDTH_PX)
         self._stride = max(1, -(-expected_frames // OVERLAY_FRAMES))
         self._writer = VideoWriter(path, OVERLAY_FPS, self._size)
         up = setup.pixel_map(size_px).up
@@ -36,12 +35,9 @@ class Overlay:
 
     def draw(self, number: int, frame: Array, release: FollowedRelease | None) -> None:
         """Draw one frame and what is followed in it."""
-        import cv2
-
         if number % self._stride:
             return
-        picture = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
-        picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        picture = reduced(frame, self._size)
         if release is not None and release.last_seen(1):
             seen = release.last_seen(TRAIL_FRAMES)
             trail = np.array([s.pose[:2] for s in seen])
@@ -52,19 +48,8 @@ class Overlay:
             corners = self._shapes[release.block] @ np.array([[c, s], [-s, c]]) + shown.pose[:2]
             self._line(picture, corners, LOST_BGR if last.reason else SEEN_BGR, True)
             text = f"{release.block} {last.reason or f'{100 * last.confidence:.0f} %'}"
-            cv2.putText(
-                picture, text, (10, 44), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA
-            )
-        cv2.putText(
-            picture,
-            f"frame {number}",
-            (10, 22),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.5,
-            (255, 255, 255),
-            1,
-            cv2.LINE_AA,
-        )
+            put_text(picture, text, (10, 44), 0.5)
+        put_text(picture, f"frame {number}", (10, 22), 0.5)
         self._writer.write(picture)
 
     def _line(self, picture: Array, points: Array, colour: tuple[int, int, int], closed: bool) -> None:
@@ -77,3 +62,24 @@ class Overlay:
     def close(self) -> None:
         """Close the video; OSError if it is not whole."""
         self._writer.close()
+
+
+def reduced_size(size_px: tuple[int, int], width_px: int) -> tuple[float, tuple[int, int]]:
+    """Scale and size of pictures that are at most `width_px` wide, even for a video."""
+    scale = min(1.0, width_px / size_px[0])
+    return scale, (int(size_px[0] * scale) // 2 * 2, int(size_px[1] * scale) // 2 * 2)
+
+
+def reduced(frame: Array, size_px: tuple[int, int]) -> Array:
+    """(height, width, 3) uint8."""
+    import cv2
+
+    picture = np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA))
+    return picture if picture.ndim == 3 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))
+
+
+def put_text(picture: Array, text: str, at: tuple[int, int], scale: float) -> None:
+    """Write white text into a picture; `at`: its lower left corner."""
+    import cv2
+
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA)

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.files.scenario_keys import ContactKeys
+
 Array = np.ndarray
 
 PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
@@ -90,13 +92,13 @@ class FittedModel(NamedTuple):
     Attributes
     ----------
     name : name in tables
-    soil : parameters of the contact law
+    soil : parameters of the contact law, as a scenario gives them
     effects : effect -> parameter -> value; empty for the paper's law
     p : its probability among the alternatives
     """
 
     name: str
-    soil: Mapping[str, float | bool]
+    soil: ContactKeys
     effects: Mapping[str, Mapping[str, FittedValue]]
     p: float = 1.0
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from rock2d.files.diagnosis import NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import DiagnosisFile
 from rock2d.files.fitted_keys import FittedLaw, FittedParameter
 from rock2d.files.folders import OutsideFolderError, path_inside
+from rock2d.files.scenario_keys import ContactKeys
 
 if TYPE_CHECKING:
     from rock2d.effects.effect import Parameter
@@ -86,7 +87,7 @@ class _Reader:
     def __init__(self, keys: DiagnosisFile) -> None:
         self.keys = keys
 
-    def alternatives(self, soil: Mapping[str, Any]) -> tuple[FittedModel, ...]:
+    def alternatives(self, soil: ContactKeys) -> tuple[FittedModel, ...]:
         """The models that are possible by the verdict: one for each effect of a group, else one."""
         keys = self.keys
         if any(cause.p >= LEAST_INCLUSION for cause in keys.causes):
@@ -107,13 +108,13 @@ class _Reader:
             return (FittedModel("after", self.soil(last.base), effects),)
         return (self._one_effect(keys.verdict, soil, "after"),)
 
-    def _one_effect(self, name: str, soil: Mapping[str, Any], model_name: str) -> FittedModel:
+    def _one_effect(self, name: str, soil: ContactKeys, model_name: str) -> FittedModel:
         """One effect with the soil that was fitted together with it."""
         effect = self.keys.effects[name]
         base = self.soil(effect.base) if effect.base else soil
         return FittedModel(model_name, base, {name: self._values(name, effect.parameters)})
 
-    def _causes(self, soil: Mapping[str, Any]) -> FittedModel:
+    def _causes(self, soil: ContactKeys) -> FittedModel:
         """All causes that are more likely than not (schema 2), with the soil that was fitted together with them."""
         effects = {
             cause.effect: self._values(cause.effect, cause.parameters)
@@ -127,8 +128,9 @@ class _Reader:
         base = joint[0].base if joint else alone.base if alone else None
         return FittedModel("after", self.soil(base) if base else soil, effects)
 
-    def soil(self, law: FittedLaw) -> dict[str, float | bool]:
-        return {**law.model_dump(), "rolling_in_indentation": self.keys.law.rolling_in_indentation}
+    def soil(self, law: FittedLaw) -> ContactKeys:
+        switch = self.keys.law.rolling_in_indentation
+        return ContactKeys(**law.model_dump(), rolling_in_indentation=switch)
 
     def _values(self, effect: str, given: Mapping[str, FittedParameter]) -> dict[str, FittedValue]:
         from rock2d.effects import catalogue

@@ -6,9 +6,11 @@ With them each release has its own draws, which do not depend on the number of r
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,14 +49,14 @@ class Condition(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the law of the engine; or, with the effects of a diagnosis, rows
-        (zones, columns) of the contact law
+    parameters : rows (zones, columns) of the contact law, with columns of effects if any act; of the engine
+        point_mass: zone name, or default -> parameters of the rebound law
     drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value
     """
 
     block: Block
     cross_section: CrossSection
-    parameters: Mapping[str, Any] | Array
+    parameters: Any
     drawn: Mapping[str, float]
 
 
@@ -141,21 +143,28 @@ class Conditions:
     def group(self, block: int, first: int, stop: int) -> Group:
         """Releases first .. stop - 1 of the block with index `block`; first < stop. Fewer if fewer were filmed."""
         if self.scenario.experiment is not None:
-            return self._measured_group(block, first, stop)
+            own = [pair for pair in self.measured(stop) if pair[0].block == self.blocks[block].name][first:]
+            conditions = [each for _, each in own] if self.vary and own else [self.common[block]]
+            states = np.array([start.state for start, _ in own]).reshape(-1, N_STATE)
+            return Group(block, states, np.array([start.seed for start, _ in own], np.uint64), conditions)
         conditions = self.of_releases(block, first, stop)
         states = self._states(conditions, block, first, stop)
         return Group(block, states, drawn_seeds(self.seed, block, first, stop), conditions)
 
-    def _measured_group(self, block: int, first: int, stop: int) -> Group:
-        measured = measured_states(self.scenario, self.seed, stop)
-        own = [start for start in measured if start.block == self.blocks[block].name][first:]
-        conditions = self.of_releases(block, first, first + max(len(own), 1))
-        each = conditions if len(conditions) == len(own) else conditions[:1] * len(own)
-        states = [
-            centre_of_mass_states(c.block, start.state[None]) for c, start in zip(each, own, strict=True)
-        ]
-        seeds = np.array([start.seed for start in own], np.uint64)
-        return Group(block, np.concatenate([np.empty((0, N_STATE)), *states]), seeds, conditions)
+    def measured(self, releases: int | None = None) -> list[tuple[IncidentState, Condition]]:
+        """Start and condition of the first `releases` filmed releases of each block, in the order of the film."""
+        measured = measured_states(self.scenario, self.seed, releases)
+        counts = Counter(start.block for start in measured)
+        conditions = {
+            block.name: cycle(self.of_releases(b, 0, counts[block.name] or 1))
+            for b, block in enumerate(self.blocks)
+        }
+        found = []
+        for start in measured:
+            condition = next(conditions[start.block])
+            state = centre_of_mass_states(condition.block, start.state[None])[0]
+            found.append((replace(start, state=state), condition))
+        return found
 
     def of_releases(self, block: int, first: int, stop: int) -> list[Condition]:
         """Conditions of releases first .. stop - 1 of a block; a single one if it is the same for all.
@@ -191,17 +200,16 @@ class Conditions:
     @cached_property
     def common(self) -> list[Condition]:
         """Condition of each block, without draws."""
-        parameters = engine_named(self.engine).parameters
-        pairs = [self._with_effects(b, parameters(self.scenario, b)) for b in self.blocks]
+        pairs = [self._with_effects(self.scenario, block) for block in self.blocks]
         return [Condition(block, self.cross_section, of_block, {}) for block, of_block in pairs]
 
     @cached_property
     def _causes(self) -> Causes | None:
         return causes_of(self.scenario)
 
-    def _with_effects(
-        self, block: Block, parameters: Mapping[str, Any]
-    ) -> tuple[Block, Mapping[str, Any] | Array]:
+    def _with_effects(self, scenario: Scenario, block: Block) -> tuple[Block, Any]:
+        """A block and its parameters, with the effects of the diagnosis."""
+        parameters = engine_named(self.engine).parameters(scenario, block, self.cross_section.zone_names)
         return (block, parameters) if self._causes is None else self._causes.applied(block, parameters)
 
     @cached_property
@@ -268,14 +276,12 @@ class Conditions:
             if path[0] != "blocks" or path[1] == name
         }
 
-    def _with_values(
-        self, block: Block, values: Mapping[str, float], release: int
-    ) -> tuple[Block, Mapping[str, Any] | Array]:
+    def _with_values(self, block: Block, values: Mapping[str, float], release: int) -> tuple[Block, Any]:
         try:
             changed = with_numbers(self.scenario, values)
             if changed.blocks and block.name in changed.blocks:
                 block = changed.blocks[block.name].make(block.name)
-            return self._with_effects(block, engine_named(self.engine).parameters(changed, block))
+            return self._with_effects(changed, block)
         except InputError as error:
             drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
             message = f"{error.message}; in release {release} of block {block.name} with {drawn}"
@@ -370,23 +376,9 @@ def starts(conditions: Conditions, releases: int | None = None) -> list[tuple[In
 
     Raises InputError if drawn values make no sense.
     """
-    scenario, seed = conditions.scenario, conditions.seed
-    if scenario.experiment is not None:
-        measured = measured_states(scenario, seed, releases)
-        of_block = {
-            block.name: conditions.of_releases(b, 0, len(measured))
-            for b, block in enumerate(conditions.blocks)
-        }
-        counts = dict.fromkeys(of_block, -1)
-        found = []
-        for start in measured:
-            counts[start.block] += 1
-            own = of_block[start.block]
-            condition = own[min(counts[start.block], len(own) - 1)]
-            state = centre_of_mass_states(condition.block, start.state[None])[0]
-            found.append((replace(start, state=state), condition))
-        return found
-    count = releases or scenario.releases
+    if conditions.scenario.experiment is not None:
+        return conditions.measured(releases)
+    count = releases or conditions.scenario.releases
     found = []
     for b, block in enumerate(conditions.blocks):
         group = conditions.group(b, 0, count)

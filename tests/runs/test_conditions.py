@@ -11,6 +11,7 @@ from scipy import stats
 import rock2d
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.laws.contact import K_UL
 from rock2d.runs.campaigns.campaign import CampaignOptions, run_campaign
 from rock2d.runs.conditions import Conditions, starts
 from tests.scenarios_of_tests import ONE_BALL, SLOPE, scenario_file
@@ -66,7 +67,7 @@ def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
 
 def test_drawn_stiffness_follows_its_distribution(tmp_path):
     conditions = Conditions(site(tmp_path, STIFFNESS), "batch", 3)
-    k_ul = np.array([met.parameters["default"].k_ul_N_m for met in conditions.of_releases(0, 0, 3000)])
+    k_ul = np.array([met.parameters[0, K_UL] for met in conditions.of_releases(0, 0, 3000)])
     sigma = np.sqrt(np.log1p(0.3**2))
     assert stats.kstest(np.log(k_ul / 2.4e7) / sigma, "norm").pvalue > 0.01
 

@@ -63,15 +63,6 @@ class Checked(BaseModel):
         return data
 
 
-def json_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a file whose keys `model` describes."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **model.model_json_schema(),
-        "title": title,
-    }
-
-
 class Table(Checked):
     """A mapping from names to values. It must contain the name `default`; every other name is free."""
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, model_validator
 
 from rock2d.errors import InputError, counted, listed
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
@@ -94,11 +94,6 @@ class ExperimentKeys(Checked):
                 "give trajectories or impacts, not both", "impacts", at="key", code="duplicate", key="impacts"
             )
         return self
-
-
-def experiment_json_schema() -> dict[str, Any]:
-    """JSON Schema of `experiment.yaml`: every key with its description and unit."""
-    return json_schema(ExperimentKeys, "rock2d experiment")
 
 
 @dataclass(repr=False)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown
 from rock2d.files.experiment import FromGravity
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
 from rock2d.files.text_files import read_text
@@ -128,11 +128,6 @@ class SetupKeys(Checked):
             if name not in self.blocks:
                 raise mistake(f"no block {name!r}{did_you_mean(name, self.blocks)}", "releases", i)
         return self
-
-
-def setup_json_schema() -> dict[str, Any]:
-    """JSON Schema of `setup.yaml`: every key with its description and unit."""
-    return json_schema(SetupKeys, "rock2d set-up file")
 
 
 class Setup:

@@ -38,14 +38,14 @@ class _Given(NamedTuple):
     own: Mapping[str, Any]
     rest: tuple[Any, ...]
 
-    def parameters(self, kind: Any, zone: str) -> dict[str, Any]:
-        """The fields of `kind` that are given in a zone; later places take precedence."""
+    def value(self, zone: str, name: str) -> Any:
+        """A parameter in a zone, from the first place that gives it; None if none does."""
         places = (
-            *self.rest, self.soils.get("default"), self.numbers.get("default"), self.soils.get(zone),
-            self.numbers.get(zone), self.own.get("default"), self.own.get(zone),
+            self.own.get(zone), self.own.get("default"), self.numbers.get(zone), self.soils.get(zone),
+            self.numbers.get("default"), self.soils.get("default"), *self.rest,
         )  # fmt: skip
-        given = ((field.name, getattr(place, field.name, None)) for place in places for field in fields(kind))
-        return {name: value for name, value in given if value is not None}
+        values = (getattr(place, name, None) for place in places)
+        return next((value for value in values if value is not None), None)
 
 
 def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactParameters]:
@@ -59,7 +59,7 @@ def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactPar
         raise scenario.error(message, "model", code="missing_key", key="deterministic")
     numbers = model.deterministic.named() if model.deterministic is not None else {}
     switches = ContactKeys(rolling_cap=False, rolling_in_indentation=False)
-    rest = (switches,) if diagnosed is None else (switches, diagnosed.model.soil)
+    rest = (switches,) if diagnosed is None else (diagnosed.model.soil, switches)
     given = _Given(_soils(scenario, soil_contact, block), numbers, {}, rest)
     return _by_zone(scenario, ContactParameters, given, "deterministic")
 
@@ -94,8 +94,9 @@ def _soil(given: str | SoilKeys) -> SoilClass:
 
 def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str) -> dict[str, Any]:
     """Parameters of class `kind`. "default" may be missing if every zone has its own soil class or numbers."""
+    names = [field.name for field in fields(kind)]
     zones = list(dict.fromkeys(("default", *given.numbers, *given.own, *given.soils)))
-    complete = len(given.parameters(kind, "default")) == len(fields(kind))
+    complete = all(given.value("default", name) is not None for name in names)
     if given.soils and "default" not in given.soils and not complete:
         for zone in scenario.make_cross_section().zone_names:
             if zone not in zones:
@@ -104,13 +105,13 @@ def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str
         zones.remove("default")
     out = {}
     for zone in zones:
-        of = block if zone in given.own else ("default",) * len(block)
-        values, path = given.parameters(kind, zone), ("model", law, *of, zone)
-        for name in (each.name for each in fields(kind) if each.name not in values):
-            message = f"{name} is given neither here nor under default"
-            raise scenario.error(message, *path, at="key", code="missing_key", key=name)
+        path = ("model", law, *(block if zone in given.own else ("default",) * len(block)), zone)
+        for name in names:
+            if given.value(zone, name) is None:
+                message = f"{name} is given neither here nor under default"
+                raise scenario.error(message, *path, at="key", code="missing_key", key=name)
         try:
-            out[zone] = kind(**values)
+            out[zone] = kind(*(given.value(zone, name) for name in names))
         except ParameterError as error:
             raise scenario.error(
                 error.message, *path, error.key, code="bad_parameter", key=error.key

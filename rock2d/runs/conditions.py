@@ -22,6 +22,7 @@ from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
+from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import N_STATE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.found_causes import Causes, causes_of, centre_of_mass_states
@@ -209,8 +210,12 @@ class Conditions:
 
     def _with_effects(self, scenario: Scenario, block: Block) -> tuple[Block, Any]:
         """A block and its parameters, with the effects of the diagnosis."""
-        parameters = engine_named(self.engine).parameters(scenario, block, self.cross_section.zone_names)
-        return (block, parameters) if self._causes is None else self._causes.applied(block, parameters)
+        engine = engine_named(self.engine)
+        laws = engine.parameters(scenario, block)
+        if engine.law != "deterministic":
+            return block, laws
+        rows = parameter_table(laws, self.cross_section.zone_names)
+        return (block, rows) if self._causes is None else self._causes.applied(block, rows)
 
     @cached_property
     def _roughness(self) -> dict[str, Roughness]:

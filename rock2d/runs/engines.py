@@ -53,13 +53,10 @@ class Engine:
     one_thread_per_chunk: bool = False
     writing_work: float = 15.0
 
-    def parameters(self, scenario: Scenario, block: Block, zone_names: tuple[str, ...]) -> Any:
-        """Parameters of its law, see `conditions.Condition`."""
-        if self.law == "probabilistic":
-            return scenario.rebound_parameters(block)
-        from rock2d.laws.contact import parameter_table
-
-        return parameter_table(scenario.contact_parameters(block), zone_names)
+    def parameters(self, scenario: Scenario, block: Block) -> Mapping[str, Any]:
+        """Zone name, or default -> parameters of its law."""
+        deterministic = self.law == "deterministic"
+        return (scenario.contact_parameters if deterministic else scenario.rebound_parameters)(block)
 
 
 def engine_named(name: str) -> Engine:

@@ -103,9 +103,9 @@ def _tracks(
     one_process = min(workers, len(releases) - 1) <= 1 or not ENGINES[shared[0]].many_processes
     here = len(releases) if one_process else 1
     with _interrupts_between_releases() as check:
-        for k, release in enumerate(releases[:here]):
+        for k, (start, condition, limit_s) in enumerate(releases[:here]):
             check()
-            yield k, _track(*shared, *release)
+            yield k, _track(*shared, start, condition, limit_s)
         check()
     with closing(as_finished(_track, releases[here:], workers, shared)) as others:
         for k, track in others:

@@ -262,26 +262,24 @@ def _refuse_crossing(points: Array) -> None:
 def embankment_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of all embankments, see `CrossSection.embankments`. All False on a floor or a plain
     slope."""
-    found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[bank.left : bank.right] = True
-    return found
+    return _facets(cross_section, [slice(bank.left, bank.right) for bank in cross_section.embankments])
 
 
 def facing_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of the facings of all embankments, that is their left flanks. All False on a floor or a
     plain slope."""
-    found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[bank.left : bank.crest] = True
-    return found
+    return _facets(cross_section, [slice(bank.left, bank.crest) for bank in cross_section.embankments])
 
 
 def ditch_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of all ditches, see `ditch_before`."""
+    return _facets(cross_section, [ditch_before(cross_section, bank) for bank in cross_section.embankments])
+
+
+def _facets(cross_section: CrossSection, parts: Sequence[slice]) -> Array:
     found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[ditch_before(cross_section, bank)] = True
+    for part in parts:
+        found[part] = True
     return found
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
-from rock2d.errors import InputError
+from rock2d.errors import InputError, require
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
@@ -215,14 +215,7 @@ def _check_campaign(
         raise InputError(
             "only crossings are kept, but the cross-section has no measure lines", code="wrong_kind"
         )
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}",
-            code="missing_package",
-            package="pyarrow",
-        ) from None
+    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}")
 
 
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:

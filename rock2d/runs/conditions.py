@@ -25,7 +25,7 @@ from rock2d.files.scenario_variants import with_numbers
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import N_STATE
 from rock2d.runs.engines import engine_named
-from rock2d.runs.found_causes import Causes, causes_of, centre_of_mass_states
+from rock2d.runs.found_causes import Causes, centre_of_mass_states
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
@@ -206,7 +206,8 @@ class Conditions:
 
     @cached_property
     def _causes(self) -> Causes | None:
-        return causes_of(self.scenario)
+        diagnosed = self.scenario.diagnosed
+        return None if diagnosed is None else Causes.of(diagnosed.model, self.scenario)
 
     def _with_effects(self, scenario: Scenario, block: Block) -> tuple[Block, Any]:
         """A block and its parameters, with the effects of the diagnosis."""

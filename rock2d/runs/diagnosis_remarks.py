@@ -54,12 +54,11 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
             f"warning: this run is without the changes learnt from the film: {diagnosed.learnt}. They hold for the "
             "set-up of the film only; `rock2d predict` uses them there"
         )
-    blocks, ground = scenario.make_blocks(), scenario.make_cross_section()
     for model in diagnosed.alternatives:
-        causes = Causes(model, blocks, ground, scenario.gravity_m_s2)
+        causes = Causes.of(model, scenario)
         remarks += [_effect_remark(name, causes) for name in model.effects]
     remarks += _interval_remarks(scenario, diagnosed)
-    return remarks + _scale_remarks(diagnosed, blocks)
+    return remarks + _scale_remarks(diagnosed, scenario.make_blocks())
 
 
 def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:

@@ -46,6 +46,11 @@ class Causes:
     cross_section: CrossSection
     gravity_m_s2: float
 
+    @classmethod
+    def of(cls, model: FittedModel, scenario: Scenario) -> Causes:
+        """On the site of a scenario."""
+        return cls(model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2)
+
     @cached_property
     def acting(self) -> tuple[str, ...]:
         """Effects that change blocks, soil or ground of a release."""
@@ -114,15 +119,6 @@ class Causes:
         for name in self.acting:
             world = catalogue()[name].apply(world, self.model.values(name))
         return world
-
-
-def causes_of(scenario: Scenario) -> Causes | None:
-    """The effects of the diagnosis of a scenario; None without a diagnosis."""
-    if scenario.diagnosed is None:
-        return None
-    return Causes(
-        scenario.diagnosed.model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2
-    )
 
 
 def centre_of_mass_states(block: Block, states: Array) -> Array:

@@ -15,11 +15,11 @@ from rock2d.design.report_tables import model_text
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
-from rock2d.runs.before_after import before_after, compared_models
+from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.tables import print_tables
+from rock2d.runs.tables import PRINTED, print_tables
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -186,8 +186,9 @@ def test_the_point_mass_engine_is_refused(tmp_path):
 def test_before_and_after_share_their_releases(tmp_path):
     scenario = diagnosed(tmp_path, drag(0.05))
     result = rock2d.run(scenario)
-    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
-    assert [m.name for m in compared_models(scenario)] == ["before", "soil", "after"]
+    models = diagnosed_models(scenario, "batch")
+    table = model_table(models, scenario.seed, scenario.releases)
+    assert [m.name for m in models] == ["before", "soil", "after"]
     after = table[table["model"] == "after"].set_index(["block", "line"])
     passing = result.to_pandas("passing").set_index(["block", "line"])
     assert after["frequency"].equals(passing["frequency"])
@@ -205,9 +206,9 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     scenario = diagnosed(tmp_path, {**content("unknown"), "schema": 2, "outside": found})
     assert any("flight of height (closes 93 % of the gap" in line for line in diagnosis_remarks(scenario))
     result = rock2d.run(scenario)
-    print_tables(result)
+    print_tables(result.scenario, "batch", {name: result.to_pandas(name) for name in PRINTED})
     note = "without the learnt changes of d.json"
-    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
+    table = model_table(diagnosed_models(scenario, "batch"), scenario.seed, scenario.releases)
     shown = [*capsys.readouterr().out.splitlines(), model_text(table, "before and after", note)]
     assert sum(note in line for line in shown) == 3  # passing, stops, before and after
     rock2d.write_report(result, tmp_path / "page")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from rock2d.files.checked_yaml import yaml_text
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import write_whole
 from rock2d.files.setup_keys import block_keys
@@ -34,17 +34,4 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
         "releases": list(releases),
     }
-    write_whole(path, setup_text(keys))
-
-
-def setup_text(keys: Mapping[str, Any]) -> str:
-    """The text of a set-up file with these keys."""
-    import io
-
-    from ruamel.yaml import YAML
-
-    yaml = YAML(typ="safe", pure=True)
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    text = io.StringIO()
-    yaml.dump(keys, text)
-    return text.getvalue()
+    write_whole(path, yaml_text(keys))

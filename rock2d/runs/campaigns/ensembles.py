@@ -76,7 +76,7 @@ def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcom
         elapsed, saved_contacts = part.suspended or (0.0, None)
         return run_batch(
             ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
-            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
+            gravity_m_s2=job.scenario.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # other outputs need the stop of the block
             stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these include the trembling of the block
@@ -126,7 +126,7 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
             found.append(
                 run_point_mass_batch(
                     *part.conditions[i][:3], part.states[some], part.seeds[some],
-                    gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
+                    gravity_m_s2=job.scenario.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
                 )
             )  # fmt: skip
         return _joined(found)

@@ -19,8 +19,7 @@ from pydantic import Field, PrivateAttr
 from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, shown
-from rock2d.files.diagnosed_model import DiagnosedModel
-from rock2d.files.diagnosis_reading import found_diagnosis
+from rock2d.files.diagnosed_model import DiagnosedModel, found_diagnosis
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.field_releases import FieldTestKeys

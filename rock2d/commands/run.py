@@ -320,9 +320,12 @@ def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request
         from rock2d.design.model_range import compared as compared_models
 
         models = compared_models(scenario, engine, seed, releases)
-    return Findings(
-        compared, _assessed(scenario, engine, seed, request.progress), models, table_note(scenario)
-    )
+    assessment = None
+    if scenario.uncertainty is not None:
+        from rock2d.design.assessment import assess
+
+        assessment = assess(scenario, engine, seed, request.progress)
+    return Findings(compared, assessment, models, table_note(scenario))
 
 
 def _write_page(
@@ -363,12 +366,3 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
     )
     names = [BASE, *(model.name for model in models)]
     return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]
-
-
-def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:
-    """The assessment over the possible sites of the scenario; None if everything is known."""
-    if scenario.uncertainty is None:
-        return None
-    from rock2d.design.assessment import assess
-
-    return assess(scenario, engine, seed, progress)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.distributions import bounds, quantiles
+from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at, place_of
 from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
@@ -186,8 +186,6 @@ class Conditions:
         if self.scenario.experiment is not None:
             return  # the starts are measured
         for b, block in enumerate(self.blocks):
-            if self._surely_above(block):
-                continue
             for first in range(0, count, CHECKED_TOGETHER):
                 stop = min(first + CHECKED_TOGETHER, count)
                 if (below := self._below(b, first, stop)) is not None:
@@ -339,15 +337,6 @@ class Conditions:
             below[i] = self._ground(block, first + int(i)).covers(places[i : i + 1])[0]
         found = np.flatnonzero(below)
         return (first + int(found[0]), places[found[0]], len(found)) if len(found) else None
-
-    def _surely_above(self, block: Block) -> bool:
-        """Whether no possible start lies below the ground."""
-        source = self.scenario.incident_of(block.name).distribution
-        if source is None:
-            return False
-        (left, right), (lowest, _) = bounds(source.x_m), bounds(source.y_m)
-        rise = max((rough.rise_m for rough in self._roughness.values()), default=0.0)
-        return lowest > self.cross_section.highest_m(left - rise, right + rise) + rise
 
     def _check_clearances(self, block: int, first: int, states: Array) -> None:
         """Refuse starts outside the cross-section, or with a clearance (instead of y) below 0."""

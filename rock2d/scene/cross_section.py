@@ -198,12 +198,6 @@ class CrossSection:
             shapely.Polygon([*outline, (outline[-1, 0], floor_m), (outline[0, 0], floor_m)])
         )
 
-    def highest_m(self, low_m: float, high_m: float) -> float:
-        """The highest y of the surface between two x; outside the cross-section the height of its end counts."""
-        x = self.points_m[:, 0]
-        ends = np.clip([low_m, high_m], x.min(), x.max())
-        return float(self.height_m(np.array([*ends, *x[(x > low_m) & (x < high_m)]])).max())
-
     def foot_and_head(self, line_m: Array) -> tuple[Array, Array]:
         """The ends of a measure line (2, 2): the one nearer to the surface (the first, if equal) and the other."""
         import shapely

@@ -143,20 +143,6 @@ def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said)
         rock2d.run(scenario)
 
 
-@pytest.mark.parametrize("roughness", ["", "roughness: {slope: {sd_deg: 8, length_m: 0.5}}\n"])
-def test_starts_that_cannot_lie_below_the_ground_are_not_drawn_to_be_checked(
-    tmp_path, roughness, monkeypatch
-):
-    drawn = []
-    monkeypatch.setattr(Conditions, "_below", lambda self, *releases: drawn.append(releases))
-    for y, checked in {19.0: [], 17.8: [(0, 0, 30)]}.items():  # the ground is at 18 to 14 m
-        fall = f"distribution: {{x_m: {{uniform: {{low: 2, high: 6}}}}, y_m: {{uniform: {{low: {y}, high: 30}}}}, "
-        scenario = site(tmp_path, roughness, incident=fall + "vx_m_s: 2.0, vy_m_s: 0.0}")
-        drawn.clear()
-        Conditions(scenario, "batch", 1).check_starts(30)
-        assert drawn == checked
-
-
 def test_releases_along_a_line_spread_over_its_length(tmp_path):
     scenario = site(tmp_path, incident="along: {points_m: [[1, 30], [4, 30], [4, 29]], vx_m_s: 1, vy_m_s: 0}")
     places = Conditions(scenario, "batch", 3).group(0, 0, 2000).states[:, :2]

@@ -138,6 +138,7 @@ class DiagnosedModel:
     Attributes
     ----------
     given : path as the scenario gives it
+    file : path of the diagnosis
     fingerprint : SHA-256 of the file
     schema : version of its format
     experiment, verdict : as the file gives them
@@ -149,6 +150,7 @@ class DiagnosedModel:
     """
 
     given: str
+    file: Path
     fingerprint: str
     schema: int
     experiment: str
@@ -251,7 +253,7 @@ def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
     alternatives = read.alternatives(soil)
     without_effects = before._replace(name="after")
     return DiagnosedModel(
-        given, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
+        given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else without_effects,
         {name: Scale(block.mass_kg, block.size_m) for name, block in keys.blocks.items()}, _learnt_in_words(keys),
     )  # fmt: skip

@@ -23,10 +23,13 @@ class Posterior:
 
     Attributes
     ----------
+    given, file : the path as the scenario gives it, and where the table lies
     places : (p,) of the numbers in the scenario file
     draws : (n, p) values
     """
 
+    given: str
+    file: Path
     places: tuple[str, ...]
     draws: Array
 
@@ -39,7 +42,7 @@ class Posterior:
         return dict(zip(self.places, self.draws[int(row)].tolist(), strict=True))
 
 
-def read_posterior(file: Path) -> Posterior:
+def read_posterior(given: str, file: Path) -> Posterior:
     """Read a table (CSV) with a column for each place and a row for each draw.
 
     Raises InputError with the line if there are no numbers, or too few or too many rows.
@@ -61,4 +64,4 @@ def read_posterior(file: Path) -> Posterior:
     if not FEWEST_DRAWS <= len(draws) <= MOST_DRAWS:
         message = f"expected {FEWEST_DRAWS} to {MOST_DRAWS} draws, found {len(draws)}"
         raise InputError(message, file, code="bad_table")
-    return Posterior(places, np.array(draws))
+    return Posterior(given, file, places, np.array(draws))

@@ -309,7 +309,7 @@ def _load_posterior(scenario: Scenario, given: str) -> Posterior:
         file = path_inside(scenario.document.file.absolute().parent, given)
     except OutsideFolderError as error:
         raise scenario.error(error.message, "uncertainty", "posterior", code="outside_folder") from None
-    return read_posterior(file)
+    return read_posterior(given, file)
 
 
 def _load_experiment(

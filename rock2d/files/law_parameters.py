@@ -93,8 +93,8 @@ def _soil(given: str | SoilKeys) -> SoilClass:
 
 
 def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str) -> dict[str, Any]:
-    """Zone name -> parameters of class `kind`, whose keys in the file are `law` and `block`. "default" may be missing if
-    every zone has its own soil class or numbers."""
+    """Zone name -> parameters of class `kind`, whose keys in the file are `law` and `block`. "default" may be missing
+    if every zone has its own soil class or numbers."""
     names = [field.name for field in fields(kind)]
     zones = list(dict.fromkeys(("default", *given.numbers, *given.own, *given.soils)))
     complete = all(given.value("default", name) is not None for name in names)

@@ -6,7 +6,7 @@ Parameters that the file does not give come from the diagnosis, if there is one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -38,14 +38,17 @@ class _Given(NamedTuple):
     own: Mapping[str, Any]
     rest: tuple[Any, ...]
 
-    def value(self, zone: str, name: str) -> Any:
-        """A parameter in a zone, from the first place that gives it; None if none does."""
+    def values(self, zone: str, names: Sequence[str]) -> list[Any]:
+        """The parameters of these names in a zone, each from the first place that gives it; None if none does."""
         places = (
             self.own.get(zone), self.own.get("default"), self.numbers.get(zone), self.soils.get(zone),
             self.numbers.get("default"), self.soils.get("default"), *self.rest,
         )  # fmt: skip
-        values = (getattr(place, name, None) for place in places)
-        return next((value for value in values if value is not None), None)
+        giving = [place for place in places if place is not None]
+        return [
+            next((value for place in giving if (value := getattr(place, name, None)) is not None), None)
+            for name in names
+        ]
 
 
 def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactParameters]:
@@ -97,8 +100,7 @@ def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str
     if every zone has its own soil class or numbers."""
     names = [field.name for field in fields(kind)]
     zones = list(dict.fromkeys(("default", *given.numbers, *given.own, *given.soils)))
-    complete = all(given.value("default", name) is not None for name in names)
-    if given.soils and "default" not in given.soils and not complete:
+    if given.soils and "default" not in given.soils and None in given.values("default", names):
         for zone in scenario.make_cross_section().zone_names:
             if zone not in zones:
                 message = f"zone {shown(zone)} has no soil class, neither its own nor a default"
@@ -107,12 +109,13 @@ def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str
     out = {}
     for zone in zones:
         path = ("model", law, *(block if zone in given.own else ("default",) * len(block)), zone)
-        for name in names:
-            if given.value(zone, name) is None:
-                message = f"{name} is given neither here nor under default"
-                raise scenario.error(message, *path, at="key", code="missing_key", key=name)
+        values = given.values(zone, names)
+        if None in values:
+            name = names[values.index(None)]
+            message = f"{name} is given neither here nor under default"
+            raise scenario.error(message, *path, at="key", code="missing_key", key=name)
         try:
-            out[zone] = kind(*(given.value(zone, name) for name in names))
+            out[zone] = kind(*values)
         except ParameterError as error:
             raise scenario.error(
                 error.message, *path, error.key, code="bad_parameter", key=error.key

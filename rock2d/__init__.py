@@ -36,80 +36,52 @@ from rock2d import schemas as schemas
 from rock2d.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from rock2d.api.films import DiagnosisResult, TrackResult, diagnose, predict, track
-    from rock2d.api.sites import RunResult, assess, least_size, run, write_report
-    from rock2d.design.assessment import Assessment
-    from rock2d.design.least_size import Answer, Target
-    from rock2d.effects import catalogue
-    from rock2d.errors import InputError
-    from rock2d.files.experiment import Experiment, load_experiment
-    from rock2d.files.scenario import Scenario, load_scenario
-    from rock2d.files.scenario_variants import variant
-    from rock2d.laws.contact import ContactParameters
-    from rock2d.laws.rebound import ReboundParameters
-    from rock2d.runs.simulation import Simulation, simulate
-    from rock2d.scene.blocks import Block, make_block
-    from rock2d.scene.cross_section import CrossSection
+    from rock2d.api.films import DiagnosisResult as DiagnosisResult
+    from rock2d.api.films import TrackResult as TrackResult
+    from rock2d.api.films import diagnose as diagnose
+    from rock2d.api.films import predict as predict
+    from rock2d.api.films import track as track
+    from rock2d.api.sites import RunResult as RunResult
+    from rock2d.api.sites import assess as assess
+    from rock2d.api.sites import least_size as least_size
+    from rock2d.api.sites import run as run
+    from rock2d.api.sites import write_report as write_report
+    from rock2d.design.assessment import Assessment as Assessment
+    from rock2d.design.least_size import Answer as Answer
+    from rock2d.design.least_size import Target as Target
+    from rock2d.effects import catalogue as catalogue
+    from rock2d.errors import InputError as InputError
+    from rock2d.files.experiment import Experiment as Experiment
+    from rock2d.files.experiment import load_experiment as load_experiment
+    from rock2d.files.scenario import Scenario as Scenario
+    from rock2d.files.scenario import load_scenario as load_scenario
+    from rock2d.files.scenario_variants import variant as variant
+    from rock2d.laws.contact import ContactParameters as ContactParameters
+    from rock2d.laws.rebound import ReboundParameters as ReboundParameters
+    from rock2d.runs.simulation import Simulation as Simulation
+    from rock2d.runs.simulation import simulate as simulate
+    from rock2d.scene.blocks import Block as Block
+    from rock2d.scene.blocks import make_block as make_block
+    from rock2d.scene.cross_section import CrossSection as CrossSection
 
-__all__ = [
-    "Answer",
-    "Assessment",
-    "Block",
-    "ContactParameters",
-    "CrossSection",
-    "DiagnosisResult",
-    "Experiment",
-    "InputError",
-    "ReboundParameters",
-    "RunResult",
-    "Scenario",
-    "Simulation",
-    "Target",
-    "TrackResult",
-    "assess",
-    "catalogue",
-    "diagnose",
-    "least_size",
-    "load_experiment",
-    "load_scenario",
-    "make_block",
-    "predict",
-    "run",
-    "simulate",
-    "track",
-    "variant",
-    "write_report",
-]
-
-_MODULES = {
-    "Answer": "design.least_size",
-    "Assessment": "design.assessment",
-    "Block": "scene.blocks",
-    "ContactParameters": "laws.contact",
-    "CrossSection": "scene.cross_section",
-    "DiagnosisResult": "api.films",
-    "Experiment": "files.experiment",
-    "InputError": "errors",
-    "ReboundParameters": "laws.rebound",
-    "RunResult": "api.sites",
-    "Scenario": "files.scenario",
-    "Simulation": "runs.simulation",
-    "Target": "design.least_size",
-    "TrackResult": "api.films",
-    "assess": "api.sites",
-    "catalogue": "effects",
-    "diagnose": "api.films",
-    "least_size": "api.sites",
-    "load_experiment": "files.experiment",
-    "load_scenario": "files.scenario",
-    "make_block": "scene.blocks",
-    "predict": "api.films",
-    "run": "api.sites",
-    "simulate": "runs.simulation",
-    "track": "api.films",
-    "variant": "files.scenario_variants",
-    "write_report": "api.sites",
+_NAMES = {  # module -> public names
+    "api.films": ("DiagnosisResult", "TrackResult", "diagnose", "predict", "track"),
+    "api.sites": ("RunResult", "assess", "least_size", "run", "write_report"),
+    "design.assessment": ("Assessment",),
+    "design.least_size": ("Answer", "Target"),
+    "effects": ("catalogue",),
+    "errors": ("InputError",),
+    "files.experiment": ("Experiment", "load_experiment"),
+    "files.scenario": ("Scenario", "load_scenario"),
+    "files.scenario_variants": ("variant",),
+    "laws.contact": ("ContactParameters",),
+    "laws.rebound": ("ReboundParameters",),
+    "runs.simulation": ("Simulation", "simulate"),
+    "scene.blocks": ("Block", "make_block"),
+    "scene.cross_section": ("CrossSection",),
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, require
 from rock2d.processes import Processes, numba_threads
 
 if TYPE_CHECKING:
@@ -107,14 +107,7 @@ def as_finished_on_cluster(
 
 def require_dask() -> None:
     """Raise InputError if Dask is not installed."""
-    try:
-        import distributed  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"--scheduler needs Dask, which is missing: {EXTRA}",
-            code="missing_package",
-            package="distributed",
-        ) from None
+    require("distributed", f"--scheduler needs Dask, which is missing: {EXTRA}")
 
 
 def versions() -> dict[str, str]:

@@ -41,6 +41,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +138,14 @@ class ParameterError(ValueError):
 
     def __reduce__(self) -> tuple[type[ParameterError], tuple[str, str]]:
         return type(self), (self.key, self.message)
+
+
+def require(package: str, message: str) -> None:
+    """Raise InputError if an optional package is not installed."""
+    try:
+        import_module(package)
+    except ImportError:
+        raise InputError(message, code="missing_package", package=package) from None
 
 
 def counted(number: int, thing: str) -> str:

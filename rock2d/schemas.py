@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
-
-def _scenario() -> dict[str, Any]:
-    from rock2d.files.scenario import scenario_json_schema
-
-    return scenario_json_schema()
-
-
-def _experiment() -> dict[str, Any]:
-    from rock2d.files.experiment import experiment_json_schema
-
-    return experiment_json_schema()
-
-
-def _setup() -> dict[str, Any]:
-    from rock2d_tracking.setup_file import setup_json_schema
-
-    return setup_json_schema()
-
-
-def _diagnosis() -> dict[str, Any]:
-    from rock2d.files.diagnosis_keys import diagnosis_json_schema
-
-    return diagnosis_json_schema()
-
-
-SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
-    "scenario": _scenario,
-    "experiment": _experiment,
-    "setup": _setup,
-    "diagnosis": _diagnosis,
+# kind -> module and class that describe the keys, title
+SCHEMAS = {
+    "scenario": ("rock2d.files.scenario", "Scenario", "rock2d scenario"),
+    "experiment": ("rock2d.files.experiment", "ExperimentKeys", "rock2d experiment"),
+    "setup": ("rock2d_tracking.setup_file", "SetupKeys", "rock2d set-up file"),
+    "diagnosis": ("rock2d.files.diagnosis_keys", "DiagnosisFile", "rock2d diagnosis"),
 }
 
 
@@ -51,4 +27,6 @@ def file_schema(kind: str) -> dict[str, Any]:
     KeyError
         For any other kind.
     """
-    return SCHEMAS[kind]()
+    module, model, title = SCHEMAS[kind]
+    keys = getattr(import_module(module), model).model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **keys, "title": title}

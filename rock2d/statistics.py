@@ -43,13 +43,13 @@ class Estimate(NamedTuple):
         return Estimate(*(each + term for each in self))
 
 
-def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a frequency. Raises ValueError unless 0 <= passed <= releases > 0."""
+def wilson_interval(passed: int, releases: int) -> tuple[float, float]:
+    """Wilson's 95 % score interval of a frequency. Raises ValueError unless 0 <= passed <= releases > 0."""
     from scipy.special import ndtri  # scipy.stats takes over a second to import
 
     if not 0 <= passed <= releases or releases < 1:
         raise ValueError(f"no frequency: {passed} of {releases}")
-    z = float(ndtri(0.5 + 0.5 * confidence))
+    z = float(ndtri(0.975))
     centre, n = passed + 0.5 * z**2, releases + z**2
     half = z * np.sqrt(passed * (releases - passed) / releases + 0.25 * z**2)
     low = 0.0 if passed == 0 else (centre - half) / n
@@ -87,22 +87,6 @@ def weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(passed, 0.5 * passed[-1])]) if passed[-1] > 0 else np.inf
 
 
-def percentile_interval(values: Array, percentile: float, confidence: float = 0.95) -> tuple[float, float]:
-    """Distribution-free interval of a percentile, from order statistics; NaN where no such value exists.
-
-    Of n values the number below the p-quantile is Binomial(n, p); the bounds are the sorted values X(l), X(u)
-    (from 1) with the largest l and smallest u for which P(B < l) and P(B >= u) are each at most half of
-    1 - confidence. At 95 % confidence there is no upper bound below 72 values for the 95th and below 368 for
-    the 99th percentile.
-    """
-    low, high = _interval_ranks(len(values), percentile, confidence)
-    ranked = np.sort(np.asarray(values, float))
-    return (
-        float(ranked[low]) if low >= 0 else float("nan"),
-        float(ranked[high]) if high < len(ranked) else float("nan"),
-    )
-
-
 @cache
 def least_count(percentile: float) -> int:
     """The least number of values of which a percentile has a 95 % interval: 6, 72 and 368 for 50, 95 and 99 %."""
@@ -122,8 +106,12 @@ def percentile_ranks(n: int, percentile: float) -> list[int]:
 
 
 def percentile_estimate(ranked: Mapping[int, float] | Array, n: int, percentile: float) -> Estimate:
-    """A percentile, linear between the two nearest of n sorted values, with the interval of `percentile_interval`; NaN
-    where n is less than `least_count`. `ranked` gives the value of each of `percentile_ranks`."""
+    """A percentile, linear between the two nearest of n sorted values, with its distribution-free 95 % interval from
+    order statistics; NaN where n is less than `least_count`. `ranked` gives the value of each of `percentile_ranks`.
+
+    Of n values the number below the p-quantile is Binomial(n, p); the bounds are the sorted values X(l), X(u)
+    (from 1) with the largest l and smallest u for which P(B < l) and P(B >= u) are each at most 2.5 %.
+    """
     if n < least_count(percentile):
         return Estimate(np.nan, np.nan, np.nan)
     below, weight = _percentile_rank(n, percentile)
@@ -140,14 +128,13 @@ def _percentile_rank(n: int, percentile: float) -> tuple[int, float]:
 
 
 @cache
-def _interval_ranks(n: int, percentile: float, confidence: float = 0.95) -> tuple[int, int]:
-    """Ranks (from 0) of the bounds of `percentile_interval`; -1 and n where there is none."""
+def _interval_ranks(n: int, percentile: float) -> tuple[int, int]:
+    """Ranks (from 0) of the bounds of the interval of a percentile; -1 and n where there is none."""
     from scipy.special import bdtr
 
     def below(k: int) -> float:
         return float(bdtr(k, n, percentile / 100.0))  # P(B <= k)
 
-    tail = 0.5 * (1.0 - confidence)
-    lower = bisect_right(range(n), tail, key=below)  # how many l have P(B < l) <= tail
-    upper = bisect_left(range(n), 1.0 - tail, key=below) + 1  # smallest u with P(B < u) >= 1 - tail
+    lower = bisect_right(range(n), 0.025, key=below)  # how many l have P(B < l) <= 2.5 %
+    upper = bisect_left(range(n), 0.975, key=below) + 1  # smallest u with P(B < u) >= 97.5 %
     return lower - 1, upper - 1

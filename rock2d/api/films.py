@@ -177,7 +177,9 @@ def _setup_or_scale(setup: Mapping[str, Any] | str | Path | None, scale: Sequenc
     """Input of the tracker: a `Setup`, or a `FilmScale` of scale and frame rate."""
     from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_scale import FilmScale
-    from rock2d_tracking.setup_file import Setup, setup_text
+    from rock2d_tracking.setup_file import Setup
+
+    from rock2d.files.checked_yaml import yaml_text
 
     if setup is None:
         metres_per_pixel, fps = (None if value == FROM_GRAVITY else float(value) for value in scale)
@@ -192,7 +194,7 @@ def _setup_or_scale(setup: Mapping[str, Any] | str | Path | None, scale: Sequenc
             f"the set-up contains a value that a set-up file cannot contain: {error}", code="wrong_kind"
         ) from None
     try:
-        return Setup("setup", setup_text(plain))
+        return Setup("setup", yaml_text(plain))
     except InputError as error:  # without line and column, because there is no file
         raise InputError(error.message, "setup", code=error.code, **error.fields) from None
 

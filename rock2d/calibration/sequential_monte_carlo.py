@@ -103,16 +103,14 @@ class Moves:
     Attributes
     ----------
     count : rounds of moves at each step; at least 2 with `redrawn` columns
-    free : columns that moves may change (default: all); the others change only by resampling
     redrawn : columns that every other move draws from the prior instead of walking, for example a choice among models
-    groups : columns that walk together, one group after the other in each round (default: all free ones together).
+    groups : columns that walk together, one group after the other in each round (default: all others together).
         Only the factors of the likelihood that depend on a group are computed again.
     every_round : keep the hypotheses after each round, instead of those after the last one. Then `count` times fewer of
         them move (waste-free sequential Monte Carlo, Dau & Chopin 2022).
     """
 
     count: int = 3
-    free: Array | None = None
     redrawn: Array | None = None
     groups: Sequence[Array] = ()
     every_round: bool = False
@@ -213,7 +211,7 @@ class _Hypotheses:
     def move(self, moves: Moves, round: int, power: float, rng: np.random.Generator) -> None:
         """One round of moves under the likelihood to this power."""
         redrawn = moves.redrawn
-        columns = np.arange(self.u.shape[1]) if moves.free is None else np.asarray(moves.free)
+        columns = np.arange(self.u.shape[1])
         walking = columns if redrawn is None else np.setdiff1d(columns, redrawn)
         if redrawn is not None and round % 2:
             proposed = self.u.copy()

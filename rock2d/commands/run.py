@@ -16,13 +16,13 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
 from rock2d.graphics.printing import check_printer
-from rock2d.runs.before_after import Model, before_after, diagnosed_models
+from rock2d.runs.before_after import Model, diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.resolution import precision_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
-from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
+from rock2d.runs.tables import PRINTED, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
 
 if TYPE_CHECKING:
@@ -218,7 +218,8 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
             workers=processes,
             progress=bars,
         )
-        print_tables(result)
+        shown = {name: result.to_pandas(name) for name in PRINTED if name in result.table_names()}
+        print_tables(scenario, f"{engine}, seed {result.seed}", shown)
         found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)
         found.show()
 
@@ -261,7 +262,7 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
         progress=progress,
         report=request.report,
     )
-    print_campaign(scenario, engine, tables)
+    print_tables(scenario, engine, tables)
     releases = options.releases or scenario.releases
     seed = scenario.seed if options.seed is None else options.seed
     found = _findings(scenario, engine, seed, releases, request)
@@ -312,15 +313,19 @@ class Findings:
 
 def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request: RunRequest) -> Findings:
     """Compute the findings that the scenario and the request ask for."""
-    compared = before_after(scenario, engine, seed, releases) if scenario.diagnosed is not None else None
-    models = None
+    compared = models = None
+    if scenario.diagnosed is not None:
+        compared = model_table(diagnosed_models(scenario, engine), seed, releases)
     if request.compare:
         from rock2d.design.model_range import compared as compared_models
 
         models = compared_models(scenario, engine, seed, releases)
-    return Findings(
-        compared, _assessed(scenario, engine, seed, request.progress), models, table_note(scenario)
-    )
+    assessment = None
+    if scenario.uncertainty is not None:
+        from rock2d.design.assessment import assess
+
+        assessment = assess(scenario, engine, seed, request.progress)
+    return Findings(compared, assessment, models, table_note(scenario))
 
 
 def _write_page(
@@ -361,12 +366,3 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
     )
     names = [BASE, *(model.name for model in models)]
     return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]
-
-
-def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:
-    """The assessment over the possible sites of the scenario; None if everything is known."""
-    if scenario.uncertainty is None:
-        return None
-    from rock2d.design.assessment import assess
-
-    return assess(scenario, engine, seed, progress)

@@ -7,6 +7,7 @@ Pydantic checks the plain data. The first mistake that it finds becomes one `Inp
 from __future__ import annotations
 
 import copy
+import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
@@ -63,15 +64,6 @@ class Checked(BaseModel):
         return data
 
 
-def json_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a file whose keys `model` describes."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **model.model_json_schema(),
-        "title": title,
-    }
-
-
 class Table(Checked):
     """A mapping from names to values. It must contain the name `default`; every other name is free."""
 
@@ -99,6 +91,17 @@ def mistake(
     those of the `InputError` that it becomes."""
     context = {"message": message, "path": path, "at": at, "code": code, "fields": fields}
     return PydanticCustomError("mistake", "{message}", context)
+
+
+def yaml_text(data: Any, **settings: Any) -> str:
+    """The text of a YAML file, its keys in their order. `settings`: attributes of ruamel's `YAML`, such as width."""
+    from ruamel.yaml import YAML
+
+    yaml, text = YAML(typ="safe", pure=True), io.StringIO()
+    for name, value in {"sort_base_mapping_type_on_output": False, **settings}.items():
+        setattr(yaml, name, value)
+    yaml.dump(data, text)
+    return text.getvalue()
 
 
 def _renamed(data: dict[str, Any], old: str, key: str, document: Document | None) -> dict[str, Any]:

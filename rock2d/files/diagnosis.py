@@ -68,17 +68,19 @@ def _check_effects(document: Document, read: DiagnosisFile) -> None:
     from rock2d.effects import catalogue
 
     known = catalogue()
-    for name, place in _named_effects(read):
+
+    def check_known(name: str, place: DataPath, at: str = "value") -> None:
         if name not in known:
             message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
-            raise document.error(message, *place, code="unknown_name", name=name)
+            raise document.error(message, *place, at=at, code="unknown_name", name=name)
+
+    for name, place in _named_effects(read):
+        check_known(name, place)
         if place[0] in ("verdict", "group") and name not in read.effects:
             message = f"the effect {name} of the verdict is missing"
             raise document.error(message, "effects", at="key", code="missing_key", key=name)
     for name, parameters, place in _fitted_effects(read):
-        if name not in known:
-            message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
-            raise document.error(message, *place, at="key", code="unknown_name", name=name)
+        check_known(name, place, at="key")
         for parameter in known[name].parameters:
             if parameter.name not in parameters and not parameter.may_be_missing:
                 message = f"{name}: missing parameter {parameter.name!r}"

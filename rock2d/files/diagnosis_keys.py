@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from rock2d.files.checked_yaml import json_schema, key_shown, mistake
+from rock2d.files.checked_yaml import key_shown, mistake
 from rock2d.files.experiment import FromGravity
 from rock2d.files.fitted_keys import (
     FittedLaw,
@@ -409,8 +409,3 @@ class DiagnosisFile(Part):
     def content(self) -> dict[str, Any]:
         """The keys that the file has, with their present names."""
         return self.model_dump(by_alias=True, exclude_unset=True)
-
-
-def diagnosis_json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of diagnosis.json."""
-    return json_schema(DiagnosisFile, "rock2d diagnosis")

@@ -142,15 +142,6 @@ def quantiles(draw: Any, u: Array | float, value: float) -> Array:
     return np.asarray(np.exp(mean + sd * stats.norm.ppf(u)))
 
 
-def bounds(draw: Any) -> tuple[float, float]:
-    """Lowest and highest number that can be drawn."""
-    if isinstance(draw, Uniform):
-        return draw.uniform.low, draw.uniform.high
-    if isinstance(draw, Normal):
-        return -np.inf, np.inf
-    return (0.0, np.inf) if isinstance(draw, Lognormal) else (float(draw), float(draw))
-
-
 def largest_magnitude(draw: Any) -> float:
     """Largest absolute value among the numbers of a draw: bounds, mean, standard deviation or median."""
     if not isinstance(draw, Checked):

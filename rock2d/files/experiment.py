@@ -7,18 +7,17 @@ names file and line. A frame that the camera lost is a missing row or has empty 
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
 from rock2d.errors import InputError, counted, listed
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
@@ -94,11 +93,6 @@ class ExperimentKeys(Checked):
                 "give trajectories or impacts, not both", "impacts", at="key", code="duplicate", key="impacts"
             )
         return self
-
-
-def experiment_json_schema() -> dict[str, Any]:
-    """JSON Schema of `experiment.yaml`: every key with its description and unit."""
-    return json_schema(ExperimentKeys, "rock2d experiment")
 
 
 @dataclass(repr=False)
@@ -271,8 +265,6 @@ def write_experiment(folder: str | Path, experiment: Experiment) -> None:
 
 def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     """Write `experiment.yaml` and its CSV into an existing folder."""
-    from ruamel.yaml import YAML
-
     kind = "trajectories" if experiment.trajectories is not None else "impacts"
     table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
     assert table is not None
@@ -300,13 +292,9 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
         kind: f"{kind}.csv",
     }
-    yaml = YAML(typ="safe", pure=True)
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.width, yaml.allow_unicode = 110, True
-    text = io.StringIO()
-    text.write("# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n")
-    yaml.dump(keys, text)
-    (folder / EXPERIMENT).write_text(text.getvalue(), encoding="utf-8")
+    head = "# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n"
+    text = head + yaml_text(keys, width=110, allow_unicode=True)
+    (folder / EXPERIMENT).write_text(text, encoding="utf-8")
 
 
 def _read_table(

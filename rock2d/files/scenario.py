@@ -18,9 +18,8 @@ from pydantic import Field, PrivateAttr
 
 from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.files import law_parameters
-from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
-from rock2d.files.diagnosed_model import DiagnosedModel
-from rock2d.files.diagnosis_reading import found_diagnosis
+from rock2d.files.checked_yaml import Checked, Document, shown
+from rock2d.files.diagnosed_model import DiagnosedModel, found_diagnosis
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.field_releases import FieldTestKeys
@@ -283,13 +282,13 @@ def checked_scenario(
     not loaded again."""
     scenario = document.check(Scenario)
     scenario._document = document
+    data_root = data_root or os.environ.get(DATA_VARIABLE)
     _load_experiment(scenario, data_root, experiment)
     if scenario.field_test is not None:
         found = terrain or _load_terrain(scenario, scenario.field_test, data_root)
         scenario._terrain = replace(found, beyond_deg=scenario.field_test.beyond_deg)
     if scenario.model.diagnosis is not None:
-        root = data_root or os.environ.get(DATA_VARIABLE)
-        scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
+        scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, data_root)
     if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
         scenario._posterior = _load_posterior(scenario, scenario.uncertainty.posterior)
     for key, value in (
@@ -350,25 +349,17 @@ def _load_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path
     from rock2d.files.surveys.terrain import read_terrain
     from rock2d.files.surveys.terrain_sections import TerrainSections
 
-    root = data_root or os.environ.get(DATA_VARIABLE)
-    if not root:
-        message = (
-            f"no data root: give the folder that contains {shown(keys.folder)} with --data or {DATA_VARIABLE}"
-        )
-        raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
-    steps = Path(keys.folder).parts
+    where, steps = ("field_test", "folder"), Path(keys.folder).parts
+    root = _given_root(scenario, keys.folder, where, data_root)
     try:
         files = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
         table = next((file for file in files if file.is_file()), None)
         if table is None:
-            message = (
-                f"no {keys.releases} in {shown(keys.folder)} under the data root {str(root)!r} (--data or "
-            )
-            message += f"{DATA_VARIABLE})"
-            raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
+            message = f"no {keys.releases} in {shown(keys.folder)} {_under(root)}"
+            raise scenario.error(message, *where, code="missing_data", folder=keys.folder)
         grid = path_inside(table.parent, keys.terrain)
     except OutsideFolderError as error:
-        raise scenario.error(error.message, "field_test", "folder", code="outside_folder") from None
+        raise scenario.error(error.message, *where, code="outside_folder") from None
     known = read_releases(table, keys.block_ids)
     return TerrainSections(read_terrain(grid), known, keys.zones, keys.edge_m)
 
@@ -377,22 +368,27 @@ def _found_experiment(
     scenario: Scenario, source: FromExperiment, where: tuple[str, ...], data_root: str | Path | None
 ) -> Experiment:
     """The experiment under the data root."""
-    root = data_root or os.environ.get(DATA_VARIABLE)
-    if not root:
-        message = f"no data root: give the folder that contains {shown(source.folder)} with --data or {DATA_VARIABLE}"
-        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
+    root = _given_root(scenario, source.folder, where, data_root)
     try:
         folder = path_inside(root, source.folder)
     except OutsideFolderError as error:
         raise scenario.error(error.message, *where, code="outside_folder") from None
     if not folder.is_dir():
-        message = (
-            f"no folder {shown(source.folder)} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
-        )
+        message = f"no folder {shown(source.folder)} {_under(root)}"
         raise scenario.error(message, *where, code="missing_data", folder=source.folder)
     return load_experiment(folder)
 
 
-def scenario_json_schema() -> dict[str, Any]:
-    """JSON Schema of a scenario file: every key with its description and unit."""
-    return json_schema(Scenario, "rock2d scenario")
+def _given_root(
+    scenario: Scenario, folder: str, where: tuple[str, ...], data_root: str | Path | None
+) -> str | Path:
+    if not data_root:
+        message = (
+            f"no data root: give the folder that contains {shown(folder)} with --data or {DATA_VARIABLE}"
+        )
+        raise scenario.error(message, *where, code="missing_data", folder=folder)
+    return data_root
+
+
+def _under(root: str | Path) -> str:
+    return f"under the data root {str(root)!r} (--data or {DATA_VARIABLE})"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -158,15 +159,7 @@ def _possible_starts(incident: Incident, ground: CrossSection) -> Array:
 def _check_names(scenario: Scenario) -> None:
     zones = {"default", *scenario.make_cross_section().zone_names}
     blocks = {"default", *scenario.make_blocks()}
-    laws = scenario.model
-
-    def known(names: Any, among: set[str], what: str, *path: str) -> None:
-        for name in names:
-            if name not in among:
-                choices = ", ".join(sorted(among - {"default"}))
-                message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
-                raise scenario.error(message, *path, name, at="key", code="unknown_name", name=name)
-
+    laws, known = scenario.model, partial(_check_known, scenario)
     if "default" in scenario.make_cross_section().zone_names:
         raise scenario.error("a zone must not be called default", "cross_section", "zones")
     if "default" in scenario.make_blocks():
@@ -185,6 +178,18 @@ def _check_names(scenario: Scenario) -> None:
         if "default" not in scenario.incident:
             message = f"block {shown(name)} has no incident state, neither its own nor a default"
             raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
+
+
+def _check_known(
+    scenario: Scenario, names: Iterable[str], among: Iterable[str], what: str, *path: str, at: str = "key"
+) -> None:
+    """Refuse a name of a zone or block that the scenario does not have."""
+    for name in names:
+        if name not in among:
+            choices = ", ".join(sorted({*among} - {"default"}))
+            message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
+            own = (name,) if at == "key" else ()
+            raise scenario.error(message, *path, *own, at=at, code="unknown_name", name=name)
 
 
 def _check_soil_classes(scenario: Scenario, soils: dict[str, Soil]) -> None:
@@ -222,12 +227,7 @@ def _check_field_test(scenario: Scenario) -> None:
         return
     blocks = scenario.blocks or {}
     for place, names in (("block_ids", keys.block_ids), ("calibrate_on", keys.calibrate_on)):
-        for name in names:
-            if name not in blocks:
-                message = (
-                    f"unknown block{did_you_mean(name, blocks)}; blocks of this scenario: {', '.join(blocks)}"
-                )
-                raise scenario.error(message, "field_test", place, code="unknown_name", name=name)
+        _check_known(scenario, names, blocks, "block", "field_test", place, at="value")
     if scenario.cross_section is not None:
         message = "the ground is the terrain of the field test: remove cross_section"
         raise scenario.error(message, "cross_section", at="key", code="wrong_kind")
@@ -270,10 +270,7 @@ def _check_scatter(scenario: Scenario) -> None:
             message = "the blocks of a filmed experiment are known"
             raise scenario.error(message, "populations", at="key", code="wrong_kind")
     zones = scenario.make_cross_section().zone_names
-    for zone in scenario.roughness:
-        if zone not in zones:
-            message = f"unknown zone{did_you_mean(zone, zones)}; zones of this scenario: {', '.join(zones)}"
-            raise scenario.error(message, "roughness", zone, at="key", code="unknown_name", name=zone)
+    _check_known(scenario, scenario.roughness, zones, "zone", "roughness")
     for place in scenario.scatter:
         message = ""
         if place.partition(".")[0] not in SCATTERED:

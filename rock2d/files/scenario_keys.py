@@ -11,9 +11,9 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 from rock2d.files.checked_yaml import Checked, Table, mistake, shown
 from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, largest_magnitude
 from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Name, Point
+from rock2d.records.columns import STATE_NAMES
 from rock2d.scene.soils import SOIL_CLASSES
 
-STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 LONGEST_VIDEO_S = 20.0  # longest video of a release, unless the file gives slow_motion
 LONGEST_TEXT = 200  # characters of a line in the head of a report
 SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
@@ -266,7 +266,7 @@ class Incident(Checked):
         return self
 
     def draw(self, generator: Any, count: int) -> Any:
-        """(count, 6) states in the order of `STATE_KEYS`, drawn with a numpy Generator.
+        """(count, 6) states in the order of `STATE_NAMES`, drawn with a numpy Generator.
 
         With `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
         """
@@ -275,10 +275,10 @@ class Incident(Checked):
         source = self.fixed or self.distribution or self.above_ground or self.along
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")
-        states = np.empty((len(STATE_KEYS), count)).T  # so that each draw fills contiguous memory
+        states = np.empty((len(STATE_NAMES), count)).T  # so that each draw fills contiguous memory
         if self.along is not None:
             states[:, :2] = _points_along(np.array(self.along.points_m), generator.uniform(size=count))
-        for i, key in enumerate(STATE_KEYS):
+        for i, key in enumerate(STATE_NAMES):
             key = "clearance_m" if self.above_ground is not None and key == "y_m" else key
             if self.along is None or key not in ("x_m", "y_m"):
                 states[:, i] = _drawn(getattr(source, key), generator, count)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import copy
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rock2d.errors import InputError
-from rock2d.files.checked_yaml import did_you_mean
+from rock2d.files.checked_yaml import did_you_mean, yaml_text
 from rock2d.files.places import DataPath, number_at, place_of, places_of_numbers, value_at
 from rock2d.files.scenario import Scenario, checked_scenario
 
@@ -104,14 +103,5 @@ def _replaced(here: Any, path: DataPath, value: float) -> Any:
 
 def scenario_text(scenario: Scenario) -> str:
     """The scenario as the text of a YAML file from which it is loaded again."""
-    from ruamel.yaml import YAML
-
-    yaml: Any = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = None
-    yaml.width = 120
-    yaml.sort_base_mapping_type_on_output = False  # keep the order of the keys
-    document = scenario.document
-    assert document is not None
-    stream = io.StringIO()
-    yaml.dump(document.data, stream)
-    return stream.getvalue()
+    assert scenario.document is not None
+    return yaml_text(scenario.document.data, default_flow_style=None, width=120)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
 from rock2d.files.scenario import Scenario
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.found_causes import Causes
@@ -40,38 +39,20 @@ class Model(NamedTuple):
     p: float = float("nan")
 
 
-def before_after(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """`model_table` of the `diagnosed_models`."""
-    return model_table(diagnosed_models(scenario, engine), seed, releases)
-
-
 def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
-    """The scenario with each of `compared_models`."""
-    diagnosed = _diagnosed(scenario)
-    return [
-        Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
-        for found in compared_models(scenario)
-    ]
-
-
-def compared_models(scenario: Scenario) -> list[FittedModel]:
-    """The refitted law of the paper, and the alternatives of the diagnosis. Before an alternative whose effects act and
-    whose soil differs from that of the refitted law stands its soil without effects."""
-    diagnosed = _diagnosed(scenario)
+    """The scenario with the refitted law of the paper, and with each alternative of its diagnosis. Before an
+    alternative whose effects act and whose soil differs from that of the refitted law stands its soil alone."""
+    diagnosed = scenario.diagnosed
+    assert diagnosed is not None
     models = [diagnosed.before]
     for found in diagnosed.alternatives:
-        acts = Causes(
-            found, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2
-        ).anything
-        if acts and found.soil != diagnosed.before.soil:
+        if Causes.of(found, scenario).anything and found.soil != diagnosed.before.soil:
             models.append(found._replace(name=found.name.replace("after", "soil"), effects={}))
         models.append(found)
-    return models
-
-
-def _diagnosed(scenario: Scenario) -> DiagnosedModel:
-    assert scenario.diagnosed is not None
-    return scenario.diagnosed
+    return [
+        Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
+        for found in models
+    ]
 
 
 def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:

@@ -25,22 +25,20 @@ def residual_table(measured: pd.DataFrame, simulated: pd.DataFrame) -> pd.DataFr
     dy_m, dtheta_rad. The angle is unwrapped along the film; the symmetry of the block is not used."""
     import pandas as pd
 
-    both = measured.dropna().merge(simulated, on=["release", "block", "t_s"], suffixes=("", "_sim"))
-    parts = []
-    for (release, block), rows in both.groupby(["release", "block"], sort=True):
-        parts.append(
-            pd.DataFrame(
-                {
-                    "release": release,
-                    "block": block,
-                    "t_s": rows["t_s"] - rows["t_s"].iloc[0],
-                    "dx_m": rows["x_m_sim"] - rows["x_m"],
-                    "dy_m": rows["y_m_sim"] - rows["y_m"],
-                    "dtheta_rad": rows["theta_rad_sim"] - np.unwrap(rows["theta_rad"]),
-                }
-            )
-        )
-    return pd.concat(parts, ignore_index=True)
+    key = ["release", "block"]
+    rows = measured.dropna().merge(simulated, on=[*key, "t_s"], suffixes=("", "_sim"))
+    rows = rows.sort_values(key, kind="stable", ignore_index=True)
+    of_release = rows.groupby(key)
+    return pd.DataFrame(
+        {
+            "release": rows["release"],
+            "block": rows["block"],
+            "t_s": rows["t_s"] - of_release["t_s"].transform("first"),
+            "dx_m": rows["x_m_sim"] - rows["x_m"],
+            "dy_m": rows["y_m_sim"] - rows["y_m"],
+            "dtheta_rad": rows["theta_rad_sim"] - of_release["theta_rad"].transform(np.unwrap),
+        }
+    )
 
 
 def residual_summary(residuals: pd.DataFrame, tracks: list[Track], noise: dict[str, float]) -> pd.DataFrame:

@@ -6,23 +6,26 @@ With them each release has its own draws, which do not depend on the number of r
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.distributions import bounds, quantiles
+from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at, place_of
 from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
+from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import N_STATE
 from rock2d.runs.engines import engine_named
-from rock2d.runs.found_causes import Causes, causes_of, centre_of_mass_states
+from rock2d.runs.found_causes import Causes, centre_of_mass_states
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
@@ -47,14 +50,14 @@ class Condition(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the law of the engine; or, with the effects of a diagnosis, rows
-        (zones, columns) of the contact law
+    parameters : rows (zones, columns) of the contact law, with columns of effects if any act; of the engine
+        point_mass: zone name, or default -> parameters of the rebound law
     drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value
     """
 
     block: Block
     cross_section: CrossSection
-    parameters: Mapping[str, Any] | Array
+    parameters: Any
     drawn: Mapping[str, float]
 
 
@@ -141,21 +144,28 @@ class Conditions:
     def group(self, block: int, first: int, stop: int) -> Group:
         """Releases first .. stop - 1 of the block with index `block`; first < stop. Fewer if fewer were filmed."""
         if self.scenario.experiment is not None:
-            return self._measured_group(block, first, stop)
+            own = [pair for pair in self.measured(stop) if pair[0].block == self.blocks[block].name][first:]
+            conditions = [each for _, each in own] if self.vary and own else [self.common[block]]
+            states = np.array([start.state for start, _ in own]).reshape(-1, N_STATE)
+            return Group(block, states, np.array([start.seed for start, _ in own], np.uint64), conditions)
         conditions = self.of_releases(block, first, stop)
         states = self._states(conditions, block, first, stop)
         return Group(block, states, drawn_seeds(self.seed, block, first, stop), conditions)
 
-    def _measured_group(self, block: int, first: int, stop: int) -> Group:
-        measured = measured_states(self.scenario, self.seed, stop)
-        own = [start for start in measured if start.block == self.blocks[block].name][first:]
-        conditions = self.of_releases(block, first, first + max(len(own), 1))
-        each = conditions if len(conditions) == len(own) else conditions[:1] * len(own)
-        states = [
-            centre_of_mass_states(c.block, start.state[None]) for c, start in zip(each, own, strict=True)
-        ]
-        seeds = np.array([start.seed for start in own], np.uint64)
-        return Group(block, np.concatenate([np.empty((0, N_STATE)), *states]), seeds, conditions)
+    def measured(self, releases: int | None = None) -> list[tuple[IncidentState, Condition]]:
+        """Start and condition of the first `releases` filmed releases of each block, in the order of the film."""
+        measured = measured_states(self.scenario, self.seed, releases)
+        counts = Counter(start.block for start in measured)
+        conditions = {
+            block.name: cycle(self.of_releases(b, 0, counts[block.name] or 1))
+            for b, block in enumerate(self.blocks)
+        }
+        found = []
+        for start in measured:
+            condition = next(conditions[start.block])
+            state = centre_of_mass_states(condition.block, start.state[None])[0]
+            found.append((replace(start, state=state), condition))
+        return found
 
     def of_releases(self, block: int, first: int, stop: int) -> list[Condition]:
         """Conditions of releases first .. stop - 1 of a block; a single one if it is the same for all.
@@ -176,8 +186,6 @@ class Conditions:
         if self.scenario.experiment is not None:
             return  # the starts are measured
         for b, block in enumerate(self.blocks):
-            if self._surely_above(block):
-                continue
             for first in range(0, count, CHECKED_TOGETHER):
                 stop = min(first + CHECKED_TOGETHER, count)
                 if (below := self._below(b, first, stop)) is not None:
@@ -191,18 +199,22 @@ class Conditions:
     @cached_property
     def common(self) -> list[Condition]:
         """Condition of each block, without draws."""
-        parameters = engine_named(self.engine).parameters
-        pairs = [self._with_effects(b, parameters(self.scenario, b)) for b in self.blocks]
+        pairs = [self._with_effects(self.scenario, block) for block in self.blocks]
         return [Condition(block, self.cross_section, of_block, {}) for block, of_block in pairs]
 
     @cached_property
     def _causes(self) -> Causes | None:
-        return causes_of(self.scenario)
+        diagnosed = self.scenario.diagnosed
+        return None if diagnosed is None else Causes.of(diagnosed.model, self.scenario)
 
-    def _with_effects(
-        self, block: Block, parameters: Mapping[str, Any]
-    ) -> tuple[Block, Mapping[str, Any] | Array]:
-        return (block, parameters) if self._causes is None else self._causes.applied(block, parameters)
+    def _with_effects(self, scenario: Scenario, block: Block) -> tuple[Block, Any]:
+        """A block and its parameters, with the effects of the diagnosis."""
+        engine = engine_named(self.engine)
+        laws = engine.parameters(scenario, block)
+        if engine.law != "deterministic":
+            return block, laws
+        rows = parameter_table(laws, self.cross_section.zone_names)
+        return (block, rows) if self._causes is None else self._causes.applied(block, rows)
 
     @cached_property
     def _roughness(self) -> dict[str, Roughness]:
@@ -268,14 +280,12 @@ class Conditions:
             if path[0] != "blocks" or path[1] == name
         }
 
-    def _with_values(
-        self, block: Block, values: Mapping[str, float], release: int
-    ) -> tuple[Block, Mapping[str, Any] | Array]:
+    def _with_values(self, block: Block, values: Mapping[str, float], release: int) -> tuple[Block, Any]:
         try:
             changed = with_numbers(self.scenario, values)
             if changed.blocks and block.name in changed.blocks:
                 block = changed.blocks[block.name].make(block.name)
-            return self._with_effects(block, engine_named(self.engine).parameters(changed, block))
+            return self._with_effects(changed, block)
         except InputError as error:
             drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
             message = f"{error.message}; in release {release} of block {block.name} with {drawn}"
@@ -328,15 +338,6 @@ class Conditions:
         found = np.flatnonzero(below)
         return (first + int(found[0]), places[found[0]], len(found)) if len(found) else None
 
-    def _surely_above(self, block: Block) -> bool:
-        """Whether no possible start lies below the ground."""
-        source = self.scenario.incident_of(block.name).distribution
-        if source is None:
-            return False
-        (left, right), (lowest, _) = bounds(source.x_m), bounds(source.y_m)
-        rise = max((rough.rise_m for rough in self._roughness.values()), default=0.0)
-        return lowest > self.cross_section.highest_m(left - rise, right + rise) + rise
-
     def _check_clearances(self, block: int, first: int, states: Array) -> None:
         """Refuse starts outside the cross-section, or with a clearance (instead of y) below 0."""
         negative = np.flatnonzero(states[:, 1] < 0.0)
@@ -370,23 +371,9 @@ def starts(conditions: Conditions, releases: int | None = None) -> list[tuple[In
 
     Raises InputError if drawn values make no sense.
     """
-    scenario, seed = conditions.scenario, conditions.seed
-    if scenario.experiment is not None:
-        measured = measured_states(scenario, seed, releases)
-        of_block = {
-            block.name: conditions.of_releases(b, 0, len(measured))
-            for b, block in enumerate(conditions.blocks)
-        }
-        counts = dict.fromkeys(of_block, -1)
-        found = []
-        for start in measured:
-            counts[start.block] += 1
-            own = of_block[start.block]
-            condition = own[min(counts[start.block], len(own) - 1)]
-            state = centre_of_mass_states(condition.block, start.state[None])[0]
-            found.append((replace(start, state=state), condition))
-        return found
-    count = releases or scenario.releases
+    if conditions.scenario.experiment is not None:
+        return conditions.measured(releases)
+    count = releases or conditions.scenario.releases
     found = []
     for b, block in enumerate(conditions.blocks):
         group = conditions.group(b, 0, count)

@@ -32,8 +32,9 @@ def diagnosis_entry(scenario: Scenario) -> dict[str, Any]:
     return {
         "diagnosis": {
             "path": diagnosed.given, "sha256": diagnosed.fingerprint, "schema": diagnosed.schema,
-            "experiment": diagnosed.experiment, "verdict": diagnosed.verdict, "soil": dict(diagnosed.model.soil),
-            "acting": acting, "remarks": diagnosis_remarks(scenario),
+            "experiment": diagnosed.experiment, "verdict": diagnosed.verdict,
+            "soil": diagnosed.model.soil.model_dump(exclude_none=True), "acting": acting,
+            "remarks": diagnosis_remarks(scenario),
         }
     }  # fmt: skip
 
@@ -43,9 +44,7 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
     diagnosed = scenario.diagnosed
     if diagnosed is None:
         return []
-    soil = ", ".join(
-        f"{name} {value:.4g}" for name, value in diagnosed.model.soil.items() if not isinstance(value, bool)
-    )
+    soil = ", ".join(f"{name} {value:.4g}" for name, value in diagnosed.model.soil if type(value) is float)
     remarks = [
         f"diagnosis {diagnosed.given} (experiment {diagnosed.experiment}): verdict {diagnosed.verdict}; soil {soil}"
     ]
@@ -55,12 +54,11 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
             f"warning: this run is without the changes learnt from the film: {diagnosed.learnt}. They hold for the "
             "set-up of the film only; `rock2d predict` uses them there"
         )
-    blocks, ground = scenario.make_blocks(), scenario.make_cross_section()
     for model in diagnosed.alternatives:
-        causes = Causes(model, blocks, ground, scenario.gravity_m_s2)
+        causes = Causes.of(model, scenario)
         remarks += [_effect_remark(name, causes) for name in model.effects]
     remarks += _interval_remarks(scenario, diagnosed)
-    return remarks + _scale_remarks(diagnosed, blocks)
+    return remarks + _scale_remarks(diagnosed, scenario.make_blocks())
 
 
 def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:

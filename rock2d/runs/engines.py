@@ -8,38 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from rock2d.files.scenario import Scenario
     from rock2d.records.track import Track
     from rock2d.runs.campaigns.ensembles import Outcome
     from rock2d.runs.campaigns.job import Job
     from rock2d.runs.conditions import Condition, Group
+    from rock2d.runs.incident_states import IncidentState
     from rock2d.scene.blocks import Block
-
-
-class ReleaseInputs(NamedTuple):
-    """Inputs of an engine for one release.
-
-    Attributes
-    ----------
-    condition : block, cross-section and parameters of the law
-    state : (6,) state of the centre of mass at t = 0, in SI
-    release : number of the release
-    seed : seed of the random stream of the release
-    """
-
-    condition: Condition
-    state: np.ndarray
-    release: int
-    gravity_m_s2: float
-    time_limit_s: float
-    seed: int
 
 
 @dataclass(frozen=True)
@@ -49,7 +29,7 @@ class Engine:
     Attributes
     ----------
     law : key of `model` in a scenario with its parameters: "deterministic" or "probabilistic"
-    track : simulates one release
+    track : (condition, start, gravity in m/s², time limit in s) -> the motion of one release
     ensemble : simulates a group of releases of a campaign; None if the engine is for single releases only
     many_processes : whether its releases take so long that a run starts further processes
     audits_energy : whether its tracks have an energy audit
@@ -63,7 +43,7 @@ class Engine:
 
     name: str
     law: str
-    track: Callable[[ReleaseInputs], Track]
+    track: Callable[[Condition, IncidentState, float, float], Track]
     ensemble: Callable[[Job, Group], Outcome] | None = None
     many_processes: bool = False
     audits_energy: bool = False
@@ -93,36 +73,30 @@ def compiled_engine(name: str) -> Engine:
     return engine_named(SAME_LAW.get(name, name))
 
 
-def _pymunk_track(inputs: ReleaseInputs) -> Track:
+def _pymunk_track(condition: Condition, start: IncidentState, gravity_m_s2: float, limit_s: float) -> Track:
     from rock2d.engines.pymunk_engine import run_pymunk
 
-    condition = inputs.condition
     return run_pymunk(
-        condition.block, condition.cross_section, condition.parameters, inputs.state,
-        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s,
-    )  # fmt: skip
+        *condition[:3], start.state, release=start.release, gravity_m_s2=gravity_m_s2, time_limit_s=limit_s
+    )
 
 
-def _batch_track(inputs: ReleaseInputs) -> Track:
+def _batch_track(condition: Condition, start: IncidentState, gravity_m_s2: float, limit_s: float) -> Track:
     from rock2d.engines.batch import run_batch_track
-    from rock2d.laws.contact import contact_rows
 
-    condition = inputs.condition
-    table = contact_rows(condition.parameters, condition.cross_section.zone_names)
     return run_batch_track(
-        condition.block, condition.cross_section, table, inputs.state,
-        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s,
-    )  # fmt: skip
+        *condition[:3], start.state, release=start.release, gravity_m_s2=gravity_m_s2, time_limit_s=limit_s
+    )
 
 
-def _point_mass_track(inputs: ReleaseInputs) -> Track:
+def _point_mass_track(
+    condition: Condition, start: IncidentState, gravity_m_s2: float, limit_s: float
+) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
-    condition = inputs.condition
-    assert isinstance(condition.parameters, Mapping)  # only the contact law has rows
     return run_point_mass(
-        condition.block, condition.cross_section, condition.parameters, inputs.state,
-        release=inputs.release, gravity_m_s2=inputs.gravity_m_s2, time_limit_s=inputs.time_limit_s, seed=inputs.seed,
+        *condition[:3], start.state,
+        release=start.release, gravity_m_s2=gravity_m_s2, time_limit_s=limit_s, seed=start.seed,
     )  # fmt: skip
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.effects import catalogue
-from rock2d.laws.contact import CONTACT_LAW_COLUMNS, parameter_table
+from rock2d.laws.contact import CONTACT_LAW_COLUMNS
 from rock2d.records.columns import OMEGA, THETA, VX, VY
 from rock2d.scene.blocks import Block, poses_at
 from rock2d.scene.cross_section import CrossSection
@@ -46,6 +46,11 @@ class Causes:
     cross_section: CrossSection
     gravity_m_s2: float
 
+    @classmethod
+    def of(cls, model: FittedModel, scenario: Scenario) -> Causes:
+        """On the site of a scenario."""
+        return cls(model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2)
+
     @cached_property
     def acting(self) -> tuple[str, ...]:
         """Effects that change blocks, soil or ground of a release."""
@@ -73,18 +78,16 @@ class Causes:
         roughness = Roughness(sd_rad, float(np.mean([block.size_m for block in self.blocks.values()])))
         return dict.fromkeys(self.cross_section.zone_names, roughness)
 
-    def applied(self, block: Block, parameters: Mapping[str, Any]) -> tuple[Block, Mapping[str, Any] | Array]:
-        """Block and parameters of a release with the effects; parameters become rows (zones, columns) of the contact
-        law.
+    def applied(self, block: Block, parameters: Array) -> tuple[Block, Array]:
+        """Block and parameters (zones, columns) of the contact law of a release with the effects.
 
         The blocks of the scenario determine the changes of the ground, the block of the release its own changes.
         """
         if not self.acting:
             return block, parameters
-        rows = parameter_table(parameters, self.cross_section.zone_names)[None]
-        world = self._applied(self.blocks, rows)
+        world = self._applied(self.blocks, parameters[None])
         if block is not self.blocks[block.name]:
-            changed = self._applied({**self.blocks, block.name: block}, rows)
+            changed = self._applied({**self.blocks, block.name: block}, parameters[None])
             return changed.blocks[block.name], world.contact[0]
         return world.blocks[block.name], world.contact[0]
 
@@ -116,15 +119,6 @@ class Causes:
         for name in self.acting:
             world = catalogue()[name].apply(world, self.model.values(name))
         return world
-
-
-def causes_of(scenario: Scenario) -> Causes | None:
-    """The effects of the diagnosis of a scenario; None without a diagnosis."""
-    if scenario.diagnosed is None:
-        return None
-    return Causes(
-        scenario.diagnosed.model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2
-    )
 
 
 def centre_of_mass_states(block: Block, states: Array) -> Array:

@@ -8,32 +8,20 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
-from typing import NamedTuple
-
-import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.processes import as_finished
 from rock2d.progress import Bars
 from rock2d.records.track import Track
 from rock2d.runs.conditions import Condition, Conditions, starts
-from rock2d.runs.engines import ENGINES, ReleaseInputs, engine_named
+from rock2d.runs.engines import ENGINES, engine_named
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.recording import Recording
 from rock2d.runs.results import WRITING, RunResult
 
 FRAME_MARGIN_S = 1e-9  # a restarted release lasts so much longer than its film, to include the last frame
-
-
-class _Job(NamedTuple):
-    """Inputs of a worker process. `common`: block name -> condition of all releases of the block, if they do not
-    vary."""
-
-    engine: str
-    gravity_m_s2: float
-    common: Mapping[str, Condition]
 
 
 def run(
@@ -58,19 +46,20 @@ def run(
     conditions.check_starts(releases or scenario.releases)
     started = starts(conditions, releases)
     states = [start for start, _ in started]
-    common = {condition.block.name: condition for condition in conditions.common}
-    blocks = {name: condition.block for name, condition in common.items()}
-    job = _Job(chosen.name, scenario.gravity_m_s2, {} if conditions.vary else common)
-    own = [condition for _, condition in started] if conditions.vary else [None] * len(started)
-    jobs = list(zip(states, _time_limits(scenario, states), own, strict=True))
+    blocks = {condition.block.name: condition.block for condition in conditions.common}
+    jobs = [(*pair, limit_s) for pair, limit_s in zip(started, _time_limits(scenario, states), strict=True)]
     title = run_title(scenario, chosen.name)
     bars, processes = Bars.of(progress), workers or os.cpu_count() or 1
-    with closing(_tracks(job, jobs, processes)) as simulated, bars.stage(title, len(jobs), "releases") as bar:
+    shared = chosen.name, scenario.gravity_m_s2
+    with (
+        closing(_tracks(shared, jobs, processes)) as simulated,
+        bars.stage(title, len(jobs), "releases") as bar,
+    ):
         found = dict(bar.counted(simulated))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
         chosen.name, conditions.cross_section, blocks, tracks, _recording(scenario, seed), title,
-        own_blocks={start.release: own.block for start, own in started if own.block is not common[start.block].block},
+        own_blocks={start.release: own.block for start, own in started if own.block is not blocks[start.block]},
         scenario=scenario, seed=seed, incident_states=states,
         drawn={start.release: own.drawn for start, own in started if own.drawn},
     )  # fmt: skip
@@ -107,19 +96,18 @@ def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]
 
 
 def _tracks(
-    job: _Job, releases: list[tuple[IncidentState, float, Condition | None]], workers: int
+    shared: tuple[str, float], releases: list[tuple[IncidentState, Condition, float]], workers: int
 ) -> Generator[tuple[int, Track]]:
-    """Index and track of each release. The first one runs in this process, so that workers find compiled code in the
-    cache."""
-    here = (
-        len(releases) if min(workers, len(releases) - 1) <= 1 or not ENGINES[job.engine].many_processes else 1
-    )
+    """Index and track of each release; `shared` is the engine and gravity in m/s². The first release runs in this
+    process, so that workers find compiled code in the cache."""
+    one_process = min(workers, len(releases) - 1) <= 1 or not ENGINES[shared[0]].many_processes
+    here = len(releases) if one_process else 1
     with _interrupts_between_releases() as check:
-        for k, release in enumerate(releases[:here]):
+        for k, (start, condition, limit_s) in enumerate(releases[:here]):
             check()
-            yield k, _track(job, *release)
+            yield k, _track(*shared, start, condition, limit_s)
         check()
-    with closing(as_finished(_track, releases[here:], workers, (job,))) as others:
+    with closing(as_finished(_track, releases[here:], workers, shared)) as others:
         for k, track in others:
             yield here + k, track
 
@@ -143,12 +131,9 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _track(job: _Job, start: IncidentState, limit_s: float, own: Condition | None) -> Track:
-    condition = own or job.common[start.block]
-    track = ENGINES[job.engine].track(
-        ReleaseInputs(
-            condition, np.asarray(start.state), start.release, job.gravity_m_s2, limit_s, start.seed
-        )
-    )
+def _track(
+    engine: str, gravity_m_s2: float, start: IncidentState, condition: Condition, limit_s: float
+) -> Track:
+    track = ENGINES[engine].track(condition, start, gravity_m_s2, limit_s)
     track.shift_time(start.t_s)
     return track

@@ -13,8 +13,8 @@ import numpy as np
 from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
-from rock2d.runs.engines import ReleaseInputs, engine_named
-from rock2d.runs.incident_states import drawn_seeds
+from rock2d.runs.engines import engine_named
+from rock2d.runs.incident_states import IncidentState, drawn_seeds
 from rock2d.runs.indicators import indicators
 from rock2d.runs.recording import Recording, trajectories_table
 from rock2d.scene.blocks import Block
@@ -203,6 +203,7 @@ def simulate(
     >>> result.to_pandas("stops")["stop"].tolist()
     ['rest', 'rest']
     """
+    from rock2d.laws.contact import parameter_table
     from rock2d.runs.conditions import Condition
 
     chosen = engine_named(engine)
@@ -210,15 +211,19 @@ def simulate(
     rows = np.atleast_2d(np.asarray(states, float))
     if rows.ndim != 2 or rows.shape[1:] != (len(STATE_NAMES),) or not np.isfinite(rows).all():
         raise InputError(f"states must be rows of six finite numbers: {', '.join(STATE_NAMES)}")
-    if chosen.law == "deterministic" and len(rows):
+    deterministic = chosen.law == "deterministic"
+    if deterministic and len(rows):
         stiffness = {zone: law.k_l_N_m for zone, law in by_zone.items()}
         for doubt in contact_doubts(block, stiffness, highest_speed_m_s(rows, cross_section, gravity_m_s2)):
             warnings.warn(UnusualWarning(doubt.text), stacklevel=2)
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
     limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
-    condition = Condition(block, cross_section, by_zone, {})
+    law = parameter_table(by_zone, cross_section.zone_names) if deterministic else by_zone
+    condition = Condition(block, cross_section, law, {})
     tracks = [
-        chosen.track(ReleaseInputs(condition, state, release, gravity_m_s2, limit, int(own_seed)))
+        chosen.track(
+            condition, IncidentState(release, block.name, 0.0, state, int(own_seed)), gravity_m_s2, limit
+        )
         for release, (state, own_seed) in enumerate(zip(rows, seeds, strict=True))
     ]
     return Simulation(engine, cross_section, {block.name: block}, tracks, title=f"{block.name} ({engine})")

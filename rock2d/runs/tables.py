@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rock2d.runs.resolution import stop_counts
@@ -11,43 +12,40 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.files.scenario import Scenario
-    from rock2d.runs.results import RunResult
 
 PASSING_HEAD = (
     "line", "block", "released", "left source", "arrived", "passed", "% of released", "% of arriving", "unresolved",
 )  # fmt: skip
 
 
-def print_tables(result: RunResult) -> None:
-    """Print passing frequencies, stops and the energy audit of a run."""
-    from rock2d.engines.energy_balance import audit_tolerance
-
-    print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
-    passing = result.to_pandas("passing")
-    if len(passing):
-        print(passing_text(passing, table_note(result.scenario)))
-    print(stops_text(result.to_pandas("stops"), table_note(result.scenario)))
-    if "energy" in result.table_names():
-        energy = result.to_pandas("energy")
-        residual = energy["residual_J"].abs() / energy["initial_J"]
-        print(f"energy audit: closes to {residual.max():.1e} of the initial energy at worst")
-        unclosed = energy["release"][residual > audit_tolerance(energy["effects_J"].to_numpy())]
-        if len(unclosed):
-            some = ", ".join(map(str, unclosed[:5])) + (", ..." if len(unclosed) > 5 else "")
-            print(f"energy audit: DOES NOT CLOSE for {len(unclosed)} of {len(residual)} releases: {some}")
-    for sentence in result.scenario.assumed:
-        print(f"  assumed: {sentence}")
+PRINTED = ("passing", "stops", "energy")
 
 
-def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFrame]) -> None:
-    """Print passing frequencies and stops of a campaign."""
-    print(f"\n{scenario.name}: {scenario.about} [{engine}]")
+def print_tables(scenario: Scenario, run: str, tables: Mapping[str, pd.DataFrame]) -> None:
+    """Print passing frequencies, stops and the energy audit, as far as there are tables of them. `run`: the engine, and
+    what else a reader needs to repeat it."""
+    print(f"\n{scenario.name}: {scenario.about} [{run}]")
+    note = table_note(scenario)
     if len(tables.get("passing", ())):
-        print(passing_text(tables["passing"], table_note(scenario)))
+        print(passing_text(tables["passing"], note))
     if "stops" in tables:
-        print(stops_text(tables["stops"], table_note(scenario)))
+        print(stops_text(tables["stops"], note))
+    if "energy" in tables:
+        print(_audit_text(tables["energy"]))
     for sentence in scenario.assumed:
         print(f"  assumed: {sentence}")
+
+
+def _audit_text(energy: pd.DataFrame) -> str:
+    from rock2d.engines.energy_balance import audit_tolerance
+
+    residual = energy["residual_J"].abs() / energy["initial_J"]
+    text = f"energy audit: closes to {residual.max():.1e} of the initial energy at worst"
+    unclosed = energy["release"][residual > audit_tolerance(energy["effects_J"].to_numpy())]
+    if len(unclosed):
+        some = ", ".join(map(str, unclosed[:5])) + (", ..." if len(unclosed) > 5 else "")
+        text += f"\nenergy audit: DOES NOT CLOSE for {len(unclosed)} of {len(residual)} releases: {some}"
+    return text
 
 
 def table_note(scenario: Scenario | None) -> str:

@@ -198,12 +198,6 @@ class CrossSection:
             shapely.Polygon([*outline, (outline[-1, 0], floor_m), (outline[0, 0], floor_m)])
         )
 
-    def highest_m(self, low_m: float, high_m: float) -> float:
-        """The highest y of the surface between two x; outside the cross-section the height of its end counts."""
-        x = self.points_m[:, 0]
-        ends = np.clip([low_m, high_m], x.min(), x.max())
-        return float(self.height_m(np.array([*ends, *x[(x > low_m) & (x < high_m)]])).max())
-
     def foot_and_head(self, line_m: Array) -> tuple[Array, Array]:
         """The ends of a measure line (2, 2): the one nearer to the surface (the first, if equal) and the other."""
         import shapely
@@ -262,26 +256,24 @@ def _refuse_crossing(points: Array) -> None:
 def embankment_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of all embankments, see `CrossSection.embankments`. All False on a floor or a plain
     slope."""
-    found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[bank.left : bank.right] = True
-    return found
+    return _facets(cross_section, [slice(bank.left, bank.right) for bank in cross_section.embankments])
 
 
 def facing_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of the facings of all embankments, that is their left flanks. All False on a floor or a
     plain slope."""
-    found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[bank.left : bank.crest] = True
-    return found
+    return _facets(cross_section, [slice(bank.left, bank.crest) for bank in cross_section.embankments])
 
 
 def ditch_facets(cross_section: CrossSection) -> Array:
     """(n,) bool: the facets of all ditches, see `ditch_before`."""
+    return _facets(cross_section, [ditch_before(cross_section, bank) for bank in cross_section.embankments])
+
+
+def _facets(cross_section: CrossSection, parts: Sequence[slice]) -> Array:
     found = np.zeros(len(cross_section.zones), bool)
-    for bank in cross_section.embankments:
-        found[ditch_before(cross_section, bank)] = True
+    for part in parts:
+        found[part] = True
     return found
 
 

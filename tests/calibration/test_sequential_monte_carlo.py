@@ -38,12 +38,6 @@ def test_without_data_the_prior_stays():
     assert found.log_evidence == pytest.approx(0.0, abs=1e-12)
 
 
-def test_only_free_columns_move():
-    found = sample(free=np.array([0, 1]))
-    rng = np.random.default_rng(0)
-    assert np.isin(found.u[:, 2], prior_draws(4000, 3, rng)[:, 2]).all()
-
-
 def test_a_choice_among_models_gets_its_posterior_probability():
     """Two models whose likelihoods differ by a factor 3, chosen by one half of a redrawn column each."""
 

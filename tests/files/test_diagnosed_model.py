@@ -57,7 +57,7 @@ def test_a_member_of_a_group_is_drawn_with_its_probability():
 
 def test_one_effect_acts_on_the_soil_that_was_fitted_with_it(tmp_path):
     own = diagnosed(tmp_path, content("air_drag", {"air_drag": AIR})).diagnosed
-    assert own.model.soil["k_ul_N_m"] == JOINT["k_ul_N_m"] and own.before.soil["k_ul_N_m"] == SOIL["k_ul_N_m"]
+    assert own.model.soil.k_ul_N_m == JOINT["k_ul_N_m"] and own.before.soil.k_ul_N_m == SOIL["k_ul_N_m"]
     assert own.model.values("air_drag") == (0.01,) and not own.before.effects
     assert list(own.unknown()) == ["diagnosis.air_drag.drag_per_mass_1_m"]
 
@@ -79,7 +79,7 @@ def test_a_group_is_a_choice_of_models(tmp_path):
     other = variant(
         scenario, {"diagnosis.cause": 1.0, "diagnosis.flight_damping.rate_1_s": 0.12}
     ).diagnosed.model
-    assert other.values("flight_damping") == (0.12,) and other.soil["k_ul_N_m"] == SOIL["k_ul_N_m"]
+    assert other.values("flight_damping") == (0.12,) and other.soil.k_ul_N_m == SOIL["k_ul_N_m"]
 
 
 def test_several_causes_act_if_they_are_likely(tmp_path):
@@ -89,14 +89,14 @@ def test_several_causes_act_if_they_are_likely(tmp_path):
     ]
     scenario = diagnosed(tmp_path, content("air_drag", {"air_drag": AIR}, schema=2, causes=causes))
     assert list(scenario.diagnosed.model.effects) == ["air_drag"]
-    assert scenario.diagnosed.model.soil["k_ul_N_m"] == JOINT["k_ul_N_m"]
+    assert scenario.diagnosed.model.soil.k_ul_N_m == JOINT["k_ul_N_m"]
 
 
 def test_what_was_found_beside_the_verdict_acts_too(tmp_path):
     both = {"air_drag": AIR["parameters"], "flight_damping": SPIN["parameters"]}
     beside = [{"effect": "flight_damping", "base": {**SOIL, "k_l_N_m": 3.0e6}, "parameters": both, **GAIN}]
     model = diagnosed(tmp_path, content("air_drag", {"air_drag": AIR}, beside=beside)).diagnosed.model
-    assert list(model.effects) == ["air_drag", "flight_damping"] and model.soil["k_l_N_m"] == 3.0e6
+    assert list(model.effects) == ["air_drag", "flight_damping"] and model.soil.k_l_N_m == 3.0e6
 
 
 def test_numbers_of_the_file_come_before_the_diagnosis(tmp_path):

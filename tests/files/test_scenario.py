@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from rock2d.errors import InputError, OldKeyWarning
-from rock2d.files.scenario import load_scenario, scenario_json_schema
+from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.runs.conditions import Conditions, starts
+from rock2d.schemas import file_schema
 from tests.programs import place_of, refusal
 from tests.scenarios_of_tests import SHIPPED, scenario_file
 
@@ -296,7 +297,7 @@ def test_real_squares_take_everything_measured_from_the_data(data_root):
 
 
 def test_every_key_of_the_json_schema_is_described():
-    schema = scenario_json_schema()
+    schema = file_schema("scenario")
     for name, part in [("Scenario", schema), *schema["$defs"].items()]:
         for key, value in part.get("properties", {}).items():
             assert value.get("description"), f"{name}.{key}"

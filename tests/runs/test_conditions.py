@@ -11,6 +11,7 @@ from scipy import stats
 import rock2d
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.laws.contact import K_UL
 from rock2d.runs.campaigns.campaign import CampaignOptions, run_campaign
 from rock2d.runs.conditions import Conditions, starts
 from tests.scenarios_of_tests import ONE_BALL, SLOPE, scenario_file
@@ -66,7 +67,7 @@ def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
 
 def test_drawn_stiffness_follows_its_distribution(tmp_path):
     conditions = Conditions(site(tmp_path, STIFFNESS), "batch", 3)
-    k_ul = np.array([met.parameters["default"].k_ul_N_m for met in conditions.of_releases(0, 0, 3000)])
+    k_ul = np.array([met.parameters[0, K_UL] for met in conditions.of_releases(0, 0, 3000)])
     sigma = np.sqrt(np.log1p(0.3**2))
     assert stats.kstest(np.log(k_ul / 2.4e7) / sigma, "norm").pvalue > 0.01
 
@@ -140,20 +141,6 @@ def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said)
     scenario = site(tmp_path, incident=f"above_ground: {{{incident}, vx_m_s: 0, vy_m_s: 0}}")
     with pytest.raises(InputError, match=said):
         rock2d.run(scenario)
-
-
-@pytest.mark.parametrize("roughness", ["", "roughness: {slope: {sd_deg: 8, length_m: 0.5}}\n"])
-def test_starts_that_cannot_lie_below_the_ground_are_not_drawn_to_be_checked(
-    tmp_path, roughness, monkeypatch
-):
-    drawn = []
-    monkeypatch.setattr(Conditions, "_below", lambda self, *releases: drawn.append(releases))
-    for y, checked in {19.0: [], 17.8: [(0, 0, 30)]}.items():  # the ground is at 18 to 14 m
-        fall = f"distribution: {{x_m: {{uniform: {{low: 2, high: 6}}}}, y_m: {{uniform: {{low: {y}, high: 30}}}}, "
-        scenario = site(tmp_path, roughness, incident=fall + "vx_m_s: 2.0, vy_m_s: 0.0}")
-        drawn.clear()
-        Conditions(scenario, "batch", 1).check_starts(30)
-        assert drawn == checked
 
 
 def test_releases_along_a_line_spread_over_its_length(tmp_path):

@@ -15,11 +15,11 @@ from rock2d.design.report_tables import model_text
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
-from rock2d.runs.before_after import before_after, compared_models
+from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.tables import print_tables
+from rock2d.runs.tables import PRINTED, print_tables
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -121,7 +121,7 @@ def test_every_effect_of_the_catalogue_acts_or_says_why_not(tmp_path):
         plain = Conditions(scenario.with_diagnosed(scenario.diagnosed.using(
             scenario.diagnosed.model._replace(effects={}))), "batch", 1).common  # fmt: skip
         acts = any(
-            (isinstance(c.parameters, np.ndarray) and (c.parameters.shape[1] > 7 or name in ("zone_contrast",)))
+            c.parameters.shape[1] > 7 or name == "zone_contrast"
             or c.block.inertia_kg_m2 != p.block.inertia_kg_m2 or c.block.air != p.block.air
             or c.block.rounding_m != p.block.rounding_m or c.block.centre_of_mass_m != p.block.centre_of_mass_m
             or not np.array_equal(c.cross_section.points_m, p.cross_section.points_m)
@@ -186,8 +186,9 @@ def test_the_point_mass_engine_is_refused(tmp_path):
 def test_before_and_after_share_their_releases(tmp_path):
     scenario = diagnosed(tmp_path, drag(0.05))
     result = rock2d.run(scenario)
-    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
-    assert [m.name for m in compared_models(scenario)] == ["before", "soil", "after"]
+    models = diagnosed_models(scenario, "batch")
+    table = model_table(models, scenario.seed, scenario.releases)
+    assert [m.name for m in models] == ["before", "soil", "after"]
     after = table[table["model"] == "after"].set_index(["block", "line"])
     passing = result.to_pandas("passing").set_index(["block", "line"])
     assert after["frequency"].equals(passing["frequency"])
@@ -205,9 +206,9 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     scenario = diagnosed(tmp_path, {**content("unknown"), "schema": 2, "outside": found})
     assert any("flight of height (closes 93 % of the gap" in line for line in diagnosis_remarks(scenario))
     result = rock2d.run(scenario)
-    print_tables(result)
+    print_tables(result.scenario, "batch", {name: result.to_pandas(name) for name in PRINTED})
     note = "without the learnt changes of d.json"
-    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
+    table = model_table(diagnosed_models(scenario, "batch"), scenario.seed, scenario.releases)
     shown = [*capsys.readouterr().out.splitlines(), model_text(table, "before and after", note)]
     assert sum(note in line for line in shown) == 3  # passing, stops, before and after
     rock2d.write_report(result, tmp_path / "page")

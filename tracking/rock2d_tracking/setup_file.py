@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from rock2d.errors import InputError
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
@@ -135,11 +134,6 @@ class SetupKeys(Checked):
         return self
 
 
-def setup_json_schema() -> dict[str, Any]:
-    """JSON Schema of `setup.yaml`: every key with its description and unit."""
-    return json_schema(SetupKeys, "rock2d set-up file")
-
-
 class Setup:
     """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known.
 
@@ -247,18 +241,7 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
         "releases": list(releases),
     }
-    write_whole(path, setup_text(keys))
-
-
-def setup_text(keys: Mapping[str, Any]) -> str:
-    """The text of a set-up file with these keys."""
-    from ruamel.yaml import YAML
-
-    yaml = YAML(typ="safe", pure=True)
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    text = io.StringIO()
-    yaml.dump(keys, text)
-    return text.getvalue()
+    write_whole(path, yaml_text(keys))
 
 
 def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, require
 from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
 
@@ -25,12 +25,7 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
 
     Raises InputError if the file is not DXF, or if there is no polyline (on this layer).
     """
-    try:
-        import ezdxf  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"ezdxf is missing, which reads drawings: {EXTRA}", code="missing_package", package="ezdxf"
-        ) from None
+    require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
     require_regular(path)
     document, damaged = _document(path)
     model = document.modelspace()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, require
 from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
 
@@ -79,15 +79,10 @@ def read_terrain(path: Path) -> Terrain:
 
     Raises InputError if it cannot be read, or is rotated against the axes.
     """
-    try:
-        import rasterio
-    except ImportError:
-        raise InputError(
-            f"rasterio is missing, which reads terrain models: {EXTRA}",
-            code="missing_package",
-            package="rasterio",
-        ) from None
+    require("rasterio", f"rasterio is missing, which reads terrain models: {EXTRA}")
     require_regular(path)
+    import rasterio
+
     try:
         with rasterio.open(path, driver=DRIVERS[path.suffix.lower()]) as grid:
             return _terrain(grid, path)

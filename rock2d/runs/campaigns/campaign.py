@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
-from rock2d.errors import InputError
+from rock2d.errors import InputError, require
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
@@ -144,7 +144,7 @@ def _announce(job: Job, total: int, chunks: int, todo: int, report: Callable[[st
         "no full tracks, so no trajectories, figures or video"
     )
     if "samples" in job.keep:
-        most = total * job.time_limit_s * job.fps * BYTES_OF_A_SAMPLE / 1e9
+        most = total * job.time_limit_s * job.scenario.outputs.fps * BYTES_OF_A_SAMPLE / 1e9
         report(
             f"samples: up to {most:.3g} GB before compression, if every release lasts until the time limit"
         )
@@ -163,7 +163,8 @@ def _job_and_manifest(
     scenario: Scenario, folder: Path, options: CampaignOptions
 ) -> tuple[Job, dict[str, Any]]:
     """The job of a campaign and its manifest; raises InputError if it cannot be a campaign."""
-    from rock2d.runs.campaigns.job import campaign_job
+    from rock2d.runs.campaigns.job import Job
+    from rock2d.runs.conditions import Conditions
 
     engine = engine_named(options.engine or scenario.engine)
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
@@ -183,7 +184,7 @@ def _job_and_manifest(
         **({"diagnosis": scenario.diagnosed.fingerprint} if scenario.diagnosed else {}),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
-    job = campaign_job(scenario, engine.name, seed, keep, folder.absolute() / "chunks", fingerprint)
+    job = Job(folder.absolute() / "chunks", fingerprint, keep, Conditions(scenario, engine.name, seed))
     job.conditions.check_starts(options.releases or scenario.releases)
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
@@ -215,14 +216,7 @@ def _check_campaign(
         raise InputError(
             "only crossings are kept, but the cross-section has no measure lines", code="wrong_kind"
         )
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}",
-            code="missing_package",
-            package="pyarrow",
-        ) from None
+    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}")
 
 
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:

@@ -199,7 +199,8 @@ def _simulate(
     if found.samples is not None:
         times, ended = job.times_s(), found.ends[:, :1]
         release, at = np.nonzero(
-            np.isfinite(found.samples[:, :, 0]) & (times <= ended + FRAME_TOLERANCE / job.fps)
+            np.isfinite(found.samples[:, :, 0])
+            & (times <= ended + FRAME_TOLERANCE / job.scenario.outputs.fps)
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +76,7 @@ def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcom
         elapsed, saved_contacts = part.suspended or (0.0, None)
         return run_batch(
             ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
-            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
+            gravity_m_s2=job.scenario.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # other outputs need the stop of the block
             stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these include the trembling of the block
@@ -100,12 +100,10 @@ def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcom
 def _ensemble(conditions: Sequence[Condition]) -> tuple[Ensemble, tuple[Array, Array, Array]]:
     """The distinct blocks, cross-sections and parameters of releases, and the ids of each release."""
     from rock2d.engines.batch import Ensemble
-    from rock2d.laws.contact import contact_rows
 
     blocks, block_ids = _distinct([condition.block for condition in conditions])
     grounds, ground_ids = _distinct([condition.cross_section for condition in conditions])
-    parameters, table_ids = _distinct([condition.parameters for condition in conditions])
-    tables = [contact_rows(each, conditions[0].cross_section.zone_names) for each in parameters]
+    tables, table_ids = _distinct([condition.parameters for condition in conditions])
     return Ensemble(blocks, grounds, tables), (block_ids, ground_ids, table_ids)
 
 
@@ -124,13 +122,11 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
     def run(part: Group, room: int) -> Any:
         found = []
         for i in range(len(part.conditions)):
-            condition = part.conditions[i]
-            assert isinstance(condition.parameters, Mapping)  # only the contact law has rows
             some = slice(None) if len(part.conditions) == 1 else slice(i, i + 1)
             found.append(
                 run_point_mass_batch(
-                    condition.block, condition.cross_section, condition.parameters, part.states[some], part.seeds[some],
-                    gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
+                    *part.conditions[i][:3], part.states[some], part.seeds[some],
+                    gravity_m_s2=job.scenario.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
                 )
             )  # fmt: skip
         return _joined(found)

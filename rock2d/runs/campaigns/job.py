@@ -33,16 +33,17 @@ class Job:
     fingerprint : hash of everything that determines the result; each file contains it
     keep : names of `campaigns.OUTPUTS`
     conditions : conditions of each release
-    fps : samples per second, if they are kept
     """
 
     folder: Path
     fingerprint: str
     keep: tuple[str, ...]
     conditions: Conditions
-    gravity_m_s2: float
-    time_limit_s: float
-    fps: float
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the releases."""
+        return self.conditions.scenario
 
     @property
     def engine(self) -> str:
@@ -66,6 +67,11 @@ class Job:
         feet, ups = np.array(found).reshape(-1, 2, 2).transpose(1, 0, 2)
         return feet, ups
 
+    @cached_property
+    def time_limit_s(self) -> float:
+        """A release ends after this time."""
+        return self.scenario.longest_release_s()
+
     def outcome(self, group: Group) -> Outcome:
         """Simulate a group of releases."""
         ensemble = ENGINES[self.engine].ensemble
@@ -74,7 +80,8 @@ class Job:
 
     def times_s(self) -> Array:
         """Instants at which samples are taken."""
-        return np.arange(int(self.time_limit_s * self.fps + FRAME_TOLERANCE) + 1) / self.fps
+        fps = self.scenario.outputs.fps
+        return np.arange(int(self.time_limit_s * fps + FRAME_TOLERANCE) + 1) / fps
 
 
 @dataclass(frozen=True)
@@ -88,16 +95,6 @@ class Chunk:
     offset: int
 
 
-def campaign_job(
-    scenario: Scenario, engine: str, seed: int, keep: tuple[str, ...], folder: Path, fingerprint: str
-) -> Job:
-    """The job of a scenario."""
-    return Job(
-        folder, fingerprint, keep, Conditions(scenario, engine, seed), scenario.gravity_m_s2,
-        scenario.longest_release_s(), scenario.outputs.fps,
-    )  # fmt: skip
-
-
 def crossings_job(scenario: Scenario, engine: str, seed: int) -> Job:
     """The job of a scenario that keeps only crossings, in memory, with the compiled engine of the same law."""
-    return campaign_job(scenario, compiled_engine(engine).name, seed, ("crossings",), Path(), "")
+    return Job(Path(), "", ("crossings",), Conditions(scenario, compiled_engine(engine).name, seed))

@@ -12,11 +12,13 @@ import numpy as np
 
 from rock2d.compiled import njit
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rock2d.runs.simulation import Simulation
 
 Array = np.ndarray
 
@@ -27,7 +29,7 @@ CROSSING_VALUES = (
 CROSSING_COLUMNS = ("block", "release", "line", *CROSSING_VALUES)
 
 
-def crossings_table(run: Simulated) -> pd.DataFrame:
+def crossings_table(run: Simulation) -> pd.DataFrame:
     """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a crossing.
 
     - incidence_angle_deg: angle between the velocity and the normal of the line, in [-90, 90]; positive if the block

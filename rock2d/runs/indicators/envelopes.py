@@ -9,13 +9,15 @@ import numpy as np
 
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import least_count, percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rock2d.runs.simulation import Simulation
 
 Array = np.ndarray
 
@@ -28,7 +30,7 @@ STATIONS = 61
 INSTANTS = 400  # instants of a track, in addition to its knots, for linear interpolation
 
 
-def envelope_table(run: Simulated) -> pd.DataFrame:
+def envelope_table(run: Simulation) -> pd.DataFrame:
     """Percentiles over the blocks that pass each station in the direction of x; ENVELOPE_COLUMNS.
 
     - x_m: evenly spaced stations; a percentile is left out if too few blocks pass

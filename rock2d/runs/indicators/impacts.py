@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rock2d.records.columns import IMPACT_COLUMNS
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rock2d.runs.simulation import Simulation
 
-def impacts_table(run: Simulated) -> pd.DataFrame:
+
+def impacts_table(run: Simulation) -> pd.DataFrame:
     """Every impact of every track; IMPACT_COLUMNS."""
     import pandas as pd
 

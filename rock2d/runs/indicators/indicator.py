@@ -2,49 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from rock2d.records.track import Track
-    from rock2d.scene.blocks import Block
-    from rock2d.scene.cross_section import CrossSection
-
-
-class Simulated(Protocol):
-    """Simulated releases as indicators read them."""
-
-    @property
-    def tracks(self) -> Sequence[Track]:
-        """The tracks in the order of the releases."""
-
-    @property
-    def cross_section(self) -> CrossSection:
-        """The ground."""
-
-    @property
-    def blocks(self) -> Mapping[str, Block]:
-        """Name -> block."""
-
-    @property
-    def own_blocks(self) -> Mapping[int, Block]:
-        """Release -> its block, if blocks differ from release to release."""
-
-    def block_of(self, track: Track) -> Block:
-        """The block of a release."""
-
-    @property
-    def engine(self) -> str:
-        """Name of the engine."""
-
-    def to_pandas(self, table: str) -> pd.DataFrame:
-        """Another table of the same releases."""
-
-
-def _always(run: Simulated) -> bool:
-    return True
+    from rock2d.runs.simulation import Simulation
 
 
 class Indicator(NamedTuple):
@@ -60,5 +24,5 @@ class Indicator(NamedTuple):
 
     name: str
     columns: tuple[str, ...]
-    table: Callable[[Simulated], pd.DataFrame]
-    applies: Callable[[Simulated], bool] = _always
+    table: Callable[[Simulation], pd.DataFrame]
+    applies: Callable[[Simulation], bool] = lambda run: True

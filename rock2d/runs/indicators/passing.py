@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rock2d.records.columns import UNRESOLVED_STOPS
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rock2d.runs.simulation import Simulation
 
 Array = np.ndarray
 
@@ -93,7 +95,7 @@ def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, 
     return passed / of, wilson_interval(passed, of)[0], wilson_interval(passed + unresolved, of)[1]
 
 
-def passing_table(run: Simulated) -> pd.DataFrame:
+def passing_table(run: Simulation) -> pd.DataFrame:
     """Passing frequency of every block at every measure line; PASSING_COLUMNS.
 
     - left_source, arrived: see the module

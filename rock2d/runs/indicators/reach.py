@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 from rock2d.runs.indicators.passing import left_source
 from rock2d.statistics import percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rock2d.runs.simulation import Simulation
 
 Array = np.ndarray
 
@@ -45,7 +47,7 @@ def energy_head_m(states: Array, inertia_over_mass_m2: Array, gravity_m_s2: floa
         return np.asarray(states[:, 1] + twice / (2.0 * gravity_m_s2))
 
 
-def reach_table(run: Simulated) -> pd.DataFrame:
+def reach_table(run: Simulation) -> pd.DataFrame:
     """Angle of reach and energy line angle of the releases that left their source; REACH_COLUMNS.
 
     - not_stopped: releases that left the cross-section or were cut short; because they would run farther, the angles

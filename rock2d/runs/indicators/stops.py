@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rock2d.runs.indicators.indicator import Indicator, Simulated
+from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rock2d.runs.simulation import Simulation
+
 STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout_m")
 
 
-def stops_table(run: Simulated) -> pd.DataFrame:
+def stops_table(run: Simulation) -> pd.DataFrame:
     """How and where every release ended; STOP_COLUMNS.
 
     - zone: zone of the facet nearest to the centroid, None if the block left the cross-section

@@ -56,21 +56,10 @@ def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
     return gammaln(total + 1.0) + gammaln(a) - gammaln(a + total) + one_each.sum(axis=-1)
 
 
-def filmed_counts(block: str) -> Array:
-    """(lines + 1,) number of filmed releases of a block by the last line they passed."""
-    return published_counts(published.EXPERIMENT, block)
-
-
-def published_counts(percent: Array, block: str) -> Array:
-    """(lines + 1,) number of releases of a block by the last line they passed, from a table (blocks, lines) of Table 2
-    in %."""
-    passed = published.passed(percent)[published.BLOCKS.index(block)]
-    return published.counts_by_last_line(np.concatenate([[published.RELEASES], passed]))
-
-
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return _exclude_impossible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
+    filmed = published.counts_by_last_line(published.EXPERIMENT, block)
+    return _exclude_impossible(outcome, log_counts(outcome.by_last_line, filmed))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:

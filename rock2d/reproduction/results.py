@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.arrival_results import ArrivalResults, ArrivalStages, arrival_results
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
     CANDIDATE_SPACE,
@@ -45,7 +45,6 @@ class Results:
     conclusions : sentences
     """
 
-    known: KnownSetup
     seed: int
     samples: dict[str, Sample]
     outcomes: dict[str, list[Outcome]]
@@ -64,7 +63,7 @@ class Results:
 
 
 def evaluate(
-    known: KnownSetup, samples: dict[str, Sample], slope_reduction_deg: dict[str, Array],
+    samples: dict[str, Sample], slope_reduction_deg: dict[str, Array],
     without_block: dict[str, Sample], arrivals: ArrivalStages,
     stream: np.random.SeedSequence, seed: int,
 ) -> Results:  # fmt: skip
@@ -77,26 +76,23 @@ def evaluate(
     values = {model: SPACES[model].values(sample.u) for model, sample in samples.items()}
     outcomes = {
         "deterministic": [
-            deterministic_outcome(known, values["deterministic"], block, draws[block])
-            for block in published.BLOCKS
+            deterministic_outcome(values["deterministic"], block, draws[block]) for block in published.BLOCKS
         ],
         "probabilistic": [
-            probabilistic_outcome(
-                known, values["probabilistic"], block, draws[block], slope_reduction_deg[block]
-            )
+            probabilistic_outcome(values["probabilistic"], block, draws[block], slope_reduction_deg[block])
             for block in published.BLOCKS
         ],
     }
     held_out = []
     for block, sample in without_block.items():
         own = CANDIDATE_SPACE.values(sample.u)
-        predicted = [candidate_outcome(known, own, b, draws[b]) for b in published.BLOCKS]
+        predicted = [candidate_outcome(own, b, draws[b]) for b in published.BLOCKS]
         held_out.append(HeldOutBlock(own, predicted, block))
     cells = summary.cells_table(held_out)
     rng = np.random.default_rng(floor_seed)
-    with_arrivals = arrival_results(known, arrivals, draws, seed)
+    with_arrivals = arrival_results(arrivals, draws, seed)
     results = Results(
-        known, seed, samples, outcomes, slope_reduction_deg, held_out,
+        seed, samples, outcomes, slope_reduction_deg, held_out,
         summary.passing_table(outcomes["deterministic"], outcomes["probabilistic"]),
         summary.candidates_table(held_out), cells, with_arrivals,
         _errors(outcomes, held_out, cells, rng) | with_arrivals.errors(),

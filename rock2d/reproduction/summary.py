@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import Values
-from rock2d.reproduction.likelihood import filmed_counts, log_counts_without_line, passing_log_likelihood
+from rock2d.reproduction.likelihood import log_counts_without_line, passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.stages import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
 
@@ -42,7 +42,7 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
 
     True frequencies are drawn from their posterior given the experiment (Jeffreys' prior), filmed numbers from these.
     """
-    passed = published.passed()[cells]
+    passed = published.passed(published.EXPERIMENT)[cells]
     truth = rng.beta(passed + 0.5, published.RELEASES - passed + 0.5, (SAMPLING_FLOOR_DRAWS, *passed.shape))
     film = rng.binomial(published.RELEASES, truth) / published.RELEASES
     errors = 100 * np.sqrt(((film - truth) ** 2).mean(axis=(1, 2)))
@@ -96,7 +96,7 @@ def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) ->
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):
-            passed = int(published.passed()[b, i])
+            passed = int(published.passed(published.EXPERIMENT)[b, i])
             low, high = clopper_pearson_interval(passed)
             row = {
                 "block": block, "line": line, "experiment": float(published.EXPERIMENT[b, i]),
@@ -253,9 +253,12 @@ def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)
-        outcome = run.without_candidate[b]
+        outcome, filmed = (
+            run.without_candidate[b],
+            published.counts_by_last_line(published.EXPERIMENT, run.block),
+        )
         for i, line in enumerate(published.LINES):
-            weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed_counts(run.block)))
+            weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed))
             total = weight.sum() or np.nan
             predicted = float(100 * weight @ outcome.frequencies[:, i] / total)
             effective = float(total**2 / (weight**2).sum()) if len(weight) else 0.0

@@ -19,7 +19,6 @@ from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import (
     SETUP_QUANTITIES,
-    KnownSetup,
     Values,
     arrival_quantities,
     table_3,
@@ -84,7 +83,6 @@ READINGS = (
 
 
 def compute_readings(
-    known: KnownSetup,
     effort: Effort,
     seed: np.random.SeedSequence,
     on_progress: OnProgress,
@@ -101,10 +99,10 @@ def compute_readings(
         def share_done(share: float, done: int = done) -> None:
             on_progress((done + share) / len(readings))
 
-        sample = calibrate(reading.space, partial(_factors, reading, known), effort, run_seed, share_done)
+        sample = calibrate(reading.space, partial(_factors, reading), effort, run_seed, share_done)
         values = reading.space.values(sample.u)
         draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)[BLOCK]
-        outcome = probabilistic_outcome(known, table_3(values, reading.momentum_factor), BLOCK, draws)
+        outcome = probabilistic_outcome(table_3(values, reading.momentum_factor), BLOCK, draws)
         found["percent"].append(100.0 * outcome.frequencies)
         found["p"].append(np.array([summary.predictive_p(int(n), outcome, i) for i, n in enumerate(paper)]))
         for name in ("facing_deg", "line_tilt_deg"):
@@ -112,14 +110,14 @@ def compute_readings(
     return {name: np.stack(each) for name, each in found.items()}
 
 
-def _factors(reading: Reading, known: KnownSetup, draws: Draws) -> list[Factor]:
-    def simulate(known: KnownSetup, values: Values, block: str, own: Array) -> Outcome:
-        return probabilistic_outcome(known, table_3(values, reading.momentum_factor), block, own)
+def _factors(reading: Reading, draws: Draws) -> list[Factor]:
+    def simulate(values: Values, block: str, own: Array) -> Outcome:
+        return probabilistic_outcome(table_3(values, reading.momentum_factor), block, own)
 
     model = Model(simulate, lambda *of: simulate(*of).crossed, reading.space)
     return [
-        first_impacts_factor(known, model, BLOCK, draws),
-        cells_factor(known, model, BLOCK, draws, published.PROBABILISTIC),
+        first_impacts_factor(model, BLOCK, draws),
+        cells_factor(model, BLOCK, draws, published.PROBABILISTIC),
     ]
 
 

@@ -19,8 +19,8 @@ from rock2d.reproduction.hypotheses import (
     REBOUND_QUANTITIES,
     SETUP_QUANTITIES,
 )
+from rock2d.reproduction.paper_setup import SCENARIO_FILE, scenario_text
 from rock2d.reproduction.results import SPACES, Results
-from rock2d.reproduction.scenario_file import SCENARIO_FILE, scenario_text
 from rock2d.reproduction.stages import SLOPE_REDUCTIONS_DEG
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def write_results(results: Results, folder: Path) -> dict[str, pd.DataFrame]:
     tables = result_tables(results)
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
-    text = scenario_text(results.known, results.arrivals.values, results.arrivals.found, results.seed)
+    text = scenario_text(results.arrivals.values, results.arrivals.found, results.seed)
     (folder / SCENARIO_FILE).write_text(text, encoding="utf-8")
     content = {
         "seed": results.seed,

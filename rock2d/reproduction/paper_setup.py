@@ -1,25 +1,27 @@
-"""A scenario file with the set-up and the arrivals of a hypothesis and the laws of Tables 3 and 4."""
+"""The set-up and arrivals under which Tables 3 and 4 agree best with the paper's columns, as a scenario file."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rock2d.files.setup_keys import block_keys
 from rock2d.records.columns import STATE_NAMES
-from rock2d.reproduction import published
-from rock2d.reproduction.found_setup import FoundSetup
+from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import (
     DOWNHILL_FACE_DEG,
-    KnownSetup,
     Values,
     hypothesis_cross_section,
     incident_distributions,
+    table_3,
 )
-from rock2d.reproduction.outcomes import TIME_LIMIT_S
+from rock2d.reproduction.likelihood import log_counts
+from rock2d.reproduction.outcomes import TIME_LIMIT_S, Outcome, probabilistic_outcome
+from rock2d.wording import listed
 
 Array = np.ndarray
 
@@ -31,14 +33,79 @@ STATE_DECIMALS = dict(zip(STATE_NAMES, (LENGTH_DECIMALS, LENGTH_DECIMALS, 3, 3, 
 LINE_CHARACTERS = 120
 
 
-def scenario_text(known: KnownSetup, values: Values, found: FoundSetup, seed: int) -> str:
+@dataclass(frozen=True)
+class FoundSetup:
+    """The best hypothesis.
+
+    Attributes
+    ----------
+    place : index of the hypothesis
+    of : number of hypotheses
+    releases : simulated releases of each block
+    agrees : model -> (blocks, lines) whether the simulated frequency agrees with the paper's, see `summary.agrees`
+    reached : model -> (2, blocks, lines) lowest and highest simulated frequency of all hypotheses, in %
+    """
+
+    place: int
+    of: int
+    releases: int
+    agrees: Mapping[str, Array]
+    reached: Mapping[str, Array]
+
+    def met(self) -> str:
+        """The number of cells of each column that agree, and the names of the others."""
+        return "; ".join(f"{model} {met_cells(own)}" for model, own in self.agrees.items())
+
+    def missed(self) -> list[str]:
+        """For each cell that does not agree, the range of all hypotheses."""
+        return [
+            f"{published.BLOCKS[b]} {published.LINES[i]}, {model}: {published.COLUMNS[model][b, i]} % in the paper, "
+            f"{self.reached[model][0, b, i]:.0f} to {self.reached[model][1, b, i]:.0f} % over all hypotheses"
+            for model, own in self.agrees.items()
+            for b, i in np.argwhere(~own)
+        ]
+
+
+def met_cells(agrees: Array) -> str:
+    """The number of cells (blocks, lines) of a column that agree, and the names of the others."""
+    off = [f"{published.BLOCKS[b]} {published.LINES[i]}" for b, i in np.argwhere(~agrees)]
+    return f"{agrees.sum()} of {agrees.size}" + (f" (not {listed(off)})" if off else "")
+
+
+def found_setup(values: Values, with_table_4: list[Outcome], draws: Mapping[str, Array]) -> FoundSetup:
+    """The hypothesis with which most cells of the deterministic column agree. Among equals, the one with most cells of
+    the probabilistic column; among equals, the one with the highest likelihood of both.
+
+    `with_table_4`: outcomes of the three blocks under Table 4, from the standard normal `draws`.
+    """
+    ones = np.ones(len(values["slope_deg"]))
+    with_table_3 = [
+        probabilistic_outcome(
+            table_3(values), block, draws[block], published.SLOPE_REDUCTION_DEG[block] * ones
+        )
+        for block in published.BLOCKS
+    ]
+    likely, agrees, reached = np.zeros(len(ones)), dict[str, Array](), dict[str, Array]()
+    for model, outcomes in (("deterministic", with_table_4), ("probabilistic", with_table_3)):
+        column, percent = published.COLUMNS[model], np.stack([100 * o.frequencies for o in outcomes], axis=1)
+        agrees[model] = summary.agrees(percent, column)
+        reached[model] = np.stack([percent.min(axis=0), percent.max(axis=0)])
+        for block, outcome in zip(published.BLOCKS, outcomes, strict=True):
+            likely += log_counts(outcome.by_last_line, published.counts_by_last_line(column, block))
+    met = {model: own.sum(axis=(1, 2)) for model, own in agrees.items()}
+    best = int(np.lexsort((likely, met["probabilistic"], met["deterministic"]))[-1])
+    releases = with_table_4[0].crossed.shape[1]
+    return FoundSetup(best, len(ones), releases, {model: own[best] for model, own in agrees.items()}, reached)
+
+
+def scenario_text(values: Values, found: FoundSetup, seed: int) -> str:
     """A found set-up as a scenario file (YAML) with rounded numbers."""
-    ground = hypothesis_cross_section(values, found.place, known)
+    ground = hypothesis_cross_section(values, found.place)
     keys = {
         "name": NAME,
         "about": "The paper's sphere, cube and parallelepiped against its ditch and embankment, with both impact laws.",
         "assumed": _assumed(values, found, seed),
-        "gravity_m_s2": float(known.gravity_m_s2),
+        "gravity_m_s2": float(published.GRAVITY_M_S2),
         "engine": "pymunk",
         "releases": published.RELEASES,
         "seed": int(seed),
@@ -48,10 +115,10 @@ def scenario_text(known: KnownSetup, values: Values, found: FoundSetup, seed: in
             "zones": list(ground.zones),
             "measure_lines": {line: _lengths(ends) for line, ends in ground.measure_lines.items()},
         },
-        "blocks": {block: block_keys(known.blocks[block]) for block in published.BLOCKS},
+        "blocks": {block: block_keys(published.SETUP_BLOCKS[block]) for block in published.BLOCKS},
         "model": {"deterministic": {"default": _table_4()}, "probabilistic": _table_3()},
         "incident": {
-            block: {"distribution": _arrival(known, values, found.place, block)} for block in published.BLOCKS
+            block: {"distribution": _arrival(values, found.place, block)} for block in published.BLOCKS
         },
         "outputs": {
             "fps": 1000, "position_noise_m": 0, "angle_noise_rad": 0, "slow_motion": 20, "video_releases": 3,
@@ -107,9 +174,9 @@ def _table_3() -> dict[str, Any]:
     }
 
 
-def _arrival(known: KnownSetup, values: Values, place: int, block: str) -> dict[str, Any]:
+def _arrival(values: Values, place: int, block: str) -> dict[str, Any]:
     """The keys of the distributions of the incident state of a block."""
-    begin = incident_distributions(values, known.blocks[block], known.gravity_m_s2)
+    begin = incident_distributions(values, published.SETUP_BLOCKS[block])
     found: dict[str, Any] = {}
     for key, mean, sd in zip(STATE_NAMES, begin.mean[place], begin.sd[place], strict=True):
         decimals = STATE_DECIMALS[key]

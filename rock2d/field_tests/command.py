@@ -14,7 +14,6 @@ from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
 from rock2d.field_tests.forecasts import prediction_table
 from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
-from rock2d.field_tests.shapes import shape_forecasts, shape_table, shapes_of
 from rock2d.field_tests.study import (
     REBOUND_PLACES,
     Effort,
@@ -23,6 +22,9 @@ from rock2d.field_tests.study import (
     counted,
     naive_forecasts,
     posterior_table,
+    shape_forecasts,
+    shape_table,
+    shapes_of,
     study_forecasts,
 )
 from rock2d.files.field_releases import read_releases

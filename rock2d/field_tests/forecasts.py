@@ -115,17 +115,6 @@ def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
     return Forecast(samples, kernel, caught, unresolved)
 
 
-def folds(releases: FieldReleases, count: int, rng: np.random.Generator) -> list[Array]:
-    """Indices of the releases of each fold, stratified by block."""
-    fold = np.empty(len(releases), int)
-    place = 0
-    for block in dict.fromkeys(releases.blocks):
-        shuffled = rng.permutation(np.flatnonzero(releases.of_blocks(block)))
-        fold[shuffled] = (place + np.arange(len(shuffled))) % count
-        place += len(shuffled)
-    return [np.flatnonzero(fold == k) for k in range(count)]
-
-
 def prediction_table(releases: FieldReleases, found: Forecast, rng: np.random.Generator) -> pd.DataFrame:
     """A row for each release: release, then the quantiles `QUANTILE_NAMES` of its horizontal distance in m."""
     import pandas as pd

@@ -17,11 +17,11 @@ from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
+from rock2d.engines.free_flight import facet_tree
 from rock2d.engines.geometry import CACHED_ARRAYS, CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
-from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
     INSTANT_STATE,
     KNOT_FLIGHT,
@@ -166,9 +166,8 @@ def _tables(ensemble: Ensemble) -> Array:
 def world_ensemble(world: World) -> tuple[Ensemble, Array]:
     """The ensemble of a world, with blocks in the order of the world, and the `table_ids` of its releases: (1,) if all
     have the same parameters, else (n,)."""
-    return Ensemble(list(world.blocks.values()), [world.cross_section], world.contact), np.arange(
-        len(world.contact)
-    )
+    ensemble = Ensemble(list(world.blocks.values()), [world.cross_section], world.contact)
+    return ensemble, np.arange(len(world.contact))
 
 
 def run_batch(

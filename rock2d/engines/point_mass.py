@@ -4,16 +4,20 @@ The point is the centroid of the block and meets the surface itself, as in other
 enters only through its mass, the radius of its spin and the slope reduction. Between impacts the point flies on a
 parabola and the block turns freely. The next impact is the first root of a quadratic equation among the facets
 (`parabola_intersection`).
+
+One release and an ensemble of releases use the same kernel, so a release has the same bits in both, in any order and on
+any number of threads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import in_threads, njit
 from rock2d.engines.parabola_intersection import (
     ALONG_X,
     ALONG_Y,
@@ -70,6 +74,7 @@ N_LINE = LINE_HIGH + 1
 
 NO_LINES = np.empty((0, N_LINE))
 FIRST_IMPACTS = 128  # room for the impacts of one track
+MOST_ON_ONE_THREAD = 500  # so few releases take less time than starting busy threads
 CHATTER_IMPACTS = 1000  # impacts between two checks whether the block still moves on
 
 
@@ -158,6 +163,66 @@ def run_point_mass(
         room = count  # repeat the release with room for all impacts
     impacts, ends, stop = outputs.impacts[0, :count], outputs.ends[0], STOPS[outputs.stop[0]]
     return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
+
+
+@dataclass
+class PointMassBatch:
+    """Results of an ensemble of n releases.
+
+    Attributes
+    ----------
+    stop : (n,) index into `point_mass.STOPS`
+    ends : (n, 7) t and state at the end of each release
+    impact_count : (n,) number of impacts of each release
+    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
+    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
+    """
+
+    stop: Array
+    ends: Array
+    impact_count: Array
+    crossings: Array
+    impacts: Array
+
+
+def run_point_mass_batch(
+    block: Block,
+    cross_section: CrossSection,
+    parameters: Mapping[str, ReboundParameters],
+    states: Array,
+    seeds: Array,
+    *,
+    gravity_m_s2: float = 9.81,
+    time_limit_s: float,
+    impact_room: int = 0,
+    stop_speed_m_s: float | None = None,
+) -> PointMassBatch:
+    """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega of the centroid; SI); see `run_point_mass`.
+
+    `seeds` (n,) are whole numbers in [0, 2^64), each the `seed` of its release in `run_point_mass`; `impact_room` is
+    the largest number of impacts that are recorded of a release.
+
+    Raises ValueError if states are not finite, if seeds are not n such numbers, if `impact_room` is negative, if
+    gravity, time limit or stop speed is not positive, or if a zone has no parameters.
+    """
+    states = np.ascontiguousarray(np.atleast_2d(states), float)
+    n = len(states)
+    if states.shape != (n, 6) or not np.isfinite(states).all():
+        raise ValueError("states must be an (n, 6) array of finite numbers")
+    given = np.asarray(seeds)
+    if given.shape != (n,) or given.dtype.kind not in "iu" or (given < 0).any():
+        raise ValueError(f"seeds must be {n} whole numbers in [0, 2^64), one for each release")
+    if impact_room < 0:
+        raise ValueError(f"impact_room must not be negative, got {impact_room}")
+    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
+    surface = make_surface(cross_section)
+    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
+    outputs = new_outputs(n, impact_room, len(lines))
+    releases = Releases(states, np.ascontiguousarray(given, np.uint64))
+    in_threads(_run_releases, n, (releases, inputs, surface, lines, outputs), MOST_ON_ONE_THREAD + 1)
+    return PointMassBatch(
+        outputs.stop, outputs.ends[:, 1].copy(), outputs.impact_count, outputs.crossings, outputs.impacts
+    )
 
 
 def kernel_inputs(
@@ -300,6 +365,12 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
             mark_t, mark_x, mark_y = t, x, y
     _store(ends, i, 1, (t, x, y, theta, vx, vy, omega))
     outputs.impact_count[i], outputs.stop[i] = count, stop
+
+
+@njit(nogil=True)
+def _run_releases(low, high, releases, inputs, surface, lines, outputs):
+    for i in range(low, high):
+        point_mass_release(i, releases, inputs, surface, lines, outputs)
 
 
 @njit

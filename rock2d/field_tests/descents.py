@@ -134,7 +134,7 @@ class Descents:
         return self._distances(found.ends[:, INSTANT_X], np.array(STOPS)[found.stop])
 
     def _as_points(self, scenario: Scenario) -> Distances:
-        from rock2d.engines.point_mass_batch import run_point_mass_batch
+        from rock2d.engines.point_mass import run_point_mass_batch
 
         by_block = {name: scenario.rebound_parameters(block) for name, block in self.blocks.items()}
         limit = scenario.longest_release_s()

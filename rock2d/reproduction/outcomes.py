@@ -179,7 +179,7 @@ def probabilistic_outcome(
 
     `slope_reduction_deg` (k,) of each hypothesis; default 0. All zones but the facing have the parameters of the ditch.
     """
-    from rock2d.engines.point_mass_batch import run_point_mass_batch
+    from rock2d.engines.point_mass import run_point_mass_batch
     from rock2d.laws.rebound import ReboundParameters
 
     block, n = SETUP_BLOCKS[block_name], len(draws)

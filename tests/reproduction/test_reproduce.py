@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
-from rock2d.reproduction import arrivals, published, stages
+from rock2d.reproduction import published, stages
 from rock2d.reproduction.computation import FinishedStages
 from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
@@ -72,7 +72,7 @@ def outline(path):
     ("calibrate", "effort", "seed"),
     [
         (stages.calibrate_deterministic, SMALL, 3),
-        (arrivals.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
+        (stages.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
     ],
     ids=["first impacts", "arrivals"],
 )

@@ -26,7 +26,7 @@ from rock2d.blind.reality.compiled_records import (
     MotionInputs,
     SoilLaw,
 )
-from rock2d.blind.reality.data_model import Array, Hidden, Setup, Soil, World, mean_size_m, soil_of
+from rock2d.blind.reality.data_model import Array, Hidden, Law, Setup, World, mean_size_m
 from rock2d.blind.reality.ground import RIDGE_TURN_RAD, ground_patches, ground_turns
 
 
@@ -53,8 +53,7 @@ def motion_inputs(world: World, hidden: Sequence[Hidden]) -> MotionInputs:
     corners = np.zeros((len(outlines), counts.max(), 2))
     for i, outline in enumerate(outlines):
         corners[i, : counts[i]] = outline
-    indentation = soil_of(world.law, setup.zones[0]).indentation
-    law = SoilLaw(soil, indentation, float(world.gravity_m_s2), _parameter_values(hidden, size))
+    law = SoilLaw(soil, world.law.indentation, float(world.gravity_m_s2), _parameter_values(hidden, size))
     return MotionInputs(ground, corners, counts, bodies, law)
 
 
@@ -88,13 +87,9 @@ def stiffening(hidden: Sequence[Hidden], order: Array) -> Array:
     return factor
 
 
-def _soil_rows(setup: Setup, law: Soil, contrast: dict[str, float] | None) -> tuple[Array, Array]:
+def _soil_rows(setup: Setup, law: Law, contrast: dict[str, float] | None) -> tuple[Array, Array]:
     """(facets, 5) rows of the law, one for each facet, and the row of each facet."""
-    rows = []
-    for name in setup.zones:
-        own = soil_of(law, name)
-        rows.append([own.k_l, own.k_ul, own.k_t, own.mu, own.k_r])
-    soil = np.array(rows, float)
+    soil = np.tile([law.k_l, law.k_ul, law.k_t, law.mu, law.k_r], (len(setup.zones), 1))
     if contrast is not None:
         facets = setup.face if contrast["k_ul"] == 1.0 else setup.embankment
         if facets is not None:

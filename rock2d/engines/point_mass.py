@@ -12,7 +12,6 @@ any number of threads.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +71,6 @@ N_REBOUND = FACET + 1
 ) = range(9)  # fmt: skip
 N_LINE = LINE_HIGH + 1
 
-NO_LINES = np.empty((0, N_LINE))
 FIRST_IMPACTS = 128  # room for the impacts of one track
 MOST_ON_ONE_THREAD = 500  # so few releases take less time than starting busy threads
 CHATTER_IMPACTS = 1000  # impacts between two checks whether the block still moves on
@@ -97,14 +95,28 @@ class Inputs(NamedTuple):
     stop_speed: float
 
 
-class ReleaseOutputs(NamedTuple):
-    """Results of n releases as `point_mass_release` writes them."""
+class PointMassBatch(NamedTuple):
+    """Results of an ensemble of n releases, as `point_mass_release` writes them.
 
-    impacts: Array  # (n, room, N_REBOUND): at most `room` of each release
-    crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
-    ends: Array  # (n, 2, 7) first and last instant
-    impact_count: Array  # (n,)
-    stop: Array  # (n,) index into STOPS
+    Attributes
+    ----------
+    stop : (n,) index into STOPS
+    first_and_last : (n, 2, 7) t and state at the start and at the end of each release
+    impact_count : (n,) number of impacts of each release
+    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
+    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
+    """
+
+    stop: Array
+    first_and_last: Array
+    impact_count: Array
+    crossings: Array
+    impacts: Array
+
+    @property
+    def ends(self) -> Array:
+        """(n, 7) t and state at the end of each release."""
+        return self.first_and_last[:, 1]
 
 
 def spin_radius_m(block: Block) -> float:
@@ -146,43 +158,23 @@ def run_point_mass(
     state = np.asarray(state6, float)
     if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
-    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
     if seed is None and rng is None and any(p.random for p in parameters.values()):
         raise ValueError("slope_reduction is uniform: a seed or a random generator is needed")
     if seed is None:
         seed = 0 if rng is None else int(rng.integers(2**64, dtype=np.uint64))
 
-    releases = Releases(state[None], np.array([seed], np.uint64))
     room = FIRST_IMPACTS
     while True:
-        outputs = new_outputs(1, room, 0)
-        point_mass_release(0, releases, inputs, make_surface(cross_section), NO_LINES, outputs)
-        count = int(outputs.impact_count[0])
+        found = run_point_mass_batch(
+            block, cross_section, parameters, state[None], np.array([seed], np.uint64), gravity_m_s2=gravity_m_s2,
+            time_limit_s=time_limit_s, impact_room=room, stop_speed_m_s=stop_speed_m_s,
+        )  # fmt: skip
+        count = int(found.impact_count[0])
         if count <= room:
             break
         room = count  # repeat the release with room for all impacts
-    impacts, ends, stop = outputs.impacts[0, :count], outputs.ends[0], STOPS[outputs.stop[0]]
+    impacts, ends, stop = found.impacts[0, :count], found.first_and_last[0], STOPS[found.stop[0]]
     return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
-
-
-@dataclass
-class PointMassBatch:
-    """Results of an ensemble of n releases.
-
-    Attributes
-    ----------
-    stop : (n,) index into `point_mass.STOPS`
-    ends : (n, 7) t and state at the end of each release
-    impact_count : (n,) number of impacts of each release
-    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
-    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
-    """
-
-    stop: Array
-    ends: Array
-    impact_count: Array
-    crossings: Array
-    impacts: Array
 
 
 def run_point_mass_batch(
@@ -214,26 +206,6 @@ def run_point_mass_batch(
         raise ValueError(f"seeds must be {n} whole numbers in [0, 2^64), one for each release")
     if impact_room < 0:
         raise ValueError(f"impact_room must not be negative, got {impact_room}")
-    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
-    surface = make_surface(cross_section)
-    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
-    outputs = new_outputs(n, impact_room, len(lines))
-    releases = Releases(states, np.ascontiguousarray(given, np.uint64))
-    in_threads(_run_releases, n, (releases, inputs, surface, lines, outputs), MOST_ON_ONE_THREAD + 1)
-    return PointMassBatch(
-        outputs.stop, outputs.ends[:, 1].copy(), outputs.impact_count, outputs.crossings, outputs.impacts
-    )
-
-
-def kernel_inputs(
-    block: Block,
-    cross_section: CrossSection,
-    parameters: Mapping[str, ReboundParameters],
-    gravity_m_s2: float,
-    time_limit_s: float,
-    stop_speed_m_s: float | None,
-) -> Inputs:
-    """The `Inputs` of `point_mass_release`. Raises ValueError as `run_point_mass` does."""
     if stop_speed_m_s is None:
         stop_speed_m_s = 0.1 * float(np.sqrt(max(gravity_m_s2, 0.0) * block.size_m))
     for name, value in (
@@ -243,11 +215,19 @@ def kernel_inputs(
     ):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, got {value}")
-    table = rebound_table(parameters, cross_section.zone_names)
-    return Inputs(
-        block.mass_kg, spin_radius_m(block), block.size_m, table, float(gravity_m_s2), float(time_limit_s),
-        float(stop_speed_m_s),
+    inputs = Inputs(
+        block.mass_kg, spin_radius_m(block), block.size_m, rebound_table(parameters, cross_section.zone_names),
+        float(gravity_m_s2), float(time_limit_s), float(stop_speed_m_s),
     )  # fmt: skip
+    surface = make_surface(cross_section)
+    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
+    outputs = PointMassBatch(
+        np.zeros(n, np.int64), np.empty((n, 2, N_INSTANT)), np.zeros(n, np.int64),
+        np.full((n, len(lines), N_INSTANT), np.nan), np.full((n, impact_room, N_REBOUND), np.nan),
+    )  # fmt: skip
+    releases = Releases(states, np.ascontiguousarray(given, np.uint64))
+    in_threads(_run_releases, n, (releases, inputs, surface, lines, outputs), MOST_ON_ONE_THREAD + 1)
+    return outputs
 
 
 def _track(
@@ -287,24 +267,16 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
     return np.array(rows).reshape(-1, N_LINE)
 
 
-def new_outputs(n: int, room: int, lines: int) -> ReleaseOutputs:
-    """Empty outputs of n releases, with `room` impacts of each and crossings of so many lines."""
-    return ReleaseOutputs(
-        np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
-        np.zeros(n, np.int64), np.zeros(n, np.int64),
-    )  # fmt: skip
-
-
 @njit
 def point_mass_release(i, releases, inputs, surface, lines, outputs):
     """Run release `i` and write its results at [i]; allocates only one small stack.
 
     `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
-    `outputs`: ReleaseOutputs.
+    `outputs`: PointMassBatch, with crossings that are NaN.
     An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
     mass, radius, size, table, gravity, time_limit, stop_speed = inputs
-    impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.ends
+    impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.first_and_last
     states, seed = releases.states, releases.seeds[i]
     stack = np.empty(64, np.int64)
     facets, zones = surface.facets, surface.zones

@@ -35,7 +35,17 @@ from rock2d.blind.reality.compiled_records import (
     X,
     Y,
 )
-from rock2d.blind.reality.contact_detection import DEPTH, N_FOUND, NO_CONTACT, PX, PY, find_contacts
+from rock2d.blind.reality.contact_detection import (
+    DEPTH,
+    N_FOUND,
+    NO_CONTACT,
+    PX,
+    PY,
+    facet_at,
+    find_contacts,
+    is_below,
+    nearest_on_facet,
+)
 from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import (
     EMBANKMENT_FORCE,
@@ -56,7 +66,6 @@ from rock2d.blind.reality.forces import (
     sum_forces,
     update_contacts,
 )
-from rock2d.blind.reality.ground import facet_at, is_below, nearest_on_facet
 
 OSCILLATION_STEP_RAD = 0.03  # phase of the stiffest oscillation that one contact step covers
 LANDING_STEP = 0.1  # least step in flight, as a share of a contact step: contacts begin close to the surface

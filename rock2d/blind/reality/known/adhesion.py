@@ -1,7 +1,5 @@
 """Adhesion: tension during unloading, constant, or fading with the rise."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """Air drag: quadratic in the speed, or with the power 1.7."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng, Scale
 

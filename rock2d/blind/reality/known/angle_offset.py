@@ -1,7 +1,5 @@
 """Offset of the angle: constant, or varying by a tenth from release to release."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign

@@ -1,7 +1,5 @@
 """Tilted camera: the image is turned about its centre, or about another point with a small keystone."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign

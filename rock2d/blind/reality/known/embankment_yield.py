@@ -1,7 +1,5 @@
 """Yielding embankment: it slides on a base with friction, or moves on a spring with a dashpot."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """Damping in flight: the spin decays at the same rate as the velocity, or at 0.7 of it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters

@@ -1,7 +1,5 @@
 """Wrong frame rate; in the second form the frames also come early or late by random times."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign

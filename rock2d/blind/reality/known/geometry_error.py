@@ -1,7 +1,5 @@
 """Wrong geometry: the facing is turned about its foot, or the ditch is raised."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 
 

@@ -1,7 +1,5 @@
 """Wrong inertia: the same factor for all blocks, or a different one for each."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign

@@ -1,7 +1,5 @@
 """Lens distortion: r (1 + k r²), or r / (1 - k r²); r over the extent of the image."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign

@@ -1,7 +1,5 @@
 """Magnus lift: linear in the spin, or saturating with the ratio of rim speed to block speed."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 

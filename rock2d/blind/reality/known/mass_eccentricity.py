@@ -1,7 +1,5 @@
 """Eccentric mass: the centre of mass is displaced along the x axis of the block, or diagonally."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 
 

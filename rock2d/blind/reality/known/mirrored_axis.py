@@ -1,7 +1,5 @@
 """Mirrored axis: x is recorded with the wrong sign, or the angle. There is no size."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View
 
 

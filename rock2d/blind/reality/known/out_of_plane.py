@@ -1,7 +1,5 @@
 """Motion out of the plane: each impact takes a share of the horizontal speed, random or constant."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """Ploughing: a resistance proportional to depth × slip, or to depth × slip²."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """Rounded edges: corners are circular, or cut off; `share` is relative to half the width of the block."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 

@@ -1,7 +1,5 @@
 """Wrong scale: the same in x and y, or with a difference of a tenth of the error between them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign

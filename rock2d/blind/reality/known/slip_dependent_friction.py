@@ -1,7 +1,5 @@
 """Friction that changes with the slip velocity, by an exponential or a hyperbola."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """Compaction: the stiffness grows with the blows and saturates, or grows with the logarithm of their number."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 

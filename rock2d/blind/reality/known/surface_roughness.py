@@ -1,7 +1,5 @@
 """Rough surface: each impact draws a slope, or the ground has a rough or a hilly profile, the same for all releases."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 

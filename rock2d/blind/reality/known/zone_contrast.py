@@ -1,7 +1,5 @@
 """Contrast between zones: loading stiffness of the facing, or stiffness and friction of the whole embankment."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign

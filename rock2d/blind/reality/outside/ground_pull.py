@@ -1,7 +1,5 @@
 """Close to its surface the ground attracts the block."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """The recorded orientation lags behind the recorded position."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View

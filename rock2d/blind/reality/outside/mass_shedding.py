@@ -1,7 +1,5 @@
 """At its first lift-off the block leaves a part of its mass behind, at rest."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

@@ -1,7 +1,5 @@
 """The unloading stiffness of the ground, and so its restitution, changes along the section in one slow wave."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters

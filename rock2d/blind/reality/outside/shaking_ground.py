@@ -1,7 +1,5 @@
 """All ground swings up and down like a shaking table."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters

@@ -1,7 +1,5 @@
 """The block is pushed sideways while it passes a band of heights."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 

@@ -1,7 +1,5 @@
 """The camera slides during each release, each time in another direction."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View

@@ -1,7 +1,5 @@
 """One side of the block is much softer than the others."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters

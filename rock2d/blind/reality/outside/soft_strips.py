@@ -1,7 +1,5 @@
 """Strips of the ground are much softer than the zone they lie in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters

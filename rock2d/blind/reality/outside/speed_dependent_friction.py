@@ -1,7 +1,5 @@
 """Friction falls with the normal speed at which a contact begins."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

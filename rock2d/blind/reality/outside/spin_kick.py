@@ -1,7 +1,5 @@
 """At lift-off the block gains speed off the ground in proportion to its spin."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

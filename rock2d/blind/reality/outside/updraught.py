@@ -1,7 +1,5 @@
 """Air rises in a band of the set-up and carries the block."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.cause import Cause, Rng, Scale
 

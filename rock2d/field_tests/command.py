@@ -12,8 +12,15 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
-from rock2d.field_tests.forecasts import prediction_table
-from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
+from rock2d.field_tests.forecasts import (
+    ALL,
+    Forecasts,
+    by_block,
+    passing_table,
+    prediction_table,
+    runout_table,
+    score_table,
+)
 from rock2d.field_tests.study import (
     REBOUND_PLACES,
     Effort,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import Forecast, forecast, joined, naive_forecast
+from rock2d.field_tests.forecasts import Forecast, Forecasts, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
     POSTERIOR_STREAM,
     ROUND_POWERS,
@@ -26,7 +26,6 @@ from rock2d.field_tests.likelihood import (
     refined_soils,
     simulate_soils,
 )
-from rock2d.field_tests.scores import Forecasts
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import Scenario

@@ -9,8 +9,7 @@ from rock2d.errors import InputError
 from rock2d.field_tests import command, likelihood, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, naive_forecast
-from rock2d.field_tests.scores import Forecasts, score_table
+from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, Forecasts, naive_forecast, score_table
 from rock2d.field_tests.study import FOLDS, Effort, fold_indices
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import load_scenario

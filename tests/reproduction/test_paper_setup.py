@@ -8,8 +8,7 @@ from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import paper_setup as module
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.outcomes import Outcome
-from rock2d.reproduction.paper_setup import found_setup, met_cells
-from rock2d.reproduction.side_by_side import side_by_side
+from rock2d.reproduction.paper_setup import found_setup, met_cells, side_by_side
 
 
 def outcome(percents):

@@ -82,7 +82,7 @@ CHANGES = {
 
 
 def candidate_table(
-    scenario: Scenario, base: Calibration, stages: Path, on_progress: OnProgress
+    scenario: Scenario, base: Calibration, stages: Path | None, on_progress: OnProgress
 ) -> pd.DataFrame:
     """Gain of each change in log score per held-out release over the unchanged model; columns change, gain, gain_se
     (standard error). All are calibrated with the same reduced effort."""

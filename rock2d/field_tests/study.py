@@ -118,12 +118,12 @@ def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
 
 
 def calibrate(
-    scenario: Scenario, engine: str, seed: int, stages: Path, effort: Effort | None = None,
+    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None = None,
     on_progress: OnProgress = _nothing,
 ) -> Calibration:  # fmt: skip
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
-    Finished parts are kept in the folder `stages` for later calibrations with the same input and the same version of
+    Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the same version of
     rock2d.
     """
     assert scenario.terrain is not None
@@ -136,13 +136,14 @@ def calibrate(
     )
 
     def simulated(u: Array, part: str) -> SimulatedSoils:
-        file = stages / f"{key}_{part.replace(' ', '_')}.npz"
-        kept = load_arrays(file)
+        file = None if stages is None else stages / f"{key}_{part.replace(' ', '_')}.npz"
+        kept = None if file is None else load_arrays(file)
         if kept is not None:
             return SimulatedSoils(kept["u"], kept["log_density"])
         step = counted(on_progress, f"{FORECAST_NAMES[engine]}: {part}", len(u))
         found = simulate_soils(unknowns, descents, u, step)
-        save_arrays(file, u=found.u, log_density=found.log_density)
+        if file is not None:
+            save_arrays(file, u=found.u, log_density=found.log_density)
         return found
 
     soils = simulated(prior_soils(unknowns, seed, effort.prior), "prior soils")

@@ -123,8 +123,8 @@ def calibrate(
 ) -> Calibration:  # fmt: skip
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
-    Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the same version of
-    rock2d.
+    Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the
+    same version of rock2d.
     """
     assert scenario.terrain is not None
     effort = effort or Effort()

@@ -36,14 +36,7 @@ from rock2d.engines.fast_contact_steps import (
     goes_deeper,
 )
 from rock2d.engines.free_flight import air_stride, fly, in_air, time_aloft
-from rock2d.engines.geometry import (
-    BlockArrays,
-    Body,
-    GroundArrays,
-    WorldArrays,
-    centroid_depth,
-    facet_range,
-)
+from rock2d.engines.geometry import BlockArrays, Body, GroundArrays, WorldArrays, centroid_depth, facet_range
 from rock2d.engines.recording import (
     close_impact,
     end_impact,

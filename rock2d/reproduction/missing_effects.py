@@ -16,12 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import (
-    DETERMINISTIC_SPACE,
-    REBOUND_QUANTITIES,
-    Values,
-    table_4,
-)
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, REBOUND_QUANTITIES, Values, table_4
 from rock2d.reproduction.likelihood import passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (

@@ -17,12 +17,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import (
-    SETUP_QUANTITIES,
-    Values,
-    arrival_quantities,
-    table_3,
-)
+from rock2d.reproduction.hypotheses import SETUP_QUANTITIES, Values, arrival_quantities, table_3
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
     Draws,

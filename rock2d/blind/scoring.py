@@ -10,9 +10,10 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
@@ -22,9 +23,6 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.statistics import wilson_share
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -154,8 +152,6 @@ def _number(value: Any) -> float | None:
 
 def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
     """One row for each case: hidden causes, named effects, the single verdict, and misses of predictions."""
-    import pandas as pd
-
     return pd.DataFrame([
         {
             "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,

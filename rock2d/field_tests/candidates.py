@@ -6,16 +6,14 @@ import copy
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.field_tests.study import Calibration, Effort, OnProgress, calibrate, study_forecasts
 from rock2d.files.scenario import Scenario, checked_scenario
 from rock2d.scene.blocks import make_block
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 EFFORT_DIVISOR = 4  # factor by which less is simulated for a change than for the calibration
 Data = dict[str, Any]
@@ -86,8 +84,6 @@ def candidate_table(
 ) -> pd.DataFrame:
     """Gain of each change in log score per held-out release over the unchanged model; columns change, gain, gain_se
     (standard error). All are calibrated with the same reduced effort."""
-    import pandas as pd
-
     prior, refined, copies, draws = astuple(base.effort)
     effort = Effort(prior // EFFORT_DIVISOR, refined // EFFORT_DIVISOR, copies, draws // EFFORT_DIVISOR)
 

@@ -6,9 +6,10 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
@@ -37,9 +38,6 @@ from rock2d.field_tests.study import (
 from rock2d.files.field_releases import read_releases
 from rock2d.files.folders import atomic_folder, check_output_folder, user_cache, write_whole
 from rock2d.files.scenario import Scenario
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 REPORT_STREAM = 11  # first number of a spawn key
 DENSITY_KG_M3 = 2700.0  # density of the shapes that are compared

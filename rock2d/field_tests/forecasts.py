@@ -5,17 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.likelihood import Unknowns, log_density
 from rock2d.files.field_releases import FieldReleases
 from rock2d.statistics import wilson_interval
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -121,8 +119,6 @@ def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
 
 def prediction_table(releases: FieldReleases, found: Forecast, rng: np.random.Generator) -> pd.DataFrame:
     """A row for each release: release, then the quantiles `QUANTILE_NAMES` of its horizontal distance in m."""
-    import pandas as pd
-
     table = pd.DataFrame(found.quantiles_m(rng), columns=list(QUANTILE_NAMES))
     table.insert(0, "release", releases.names)
     return table
@@ -153,8 +149,6 @@ def runout_table(
     releases: FieldReleases, forecasts: Mapping[str, Forecasts], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Percentiles of the distance from start to stop, measured and forecast, for each block."""
-    import pandas as pd
-
     rows = []
     for name, own in forecasts.items():
         spread = own.found.spread(rng)
@@ -170,8 +164,6 @@ def passing_table(
     releases: FieldReleases, forecasts: Mapping[str, Forecasts], lines_m: Array, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Share of the releases that pass each distance, measured with its 95 % interval, and forecast."""
-    import pandas as pd
-
     rows = []
     for name, own in forecasts.items():
         spread = own.found.spread(rng)
@@ -199,8 +191,6 @@ def score_table(
         perfect model with so few releases
     unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there
     """
-    import pandas as pd
-
     rows: list[dict[str, Any]] = []
     for name, own in forecasts.items():
         spread, quantiles = own.found.spread(rng), own.found.quantiles_m(rng)

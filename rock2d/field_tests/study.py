@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import Forecast, Forecasts, forecast, joined, naive_forecast
@@ -31,9 +32,6 @@ from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.scene.blocks import Block, make_block
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 OnProgress = Callable[[str, int, int], Any]  # (what, done, total)
@@ -212,8 +210,6 @@ def fold_indices(known: FieldReleases, seed: int) -> list[Array]:
 
 def posterior_table(calibration: Calibration, soils: Array) -> pd.DataFrame:
     """Draws of a posterior: a column for each place in the scenario file, discrepancy_m, and caught (a share)."""
-    import pandas as pd
-
     table = pd.DataFrame([calibration.unknowns.values(own) for own in soils])
     table["discrepancy_m"] = calibration.unknowns.discrepancy_m(soils)
     table["caught"] = calibration.unknowns.caught(soils)
@@ -256,7 +252,5 @@ def shape_forecasts(
 
 def shape_table(found: dict[str, Forecast]) -> pd.DataFrame:
     """Percentiles of the simulated distances of each shape, without discrepancy."""
-    import pandas as pd
-
     rows = [(name, *np.percentile(own.samples_m, SHAPE_PERCENTILES)) for name, own in found.items()]
     return pd.DataFrame(rows, columns=["shape", *(f"q{p:02.0f}_m" for p in SHAPE_PERCENTILES)])

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
@@ -16,9 +16,6 @@ from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
 from rock2d.reproduction.paper_setup import FoundSetup, found_setup
 from rock2d.reproduction.table_3_readings import readings_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -164,8 +161,6 @@ def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
     published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;
     p: two-sided p-value of the published number under the hypotheses.
     """
-    import pandas as pd
-
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):

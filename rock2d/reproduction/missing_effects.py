@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, REBOUND_QUANTITIES, Values, table_4
@@ -30,9 +30,6 @@ from rock2d.reproduction.stages import (
     standard_normal_draws,
 )
 from rock2d.scene.blocks import Block
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
@@ -225,8 +222,6 @@ def _log_score(known: Array, predicted: Array, groups: Array) -> float:
 
 def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -> pd.DataFrame:
     """One row for each model, test and candidate, the best score of a test first; `found`: model -> arrays."""
-    import pandas as pd
-
     names = {"deterministic": CANDIDATES, "probabilistic": POINT_MASS_CANDIDATES}
     rows = []
     for model, own in found.items():

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rock2d.engines.point_mass import FACET
+from rock2d.engines.batch import BatchResult, Ensemble, run_batch
+from rock2d.engines.point_mass import FACET, run_point_mass_batch
+from rock2d.laws.rebound import ReboundParameters
 from rock2d.records.columns import BEFORE_INSTANT, I_ZONE, INSTANT_VX, INSTANT_VY, N_INSTANT, TIME, VY, Y
 from rock2d.reproduction.hypotheses import (
     ZONES,
@@ -20,9 +22,6 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
 from rock2d.scene.world import World
-
-if TYPE_CHECKING:
-    from rock2d.engines.batch import BatchResult
 
 Array = np.ndarray
 
@@ -157,8 +156,6 @@ def _worlds(values: Values, hypotheses: Array, change: WorldChange | None) -> li
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
     """Simulate releases `states` (k, n, 6) of one block, n in each of k worlds."""
-    from rock2d.engines.batch import Ensemble, run_batch
-
     blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
     of_world = {id(b): i for i, b in enumerate(blocks)}
     block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
@@ -179,9 +176,6 @@ def probabilistic_outcome(
 
     `slope_reduction_deg` (k,) of each hypothesis; default 0. All zones but the facing have the parameters of the ditch.
     """
-    from rock2d.engines.point_mass import run_point_mass_batch
-    from rock2d.laws.rebound import ReboundParameters
-
     block, n = SETUP_BLOCKS[block_name], len(draws)
     begin = incident_distributions(values, block)
     alpha = np.zeros(len(begin.mean)) if slope_reduction_deg is None else slope_reduction_deg

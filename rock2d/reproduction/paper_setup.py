@@ -7,9 +7,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.files.scenario import Scenario
 from rock2d.files.setup_keys import block_keys
@@ -26,9 +27,6 @@ from rock2d.reproduction.likelihood import log_counts
 from rock2d.reproduction.outcomes import TIME_LIMIT_S, Outcome, probabilistic_outcome
 from rock2d.runs.before_after import Model, model_table
 from rock2d.wording import listed
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -236,8 +234,6 @@ def side_by_side(scenario: Scenario, releases: int = TABLE_2_RELEASES) -> pd.Dat
 
     Raises KeyError if the scenario lacks a block or a line of the paper.
     """
-    import pandas as pd
-
     columns = {"experiment": published.EXPERIMENT} | {
         f"paper_{model}": column for model, column in published.COLUMNS.items()
     }

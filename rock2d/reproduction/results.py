@@ -9,9 +9,10 @@ import math
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
@@ -35,9 +36,6 @@ from rock2d.reproduction.stages import (
     standard_normal_draws,
 )
 from rock2d.reproduction.summary import HeldOutBlock
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -217,8 +215,6 @@ def write_results(results: Results, folder: Path) -> dict[str, pd.DataFrame]:
 
 def result_tables(results: Results) -> dict[str, pd.DataFrame]:
     """Tables by file name; "candidates" and "cells" exist if candidate effects were calibrated."""
-    import pandas as pd
-
     assumptions = [
         summary.identified_table(SPACES[model], sample.u, (*SETUP_QUANTITIES, *ARRIVAL_QUANTITIES)).assign(
             model=model
@@ -242,8 +238,6 @@ def result_tables(results: Results) -> dict[str, pd.DataFrame]:
 
 def probabilistic_parameters(results: Results) -> pd.DataFrame:
     """Table 3: the paper's value and the posterior of each parameter of the probabilistic model."""
-    import pandas as pd
-
     sample = results.samples["probabilistic"]
     found = summary.identified_table(PROBABILISTIC_SPACE, sample.u, REBOUND_QUANTITIES)
     found.insert(1, "paper", [published.REBOUND_PARAMETERS[name] for name in found["quantity"]])
@@ -269,8 +263,6 @@ def deterministic_parameters(results: Results) -> pd.DataFrame:
 
     k_ul is computed from k_l and the restitution.
     """
-    import pandas as pd
-
     sample = results.samples["deterministic"]
     found = summary.identified_table(DETERMINISTIC_SPACE, sample.u, CONTACT_QUANTITIES)
     paper = published.CONTACT_PARAMETERS

@@ -4,9 +4,9 @@ quantities, and predictions of held-out cells with each candidate."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
@@ -14,9 +14,6 @@ from rock2d.reproduction.hypotheses import Values
 from rock2d.reproduction.likelihood import log_counts_without_line, passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.stages import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -91,8 +88,6 @@ def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
 def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) -> pd.DataFrame:
     """Table 2: the experiment, the paper's two models and those of this project (mean and 95 % interval over the
     hypotheses); one row for each block and line."""
-    import pandas as pd
-
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):
@@ -152,8 +147,6 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
 
     `correlated_with` is the quantity with the largest correlation, if it is larger than random correlations.
     """
-    import pandas as pd
-
     correlation = np.corrcoef(u.T)
     np.fill_diagonal(correlation, 0.0)
     rows = []
@@ -214,8 +207,6 @@ def candidates_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     posterior and prior odds against no candidate. Both held-out blocks estimate the last two from the same data; the
     difference shows the error.
     """
-    import pandas as pd
-
     rows = []
     for run in runs:
         which, likelihood = run.candidate, np.exp(run.log_score)
@@ -248,8 +239,6 @@ def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
 
     The hypotheses have importance weights; `effective` is their effective number.
     """
-    import pandas as pd
-
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)

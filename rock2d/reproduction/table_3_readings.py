@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
@@ -29,9 +29,6 @@ from rock2d.reproduction.stages import (
     first_impacts_factor,
     standard_normal_draws,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -119,8 +116,6 @@ def _factors(reading: Reading, draws: Draws) -> list[Factor]:
 def readings_table(found: Mapping[str, Array], readings: Sequence[Reading] = READINGS) -> pd.DataFrame:
     """One row for each reading: its ranges, the 95 % intervals of the posterior, the mean percentages that pass, and
     the lines whose number in the paper the posterior excludes (p < 0.05)."""
-    import pandas as pd
-
     rows = []
     for i, reading in enumerate(readings):
         row: dict[str, object] = {"reading": reading.name, "momentum_factor": reading.momentum_factor}

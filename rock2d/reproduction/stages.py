@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from rock2d.calibration.sequential_monte_carlo import (
     Factor,
@@ -343,8 +344,6 @@ def _candidate_change(values: Values) -> WorldChange:
 def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
     """block -> (releases, 6) standard normal draws from a Sobol sequence. All hypotheses share them, so that the
     likelihood is a deterministic function."""
-    from scipy.special import ndtri
-
     seeds = zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
     even = {name: prior_draws(releases, 6, np.random.default_rng(own)) for name, own in seeds}
     # without the factor, 0 and 1 would give infinite values

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.special import betaincinv  # scipy.stats takes over a second to import
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
@@ -48,8 +49,6 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
 
 def clopper_pearson_interval(passed: int, releases: int = published.RELEASES) -> tuple[float, float]:
     """The 95 % interval of Clopper and Pearson (1934) of a passing frequency, in %."""
-    from scipy.special import betaincinv  # scipy.stats takes over a second to import
-
     low = betaincinv(passed, releases - passed + 1, 0.025) if passed > 0 else 0.0
     high = betaincinv(passed + 1, releases - passed, 0.975) if passed < releases else 1.0
     return float(100 * low), float(100 * high)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
-from rock2d.reproduction.hypotheses import KnownSetup, incident_distributions
+from rock2d.reproduction.hypotheses import incident_distributions
 from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
 from rock2d_figures.style import STYLES
 
@@ -25,14 +25,14 @@ WORDS_ON_FACING = {
 }
 
 
-def figure(results: ArrivalResults, known: KnownSetup) -> Figure:
+def figure(results: ArrivalResults) -> Figure:
     """One panel for each quantity, one row for each block: median and 95 % interval over hypotheses. Grey: what the
     text says, and the speed of the drop."""
     drawn = blank_figure(7.2, 2.3)
     axes = drawn.subplots(1, 4, sharey=True)
-    values, drop_m_s = results.values, float(np.sqrt(2.0 * known.gravity_m_s2 * published.DROP_M))
+    values, drop_m_s = results.values, float(np.sqrt(2.0 * published.GRAVITY_M_S2 * published.DROP_M))
     for row, (block, outcome) in enumerate(zip(published.BLOCKS, results.predicted, strict=True)):
-        mean = incident_distributions(values, known.blocks[block], known.gravity_m_s2).mean
+        mean = incident_distributions(values, published.SETUP_BLOCKS[block]).mean
         on_facing = outcome.first_zone == FACING_ZONE
         _words(axes[0], row, *WORDS_ON_FACING[block])
         _interval(axes[0], row, 100.0 * on_facing.mean(axis=1))

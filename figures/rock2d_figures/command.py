@@ -14,11 +14,9 @@ from rock2d.graphics.figure_style import save_figure
 from rock2d.progress import Bars
 from rock2d.reproduction.computation import FIGURES, FinishedStages, compute_results, reproduction_bars
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
-from rock2d.reproduction.results import Results
-from rock2d.reproduction.scenario_file import SCENARIO_FILE
-from rock2d.reproduction.side_by_side import ENGINE_OF_MODEL
+from rock2d.reproduction.paper_setup import ENGINE_OF_MODEL, SCENARIO_FILE
+from rock2d.reproduction.results import Results, write_results
 from rock2d.reproduction.stages import Effort
-from rock2d.reproduction.tables import write_results
 from rock2d.runs.run import run
 from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
 from rock2d_figures.report import report_text
@@ -70,7 +68,7 @@ def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Pat
             "figure_2": figure_2.figure(results),
             "figure_3": figure_3.figure(runs),
             "passing": passing.figure(results.passing),
-            "arrivals": arrivals.figure(results.arrivals, results.known),
+            "arrivals": arrivals.figure(results.arrivals),
             "identified": identified.figure(_identified(tables)),
         }
         for name, figure in figures.items():

@@ -25,7 +25,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.engines.batch import Ensemble, run_batch
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.graphics.figure_style import blank_figure, save_figure

@@ -17,15 +17,15 @@ FIGURE_WIDTH_IN = 7.2
 
 def figure(results: Results) -> Figure:
     """The likeliest hypothesis of the deterministic model, and other hypotheses as grey lines."""
-    known, values = results.known, results.values("deterministic")
+    values = results.values("deterministic")
     sample = results.samples["deterministic"]
-    ground = with_short_lines(hypothesis_cross_section(values, sample.best, known))
+    ground = with_short_lines(hypothesis_cross_section(values, sample.best))
     view, shape = setup_view(ground, 1500)
     drawn = blank_figure(FIGURE_WIDTH_IN, FIGURE_WIDTH_IN * shape + 0.5)
     axis = drawn.subplots()
     draw_cross_section(axis, ground, view, np.empty((0, 2)), FIGURE_WIDTH_IN - 0.6)
     for i in np.linspace(0, len(sample.u) - 1, OTHER_HYPOTHESES).astype(int):
-        other = hypothesis_cross_section(values, int(i), known)
+        other = hypothesis_cross_section(values, int(i))
         axis.plot(*other.points_m.T, color="#555555", lw=0.35, alpha=0.35, zorder=1.9)
     axis.set_xlabel("x (cm)")
     axis.set_ylabel("y (cm)")

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.reproduction import published
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.results import Results
 from rock2d_figures.style import STYLES
@@ -29,7 +30,7 @@ def quantities(outcome: Outcome, mass_kg: float, inertia_kg_m2: float) -> dict[s
 
 def figure(results: Results) -> Figure:
     """Median over the hypotheses of each model, and the band that holds 90 % of them."""
-    sphere = results.known.blocks["sphere"]
+    sphere = published.SETUP_BLOCKS["sphere"]
     drawn = blank_figure(7.2, 5.0)
     axes = drawn.subplots(2, 2, sharey=True).ravel()
     for name, (outcome, *_) in results.outcomes.items():

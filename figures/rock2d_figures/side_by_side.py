@@ -15,7 +15,7 @@ BAR_PT, RING_PT, RING_COLOUR = 7.0, 10.0, "#c0392b"
 
 
 def figure(table: pd.DataFrame) -> Figure:
-    """One panel for each block; `table` as `rock2d.reproduction.side_by_side` gives it.
+    """One panel for each block; `table` as `rock2d.reproduction.paper_setup` gives it.
 
     Bars: exact 95 % intervals of the 50 published releases. Open markers: published; filled: this project's models, in
     a ring where they lie outside the bar.

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.record_cases import Record, bases_of, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
@@ -79,7 +78,6 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
     film = case.filmed(times, case.hidden, noisy=True)
     twin = case.filmed(times, [], noisy=True) if case.hidden else film
     law = case.world.law
-    assert isinstance(law, reality.Law)
     together, each = signals_to_noise(case)
     for recorded, (fit, heldout) in ((film, (FIT, HELDOUT)), (twin, (TWIN_FIT, TWIN))):
         for name, mask in ((fit, ~case.heldout), (heldout, case.heldout)):

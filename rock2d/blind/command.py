@@ -75,7 +75,8 @@ def inject(
 ) -> None:
     """Add known causes to a film, diagnose it again, and write limits.json. An interrupted study continues."""
     from rock2d.blind.record_cases import diagnosed_film
-    from rock2d.blind.recovery import case_lines, make_cases, recovered, run_study
+    from rock2d.blind.recovery import case_lines, diagnose_case, make_cases, recovered
+    from rock2d.blind.running import run_cases
     from rock2d.diagnosis.command import FITS
     from rock2d.diagnosis.detection import LIMITS, TRUTH
     from rock2d.diagnosis.known_causes import effects_of_size
@@ -92,10 +93,11 @@ def inject(
         with Bars(progress).stage("known causes", 0, "cases") as bar:
             make_cases(result, names, plan, out, options, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
-    if {key: read_json(out / TRUTH).get(key) for key in options} != options:
+    truth = read_json(out / TRUTH)
+    if {key: truth.get(key) for key in options} != options:
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
-        run_study(out, processes, workers.scheduler, bar.reach)
+        run_cases(out, len(truth["cases"]), diagnose_case, processes, workers.scheduler, bar.reach)
     cases, limits = recovered(out)
     write_whole(out / LIMITS, json.dumps(limits, indent=1, allow_nan=False) + "\n")
     for line in [*case_lines(cases, limits, names), *limit_lines(limits)]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from rock2d.blind.case_files import CASES
 from rock2d.blind.injection import SERIES_EFFECTS, injected
-from rock2d.blind.running import RESULTS, run_cases
+from rock2d.blind.running import RESULTS
 from rock2d.diagnosis.detection import TRUTH, Curve, detection_curves, limits_of
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
@@ -133,15 +133,7 @@ def _largest_addition(parameter: Parameter, has: float, below: bool) -> float:
     return max((addition - parameter.neutral) * np.sign(end - parameter.neutral), 0.0)
 
 
-def run_study(
-    folder: Path, workers: int, scheduler: str | None, on_progress: Callable[[int, int], None]
-) -> None:
-    """Diagnose every case that has no result yet; results/NNN.json each."""
-    count = len(read_json(folder / TRUTH)["cases"])
-    run_cases(folder, count, (_diagnose, ()), workers, scheduler, on_progress)
-
-
-def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
+def diagnose_case(every_fit: Path, case: Path, out: Path) -> None:
     """Diagnose a case, and write the named effects and their parameters."""
     with tempfile.TemporaryDirectory(dir=every_fit) as fits:
         found = diagnose(load_experiment(case), folder=Path(fits)).found

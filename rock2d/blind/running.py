@@ -1,4 +1,8 @@
-"""The diagnoses of a trial: every case only from its films, in parallel; finished cases are kept."""
+"""The diagnoses of a trial: every case only from its films, in parallel; finished cases are kept.
+
+A diagnosis is compared with films that it did not see: it predicts the held-out releases, and the share of the gap that
+it truly closes is measured there.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,35 @@ import tempfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
-from rock2d.blind.case_files import CASES, FIT, HELDOUT, read_index
+import numpy as np
+
+from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT, read_index
 from rock2d.cluster import as_finished_on_cluster, require_dask
+from rock2d.diagnosis.base_law import fit_base
+from rock2d.diagnosis.budget import ResidualSizes
+from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.diagnose import Diagnosis, check_and_segment, diagnose
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
+from rock2d.diagnosis.learnt import residuals_on
+from rock2d.diagnosis.predict import predict
+from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE
+from rock2d.errors import InputError
+from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
+from rock2d.kinematics.sanity import Sanity
+from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.processes import as_finished
+from rock2d.scene.world import World
+
+Array = np.ndarray
 
 RESULTS = "results"
 LEAST_NOISE = 1e-9  # m and rad, for a camera without stated noise
+# smallest ratio of the gap of the base law to the floor for which the share that is closed is computed
+LEAST_GAP_RATIO = 1.03
 
 
 def run_trial(
@@ -32,32 +56,30 @@ def run_trial(
         access to the trial's folder (a shared file system)
     """
     count = int(read_index(folder)["count"])
-    return run_cases(folder, count, (_diagnose, ()), workers, scheduler, on_progress)
+    return run_cases(folder, count, _diagnose, workers, scheduler, on_progress)
 
 
 def run_cases(
     folder: Path,
     count: int,
-    work: tuple[Callable[..., None], tuple[Any, ...]],
+    do: Callable[[Path, Path, Path], None],
     workers: int,
     scheduler: str | None,
     on_progress: Callable[[int, int], None],
 ) -> Path:
     """Do the work for every case of a folder that has no result yet; returns the folder of the results.
 
-    `work`: a function of a folder for temporary files, the case, the file of its result, and further arguments; and
-    these arguments
+    `do`: function of a folder for temporary files, the case, and the file of its result
     """
     if scheduler is not None:
         require_dask()
     out = folder / RESULTS
     make_folder(out)
-    do, further = work
     names = [f"{i:03d}" for i in range(count)]
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     cases, absolute = (folder / CASES).absolute(), out.absolute()  # a worker may run in another folder
-    jobs = [(cases / name, absolute / f"{name}.json", *further) for name in waiting]
+    jobs = [(cases / name, absolute / f"{name}.json") for name in waiting]
     with temporary_folder(out) as fits:
         if scheduler is None:
             finished = as_finished(do, jobs, workers, (fits,))
@@ -74,13 +96,6 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
 
     `every_fit`: folder below which temporary files may be written.
     """
-    from time import perf_counter
-
-    from rock2d.blind.true_closure import true_closure
-    from rock2d.diagnosis.diagnose import diagnose
-    from rock2d.diagnosis.diagnosis_content import diagnosis_json
-    from rock2d.files.experiment import load_experiment
-
     experiment = load_experiment(case / FIT)
     begin = perf_counter()
     with tempfile.TemporaryDirectory(dir=every_fit) as fits:
@@ -97,13 +112,6 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
 def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
     """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`_tail`) over
     segments of the root mean square of place and angle, in standard deviations of the camera's noise."""
-    import numpy as np
-
-    from rock2d.diagnosis.predict import predict
-    from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE
-    from rock2d.errors import InputError
-    from rock2d.files.experiment import load_experiment
-
     experiment = load_experiment(folder)
     assert experiment.trajectories is not None
     noise_m = max(experiment.position_noise_m, LEAST_NOISE)
@@ -128,3 +136,40 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
             f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0)),
         }
     return out
+
+
+def true_closure(case: Path, result: Diagnosis) -> float | None:
+    """The share of the gap that is truly closed; None if there is no gap, the case has no twin, or one of its films
+    cannot be segmented.
+
+    The base law and the model with all causes and learnt changes predict the held-out releases of a case. The gap of a
+    perfect model is known from the null twin, the same releases without the hidden causes: the base law, fitted to the
+    other twin, has there only the errors of noise, soil and form of the law. The gap is measured as in the diagnosis.
+    """
+    attribution = result.found
+    if not (case / TWIN).is_dir():
+        return None
+    (setup, start, sanity, data), (*_, held), (*_, twin) = (
+        _read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN)
+    )
+    if attribution is None or data is None or held is None or twin is None:
+        return None
+    null = fit_base(setup, start, data, sanity.registered)
+    variance = np.median(np.diagonal(attribution.final.fit.covariance(), axis1=1, axis2=2), axis=0)
+    base = _gap(held, attribution.base.model.residuals(attribution.base.p, held), variance)
+    closed = _gap(held, residuals_on(held, attribution.learnt), variance)
+    floor = _gap(twin, null.model.residuals(null.p, twin), variance)
+    return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None
+
+
+def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
+    """Gap of residuals; `variance` (d,) of the channels of impacts."""
+    sizes = ResidualSizes(data, np.diag(variance) * np.ones((len(data.impact_release), 1, 1)))
+    return float(np.exp(sizes.of(residuals).sum() / sizes.count.sum()))
+
+
+def _read(folder: Path) -> tuple[World, Array, Sanity, Data | None]:
+    """The stated world of a film, its base law, and the result of `check_and_segment`."""
+    experiment = load_experiment(folder)
+    setup = setup_world(experiment)
+    return setup, base_start(experiment), *check_and_segment(experiment, setup)

@@ -10,9 +10,10 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
@@ -22,9 +23,6 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.statistics import wilson_share
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -154,8 +152,6 @@ def _number(value: Any) -> float | None:
 
 def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
     """One row for each case: hidden causes, named effects, the single verdict, and misses of predictions."""
-    import pandas as pd
-
     return pd.DataFrame([
         {
             "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,
@@ -331,6 +327,11 @@ def _wrong_and_sure(cases: Iterable[ScoredCase]) -> list[dict[str, Any]]:
     ]
 
 
+def _by_kind(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
+    cases = list(cases)
+    return {"all": cases} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
+
+
 def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]]:
     """(kind of label, claimed, true) of the cases in which both are known."""
     return [(c.kind, c.claimed, c.true) for c in cases if c.claimed is not None and c.true is not None]
@@ -338,11 +339,9 @@ def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]
 
 def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
     """Claimed minus true closure, for all cases and for each kind of label."""
-    known = known_closures(cases)
-    groups = {"all": known} | {kind: [group for group in known if group[0] == kind] for kind in LABEL_KINDS}
     out = {}
-    for name, group in groups.items():
-        errors = [claimed - true for _, claimed, true in group]
+    for name, group in _by_kind(cases).items():
+        errors = [claimed - true for _, claimed, true in known_closures(group)]
         out[name] = {
             "median_claimed_less_true": median(errors),
             "within_15_points": wilson_share([abs(error) <= CLOSURE_MARGIN for error in errors]),
@@ -354,9 +353,8 @@ def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
     relative reduction of the typical miss, and share of the cases in which the tail is not worse."""
-    groups = {"all": list(cases)} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
     out = {}
-    for name, group in groups.items():
+    for name, group in _by_kind(cases).items():
         known = [c.missed for c in group if c.missed]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),

@@ -69,7 +69,6 @@ def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array
         return (z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0]).ravel()
 
     law = case.world.law
-    assert isinstance(law, reality.Law)
     changed_laws = []
     for name in LAW_PARAMETERS:
         changed = replace(law, **{name: getattr(law, name) * (1 + RELATIVE_STEP)})

@@ -56,7 +56,7 @@ def _words(soil: SoilClass) -> list[str]:
 
 
 def _for_block(mass_kg: float, size_m: float) -> list[str]:
-    from rock2d.laws.closed_forms import contact_time_s, penetration_m
+    from rock2d.laws.contact import contact_time_s, penetration_m
     from rock2d.laws.soil_scaling import reference_speed_m_s, soil_contact, soil_rebound
 
     speed = reference_speed_m_s(size_m)

@@ -17,12 +17,13 @@ from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
+from rock2d.engines.free_flight import facet_tree
 from rock2d.engines.geometry import CACHED_ARRAYS, CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
-from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
+    ENERGY_NAMES,
     INSTANT_STATE,
     KNOT_FLIGHT,
     N_AUDIT,
@@ -82,9 +83,8 @@ class Ensemble:
     tables: Sequence[Array] | Array
 
 
-@dataclass
-class BatchResult:
-    """Results of an ensemble of n releases.
+class BatchResult(NamedTuple):
+    """Results of an ensemble of n releases, into which compiled code writes.
 
     Attributes
     ----------
@@ -97,6 +97,8 @@ class BatchResult:
     samples : (n, times, 3) x, y, theta at the given times
     energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
     saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
+    audit : (n, N_AUDIT) dissipated energies, see `energy_balance.energy_balances`
+    knots : (room, N_KNOT) of one release; with room 0 none are written
     """
 
     stop: Array
@@ -107,6 +109,8 @@ class BatchResult:
     samples: Array
     energy_J: Array
     saved_contacts: Array
+    audit: Array
+    knots: Array
 
 
 def pack(ensemble: Ensemble) -> Packed:
@@ -166,9 +170,8 @@ def _tables(ensemble: Ensemble) -> Array:
 def world_ensemble(world: World) -> tuple[Ensemble, Array]:
     """The ensemble of a world, with blocks in the order of the world, and the `table_ids` of its releases: (1,) if all
     have the same parameters, else (n,)."""
-    return Ensemble(list(world.blocks.values()), [world.cross_section], world.contact), np.arange(
-        len(world.contact)
-    )
+    ensemble = Ensemble(list(world.blocks.values()), [world.cross_section], world.contact)
+    return ensemble, np.arange(len(world.contact))
 
 
 def run_batch(
@@ -236,8 +239,8 @@ def run_batch(
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    balances = energy_balances(masses, states, outputs.ends[:, INSTANT_STATE], outputs.audit)
-    return BatchResult(*outputs[:6], balances, saved_contacts)
+    outputs.energy_J[:] = energy_balances(masses, states, outputs.ends[:, INSTANT_STATE], outputs.audit)
+    return outputs
 
 
 def run_world(world: World, states: Array, blocks: Array, **options: Any) -> BatchResult:
@@ -315,27 +318,13 @@ class _Inputs(NamedTuple):
     times: Array  # (1 or n, times) instants of samples in s
 
 
-class _Outputs(NamedTuple):
-    """Outputs of n releases, see `BatchResult`."""
-
-    stop: Array
-    ends: Array
-    impact_count: Array
-    impacts: Array
-    crossings: Array
-    samples: Array
-    audit: Array  # (n, N_AUDIT)
-    saved_contacts: Array  # (n, contacts, N_SAVED)
-    knots: Array  # (room, N_KNOT) of one release; with room 0 none are written
-
-
-def _new_outputs(packed: Packed, impacts: int, times: int, saved_contacts: Array, knots: int) -> _Outputs:
+def _new_outputs(packed: Packed, impacts: int, times: int, saved_contacts: Array, knots: int) -> BatchResult:
     """Empty outputs with room for `impacts` and `times` samples of each release, and for `knots`."""
     n = len(saved_contacts)
-    return _Outputs(
+    return BatchResult(
         np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64), np.full((n, impacts, N_IMPACT), np.nan),
         np.full((n, packed.lines.shape[1], N_INSTANT), np.nan), np.full((n, times, N_POSE), np.nan),
-        np.zeros((n, N_AUDIT)), saved_contacts, np.empty((knots, N_KNOT)),
+        np.empty((n, len(ENERGY_NAMES))), saved_contacts, np.zeros((n, N_AUDIT)), np.empty((knots, N_KNOT)),
     )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
-"""Contact state: the memory of each contact of a block, and the search for the feature that it meets.
+"""Contact state, compiled: the memory of each contact of a block, the energy in it, and the active contacts loaded into
+rows for the next steps, with their forces.
 
 A polygon has a contact for each corner and VERTEX_CONTACTS for ground corners under its faces; a circle or ellipse has
-SMOOTH_CONTACTS. A contact follows its feature from facet to facet, so it keeps its memory at joints.
+SMOOTH_CONTACTS.
 """
 
 from __future__ import annotations
@@ -11,34 +12,28 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
-from rock2d.engines.ellipse import half_of_ellipse
-from rock2d.engines.geometry import (
-    CONVEX,
-    CORNER_FACET,
-    CORNER_VERTEX,
-    LENGTH,
-    NORMAL_X,
-    NORMAL_Y,
-    PATCH,
-    POINT_X,
-    POINT_Y,
-    SMOOTH_FACET,
-    SMOOTH_VERTEX,
-    TANGENT_X,
-    TANGENT_Y,
-    VERTEX_FACE,
-    along_and_above,
-    beyond_corner,
-    corner_place,
-    depth_rate,
-    load_feature,
-    near_depth,
-    place_feature,
-    polygon_depth,
-    pose_of,
-    repeats_corner,
-    under_face,
+from rock2d.effects.columns import N_COLUMNS
+from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, ground_forces, recoil
+from rock2d.engines.free_flight import in_air
+from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
+from rock2d.laws.contact import (
+    CONTACT_LAW_COLUMNS,
+    K_L,
+    K_R,
+    K_T,
+    K_UL,
+    MU,
+    ROLLING_CAP,
+    ROLLING_IN_INDENTATION,
+    elastic_energy,
+    normal_force,
+    normal_force_from_bottom,
+    residual_indentation,
+    rolling_energy,
+    rolling_moment,
+    tangential_force,
 )
+from rock2d.records.columns import N_STATE, OMEGA, VX, VY
 from rock2d.scene.blocks import Block
 
 # memory of a contact: integers, then reals; ACTING is the force of a contact with effects
@@ -52,7 +47,27 @@ N_SAVED = SAVED_ENERGY + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
-SAME_FOOT = 1e-9  # relative difference of depths below which they belong to the same point of an ellipse
+# columns of a loaded contact: its feature (`geometry.load_feature`), the parameters of the law, its memory, its kind,
+# its residual indentation, whether the ground presses on it in this step, whether effects act in it, and their columns
+L_FEATURE = 0
+L_LAW = L_FEATURE + N_FEATURE
+L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
+L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFECTS = range(
+    L_OFFSET + 1, L_OFFSET + 9
+)
+N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
+# columns of a contact's row of rates: deformation of its springs at the end of a step, and their rates at a stage
+TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
+# columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
+# point after it, and the outcome (`trial_step.step_to_event`): peak penetration, states of the springs, normal force of
+# the law before and after, acting force, tangential force before and after, rolling moment, and plastic work
+(
+    DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP, PEAK_1, DISPLACEMENT_1, ROTATION_1, NORMAL_0, NORMAL_1, ACTING_1,
+    TANGENTIAL_0, TANGENTIAL_1, MOMENT_1, PLASTIC_WORK,
+) = range(16)  # fmt: skip
+LEAST_FORCE_N = 1e-300  # least force of a pressed contact, so that its springs act until it lifts off
+LEAST_EVENT = 1e-3  # share of a step: the step starts, to rounding, at an event that comes sooner
+LARGEST_STEP_GROWTH = 5.0  # largest factor on contact steps while the motion decays
 
 
 class Contacts(NamedTuple):
@@ -110,232 +125,186 @@ def restore_contacts(saved, memory):
 
 
 @kernel
-def find_features(q, reach, near, world, memory, found):
-    """Fill `found` with each contact's nearest feature and depth at state q; contacts keep the feature they follow.
+def kinetic_energy(q, block):
+    """Kinetic energy in J."""
+    return 0.5 * (block.mass * (q[VX] * q[VX] + q[VY] * q[VY]) + block.inertia * q[OMEGA] * q[OMEGA])
 
-    near : (first, one past the last) index of the facets that are searched
-    reach : features of vertices and smooth profiles farther above the ground (in m) are ignored (depth NOWHERE)
-    """
-    pose = pose_of(q)
-    f0, f1 = near
-    block, ground, ints, found_i, found_r = world.block, world.ground, memory.ints, found.ints, found.reals
+
+@kernel
+def stored_energy(memory, law):
+    """Energy in J stored in the springs of all contacts; `law`: rows (zones, columns)."""
+    ints, reals = memory.ints, memory.reals
+    total = 0.0
     for j in range(ints.shape[0]):
-        found_r[j, DEPTH] = NOWHERE
         if ints[j, ACTIVE]:
-            copy(ints[j], found_i[j])
-    facets, sides = ground.facets, block.sides
-    n = sides.shape[0]
-    if n > 0:
-        for i in range(n):
-            px, py = corner_place(i, pose, sides)
-            depth, kind, index = near_depth(px, py, ground, f0, f1, reach + block.rounding)
-            if block.rounding > 0.0:
-                outside = depth < 0.0
-                depth += block.rounding
-                if repeats_corner(sides, i) or (
-                    outside and kind == CORNER_VERTEX and facets[index, CONVEX] > 0.0
-                    and beyond_corner(i, facets[index, POINT_X], facets[index, POINT_Y], pose, sides)[0] < 0.0
-                ):  # fmt: skip
-                    depth = NOWHERE  # another corner's circle, or the vertex lies under a face
-            _set(found, i, (kind, index, i), depth, i)
-        for v in range(max(f0, 1), f1):
-            if facets[v, CONVEX] > 0.0:
-                px, py = facets[v, POINT_X], facets[v, POINT_Y]
-                depth, face = polygon_depth(px, py, pose, sides)
-                if depth > -reach:
-                    rounded = depth < block.rounding and block.rounding > 0.0
-                    if rounded and not under_face(face, px, py, pose, sides):
-                        continue  # under a rounded corner
-                    j = _contact_for(memory, found, n, v)
-                    if j >= 0:
-                        _set(found, j, (VERTEX_FACE, v, face), depth, v)
-    else:
-        _smooth_features(pose, reach, near, world, memory, found)
-    for j in range(ints.shape[0]):
-        depth = found_r[j, DEPTH]
-        if depth == NOWHERE:
-            continue
-        kind = found_i[j, KIND]
-        feature = load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets)
-        _, nx, ny, rx, ry = place_feature(kind, feature, pose)
-        if kind == CORNER_VERTEX and depth < 0.0 and block.rounding == 0.0:
-            nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
-        found_r[j, RATE] = depth_rate(q, nx, ny, rx, ry)
+            p = law[ints[j, ZONE]]
+            force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
+            force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
+            if p[ANY_EFFECT_ACTS] != 0.0:
+                force_t = p[K_T] * reals[j, DISPLACEMENT]  # the step before has limited it to friction
+            total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
+    return total
 
 
 @kernel
-def hand_over(corners, memory, found, loaded, active):
-    """Move the memory of a contact to the contact that continues it, where a ground corner has passed between the
-    circle of a rounded corner (contact of a corner) and the flat part of a face (contact of a vertex).
+def pressure(memory, law):
+    """(sum of normal forces in N, forces of effects included; largest penetration in m; number of active contacts)."""
+    ints, reals = memory.ints, memory.reals
+    force, deepest, active = 0.0, 0.0, 0
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            p = law[ints[j, ZONE]]
+            if p[ANY_EFFECT_ACTS] != 0.0:
+                force += reals[j, ACTING]
+            else:
+                force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
+            deepest = max(deepest, reals[j, DEPTH])
+            active += 1
+    return force, deepest, active
 
-    loaded : LoadedContacts, of which `active` are in use; their rows follow the memory
+
+@kernel
+def step_growth(reference_energy, block, memory, law):
+    """Factor (1 to LARGEST_STEP_GROWTH) by which a contact step may grow while the oscillation in the contacts decays.
+
+    The energy error of a step is of order energy × step⁵. With a step ∝ 1/√energy, below a sixteenth of the reference
+    energy, it still decreases. Steady rolling and sliding do not count as oscillation.
     """
-    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
+    ints, reals = memory.ints, memory.reals
+    energy, touching = stored_energy(memory, law), False
     for j in range(ints.shape[0]):
-        if not ints[j, ACTIVE] or found_r[j, DEPTH] != NOWHERE:
-            continue
-        if j < corners and found_i[j, KIND] != CORNER_VERTEX:
-            continue
-        vertex = found_i[j, INDEX] if j < corners else ints[j, INDEX]
-        first, last = (corners, ints.shape[0]) if j < corners else (0, corners)
-        for k in range(first, last):
-            near = found_i[k, INDEX] == vertex
-            near = near or (found_i[k, KIND] == CORNER_FACET and found_i[k, INDEX] == vertex - 1)
-            if near and not ints[k, ACTIVE] and found_r[k, DEPTH] > 0.0:
-                copy(ints[j], ints[k])
-                copy(reals[j], reals[k])
-                for a in range(active):
-                    loaded.which[a] = k if loaded.which[a] == j else loaded.which[a]
-                ints[j, ACTIVE], ints[j, KEY] = 0, -1
-                reals[j, DEPTH] = NOWHERE
-                break
+        if ints[j, ACTIVE]:
+            energy += 0.5 * block.mass * reals[j, RATE] * reals[j, RATE]
+            touching = True
+    if not touching:
+        return 1.0
+    if energy <= 0.0:
+        return LARGEST_STEP_GROWTH
+    return min(LARGEST_STEP_GROWTH, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))
+
+
+class LoadedContacts(NamedTuple):
+    """Rows of the active contacts; only the first rows are in use."""
+
+    rows: np.ndarray  # (contacts, N_LOADED)
+    which: np.ndarray  # (contacts,) index of the contact of a row
+    rates: np.ndarray  # (contacts, 4) TAKEN_DISPLACEMENT ... SPIN_RATE
+    trial: np.ndarray  # (contacts, 16) DEPTH_0 ... PLASTIC_WORK
+    state: np.ndarray  # (6,) state of the block at the end of a trial step
+
+
+@njit
+def new_loaded(count):
+    """Rows for `count` contacts."""
+    return LoadedContacts(
+        np.empty((count, N_LOADED)),
+        np.empty(count, np.int64),
+        np.empty((count, 4)),
+        np.empty((count, PLASTIC_WORK + 1)),
+        np.empty(N_STATE),
+    )
 
 
 @kernel
-def _set(found, j, feature, depth, key):
-    ints = found.ints
-    ints[j, KIND], ints[j, INDEX], ints[j, PART] = feature
-    ints[j, KEY] = key
-    found.reals[j, DEPTH] = depth
-
-
-@kernel
-def _contact_for(memory, found, start, key):
-    """The contact that follows `key`, else a free one, else -1."""
-    ints, found_r = memory.ints, found.reals
-    free, stale = -1, -1
-    for j in range(start, ints.shape[0]):
-        empty = not ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE
-        if ints[j, KEY] == key and (ints[j, ACTIVE] or empty):
-            return j
-        if empty and ints[j, KEY] < 0:
-            free = j
-        elif empty:
-            stale = j
-    return free if free >= 0 else stale
-
-
-@kernel
-def _smooth_features(pose, reach, near, world, memory, found):
-    """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
-    x, y, _, _ = pose
-    block, facets = world.block, world.ground.facets
-    ints, found_i, found_r = memory.ints, found.ints, found.reals
-    f0, f1 = near
-    far = reach + block.radius
-    for f in range(f0, f1):
-        along, above = along_and_above(x, y, f, facets)
-        if abs(above) > far or along < -far or along > facets[f, LENGTH] + far:
-            continue
-        tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
-        if above > 0.0:
-            feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
-            depth, _, _, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
-            along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
-            if 0.0 <= along <= facets[f, LENGTH] and depth > -reach:
-                _offer(memory, found, (SMOOTH_FACET, f, 0), depth, 2 * int(facets[f, PATCH]))
-            if along <= facets[f, LENGTH]:
-                continue
-        # only the back of a facet that faces away is near; but if the vertex at its end is sharper than a right angle,
-        # the block may lie before the next facet
-        if f + 2 < facets.shape[0] and (above > 0.0 or _is_spike(f, x, y, facets)):
-            _offer_vertex(f, pose, reach, world, memory, found)
+def load_active(world, memory, loaded):
+    """Copy feature, parameters, memory and depths of the active contacts into rows; returns how many there are."""
+    ints, reals, rows, law = memory.ints, memory.reals, loaded.rows, world.law
+    active = np.int64(0)
     for j in range(ints.shape[0]):
-        # the neighbouring contact continues an active contact whose feature is gone
-        if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
-            for k in range(ints.shape[0]):
-                if (
-                    not ints[k, ACTIVE]
-                    and found_r[k, DEPTH] != NOWHERE
-                    and abs(found_i[k, KEY] - ints[j, KEY]) == 1
-                ):
-                    own = (found_i[k, KIND], found_i[k, INDEX], found_i[k, PART])
-                    _set(found, j, own, found_r[k, DEPTH], found_i[k, KEY])
-                    found_r[k, DEPTH] = NOWHERE
-                    break
-            if found_r[j, DEPTH] == NOWHERE:
-                _keep_vertex(j, pose, world, memory, found)
+        if ints[j, ACTIVE]:
+            feature = load_feature(
+                ints[j, KIND], ints[j, INDEX], ints[j, PART], world.block, world.ground.facets
+            )
+            px, py, nx, ny, w1, w2, w3, w4 = feature
+            rows[active, 0], rows[active, 1], rows[active, 2], rows[active, 3] = px, py, nx, ny
+            rows[active, 4], rows[active, 5], rows[active, 6], rows[active, 7] = w1, w2, w3, w4
+            zone = ints[j, ZONE]
+            for i in range(FIRST_EFFECT_COLUMN):
+                rows[active, L_LAW + i] = law[zone, i]
+            rows[active, L_ACTS] = law[zone, ANY_EFFECT_ACTS]
+            if law[zone, ANY_EFFECT_ACTS] != 0.0:
+                for i in range(N_COLUMNS - FIRST_EFFECT_COLUMN):
+                    rows[active, L_EFFECTS + i] = law[zone, FIRST_EFFECT_COLUMN + i]
+            rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
+            rows[active, L_BOTTOM] = residual_indentation(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
+            rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
+                reals[j, DISPLACEMENT],
+                reals[j, ROTATION],
+            )
+            rows[active, L_KIND] = ints[j, KIND]
+            loaded.trial[active, DEPTH_0], loaded.trial[active, RATE_0] = reals[j, DEPTH], reals[j, RATE]
+            loaded.which[active] = j
+            active += 1
+    return active
 
 
 @kernel(forceinline=True)
-def _is_spike(f, x, y, facets):
-    """Whether the ground turns by more than a right angle behind facet f, with (x, y) before the next facet."""
-    v = f + 1
-    if facets[f, TANGENT_X] * facets[v, TANGENT_X] + facets[f, TANGENT_Y] * facets[v, TANGENT_Y] >= 0.0:
-        return False
-    return along_and_above(x, y, v, facets)[1] > 0.0
+def note_pressed(active, loaded, h):
+    """Set L_PRESSED: on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
 
-
-@kernel
-def _offer_vertex(f, pose, reach, world, memory, found):
-    """Offer the vertex between facet f and the next to a smooth profile, if the ground is convex there and the foot
-    lies between the facet's end and the next one's begin."""
-    block, facets = world.block, world.ground.facets
-    v = f + 1
-    half = _half_at(v, pose, block, facets)
-    depth, nx, ny, _, _ = place_feature(
-        SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose
-    )
-    turn_out = nx * facets[f, TANGENT_X] + ny * facets[f, TANGENT_Y]
-    turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
-    up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X]) + ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
-    if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
-        key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
-        _offer(memory, found, (SMOOTH_VERTEX, v, half), depth, key)
-
-
-@kernel
-def _keep_vertex(j, pose, world, memory, found):
-    """Continue active contact j, whose feature is no longer found, at its vertex or at the end of its facet.
-
-    Far inside the ground, the nearest features leave gaps. The contact continues as long as that vertex lies inside the
-    profile, in the same half of it. Beyond the longer axis of an ellipse the contact ends.
+    It holds for the whole step, which ends if a contact passes the bottom of its indentation: there the moment of the
+    rolling spring, and friction of 90 degrees, jump to 0.
     """
-    block, facets, ints = world.block, world.ground.facets, memory.ints
-    x, y, _, _ = pose
-    vertex, half = ints[j, INDEX], ints[j, PART]
-    if ints[j, KIND] == SMOOTH_FACET:
-        feature = load_feature(SMOOTH_FACET, vertex, 0, block, facets)
-        _, _, _, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
-        along = (x + rx - feature[0]) * facets[vertex, TANGENT_X] + (y + ry - feature[1]) * facets[
-            vertex, TANGENT_Y
-        ]
-        vertex += 1 if along > 0.0 else 0
-        half = _half_at(vertex, pose, block, facets)
-    if 0 < vertex < facets.shape[0] - 1:
-        nearer = _half_at(vertex, pose, block, facets)
-        depth = _vertex_depth(vertex, nearer, pose, block, facets)
-        if half != nearer and _vertex_depth(vertex, half, pose, block, facets) > (1.0 + SAME_FOOT) * depth:
-            return
-        if depth > 0.0:
-            _set(found, j, (SMOOTH_VERTEX, vertex, nearer), depth, ints[j, KEY])
+    rows, trial = loaded.rows, loaded.trial
+    for a in range(active):
+        ahead = trial[a, DEPTH_0] - rows[a, L_OFFSET] + LEAST_EVENT * h * trial[a, RATE_0]
+        rows[a, L_PRESSED] = 1.0 if ahead > rows[a, L_BOTTOM] else 0.0
 
 
 @kernel
-def _vertex_depth(v, half, pose, block, facets):
-    """Depth in m of vertex v in a smooth profile, measured to one half of the profile."""
-    return place_feature(SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose)[0]
+def effects_act(block, active, rows):
+    """Whether effects of the catalogue act on the block, in the air or in a loaded contact."""
+    act = in_air(block)
+    for a in range(active):
+        act = act or rows[a, L_ACTS] != 0.0
+    return act
 
 
-@kernel
-def _half_at(v, pose, block, facets):
-    """Half of an ellipse that is nearest to vertex v; 0 for a circle."""
-    if block.semi_a == block.semi_b:
-        return np.int64(0)
-    x, y, c, s = pose
-    dx, dy = facets[v, POINT_X] - x, facets[v, POINT_Y] - y
-    px, py = c * dx + s * dy - block.centre_x, -s * dx + c * dy - block.centre_y
-    return half_of_ellipse(px, py, block.semi_a, block.semi_b)
+@kernel(forceinline=True)
+def placed(rows, a, pose):
+    """`contact_point` of the a-th loaded contact."""
+    feature = (rows[a, 0], rows[a, 1], rows[a, 2], rows[a, 3], rows[a, 4], rows[a, 5], rows[a, 6], rows[a, 7])
+    return place_feature(int(rows[a, L_KIND]), feature, pose)
 
 
-@kernel
-def _offer(memory, found, feature, depth, key):
-    """Give a feature to the contact of its key, unless that contact has a deeper one."""
-    for j in range(found.ints.shape[0]):
-        if found.reals[j, DEPTH] != NOWHERE and found.ints[j, KEY] == key:
-            if depth > found.reals[j, DEPTH]:
-                _set(found, j, feature, depth, key)
-            return
-    j = _contact_for(memory, found, 0, key)
-    if j >= 0:
-        _set(found, j, feature, depth, key)
+@kernel(forceinline=True)
+def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
+    """Force and rates of one contact.
+
+    velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m and rotation in rad of its springs
+
+    Returns (force along x and y in N, moment in N m, slip velocity in m/s and spin in rad/s that deform its springs,
+    0 while unpressed; power in W of its tangential spring, of its rolling spring and of its effects; acceleration along
+    x in m/s² of recoiling ground).
+    """
+    depth, nx, ny, rx, ry = placed(rows, a, pose)
+    vx, vy, omega = velocity
+    k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + ROLLING_CAP]
+    depth -= rows[a, L_OFFSET]
+    peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
+    ux, uy = vx - omega * ry, vy + omega * rx
+    slip = ux * ny - uy * nx
+    force_n, mu = normal_force_from_bottom(depth, peak, bottom, k_l, k_ul), rows[a, L_LAW + MU]
+    pressed = rows[a, L_PRESSED] != 0.0
+    if pressed:
+        force_n = max(force_n, LEAST_FORCE_N)
+    drag = taken = push = 0.0
+    if effects and rows[a, L_ACTS] != 0.0:
+        rate, law_n = -(ux * nx + uy * ny), force_n
+        force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
+        mu *= factor
+        taken = (force_n - law_n) * rate + drag * slip
+    grip = force_n if pressed else 0.0
+    indentation = rows[a, L_LAW + ROLLING_IN_INDENTATION]
+    spin = omega if grip > 0.0 or indentation > 0.0 else 0.0
+    force_t = tangential_force(displacement, grip, rows[a, L_LAW + K_T], mu)
+    arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0
+    rolling = rolling_moment(rotation, grip, arm, rows[a, L_LAW + K_R], cap, indentation)
+    along = force_t
+    if effects:
+        along += drag
+    fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
+    if effects and rows[a, L_ACTS] != 0.0:
+        push = recoil(rows[a], L_EFFECTS) * fx
+    moment, winding = rx * fy - ry * fx - rolling, slip if pressed else 0.0
+    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, taken, push

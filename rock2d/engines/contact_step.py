@@ -7,48 +7,43 @@ first event. Without contacts a step is exact.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from rock2d.compiled import copy, kernel, njit
+from rock2d.compiled import copy, kernel
 from rock2d.effects.columns import damping_Ns_m
 from rock2d.effects.forces import FIRST_EFFECT_COLUMN
+from rock2d.engines.contact_search import changes_feature, find_features, hand_over
 from rock2d.engines.contact_state import (
     ACTING,
+    ACTING_1,
     ACTIVE,
     DEPTH,
+    DEPTH_1,
     DISPLACEMENT,
+    DISPLACEMENT_1,
     INDEX,
     KEY,
     KIND,
+    NORMAL_1,
     NOWHERE,
     OFFSET,
     PART,
     PEAK,
-    RATE,
-    ROTATION,
-    ZONE,
-    find_features,
-    hand_over,
-)
-from rock2d.engines.event_detection import first_event
-from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
-from rock2d.engines.loaded_contacts import (
-    ACTING_1,
-    DEPTH_1,
-    DISPLACEMENT_1,
-    NORMAL_1,
     PEAK_1,
     PLASTIC_WORK,
+    RATE,
+    ROTATION,
     ROTATION_1,
     TANGENTIAL_0,
     TANGENTIAL_1,
-    LoadedContacts,
+    ZONE,
     effects_act,
     load_active,
-    new_loaded,
 )
+from rock2d.engines.event_detection import first_event
+from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
 from rock2d.engines.trial_step import correct_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
@@ -64,24 +59,11 @@ from rock2d.laws.contact import (
     rolling_energy,
     tangential_force,
 )
-from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, RECOIL, ROLLING, VX, VY
+from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, VX, VY
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # share of the radius by which rounding may leave a landing above the surface
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
-
-
-class Scratch(NamedTuple):
-    """Work arrays of contact steps."""
-
-    state: np.ndarray  # (6,) at the end of a trial step
-    loaded: LoadedContacts
-
-
-@njit
-def new_scratch(count):
-    """Work arrays for `count` contacts."""
-    return Scratch(np.empty(N_STATE), new_loaded(count))
 
 
 def contact_steps_s(
@@ -114,18 +96,7 @@ def _commit(world, contacts, active, works, audit):
     """Write the outcome of a finished step, from the rows of `active` loaded contacts, into memory and audit; works :
     see `step_to_event`."""
     memory, found, _ = contacts
-    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
-    block, ground = world.block, world.ground
-    for j in range(ints.shape[0]):
-        depth = found_r[j, DEPTH]
-        if ints[j, ACTIVE]:
-            continue
-        reals[j, DEPTH], ints[j, KEY] = depth, -1
-        if depth == NOWHERE:
-            continue
-        reals[j, RATE], ints[j, KEY] = found_r[j, RATE], found_i[j, KEY]
-        if _touches(depth, found_r[j, RATE], block):
-            _begin(j, memory, found, ground)
+    _update_inactive(world, memory, found, True)
     change_t, change_r = 0.0, 0.0  # energy in J that the tangential and the rolling springs gain
     for a in range(active):
         gained_t, gained_r = _commit_contact(a, world, contacts, audit)
@@ -140,13 +111,13 @@ def _commit(world, contacts, active, works, audit):
 @kernel
 def _commit_contact(a, world, contacts, audit):
     """`_commit` of the a-th loaded contact; returns the energy in J that its (tangential, rolling) spring gained."""
-    memory, found, scratch = contacts
-    ints, reals, found_r, loaded = memory.ints, memory.reals, found.reals, scratch.loaded
+    memory, found, loaded = contacts
+    ints, reals, found_r = memory.ints, memory.reals, found.reals
     trial, j, law = loaded.trial, loaded.which[a], world.law
     p = law[ints[j, ZONE]]
     gone = found_r[j, DEPTH] == NOWHERE  # the contact has slid off its feature in this step
     jump, depth = 0.0, trial[a, DEPTH_1]
-    if not gone and _changes(j, memory, found):
+    if not gone and changes_feature(j, memory, found):
         jump, depth = found_r[j, DEPTH] - depth, found_r[j, DEPTH]
     _follow(j, memory, found)
     reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
@@ -172,14 +143,6 @@ def _commit_contact(a, world, contacts, audit):
         reals[j, DEPTH] = NOWHERE if gone else depth
         ints[j, KEY] = -1 if gone else ints[j, KEY]
     return gained_t, after_r - before_r
-
-
-@kernel
-def _changes(j, memory, found):
-    """Whether the feature found for contact j differs from its present one."""
-    ints, found_i = memory.ints, found.ints
-    same = ints[j, KIND] == found_i[j, KIND] and ints[j, INDEX] == found_i[j, INDEX]
-    return not (same and ints[j, PART] == found_i[j, PART])
 
 
 @kernel
@@ -266,33 +229,38 @@ def _zone(j, memory, ground):
 
 
 @kernel
+def _update_inactive(world, memory, found, begin):
+    """Give inactive contacts the depths found for them; with `begin`, begin those that touch the ground. Returns how
+    many begin."""
+    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
+    begun = 0
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            continue
+        depth, rate = found_r[j, DEPTH], found_r[j, RATE]
+        reals[j, DEPTH], reals[j, RATE] = depth, rate
+        ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
+        if begin and _touches(depth, rate, world.block):
+            _begin(j, memory, found, world.ground)
+            begun += 1
+    return begun
+
+
+@kernel
 def begin_contacts(q, near, world, memory, found):
-    """Search the ground for the first time: set depths, and begin contacts that touch the ground.
+    """Search the ground for the first time, when no contact is active: set depths, and begin contacts that touch it.
 
     near : (first, one past the last) index of the facets that are searched. Returns the number of active contacts.
     """
-    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
-    active = 0
     find_features(q, world.block.radius, near, world, memory, found)
-    for j in range(ints.shape[0]):
-        depth = found_r[j, DEPTH]
-        reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
-        ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
-        if _touches(depth, found_r[j, RATE], world.block):
-            _begin(j, memory, found, world.ground)
-            active += 1
-    return active
+    return _update_inactive(world, memory, found, True)
 
 
 @kernel
 def refresh_depths(q, near, world, memory, found):
     """Update the depths of inactive contacts, after steps that did not search the ground."""
-    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     find_features(q, world.block.radius, near, world, memory, found)
-    for j in range(ints.shape[0]):
-        if not ints[j, ACTIVE]:
-            reals[j, DEPTH], reals[j, RATE] = found_r[j, DEPTH], found_r[j, RATE]
-            ints[j, KEY] = found_i[j, KEY] if found_r[j, DEPTH] != NOWHERE else -1
+    _update_inactive(world, memory, found, False)
 
 
 @kernel(forceinline=True)
@@ -309,11 +277,11 @@ def step(q, h, near, world, contacts, audit, floating):
     """Advance q in place by at most h (s), or to the first event of the law. Returns the elapsed time in s.
 
     near : (first, one past the last) index of the facets that are searched
-    contacts : (memory, found, scratch) as `new_contacts` and `new_scratch` make them
+    contacts : (memory, found, loaded) as `new_contacts` and `new_loaded` make them
     floating : no contact touches the bottom of its indentation, so that the block moves on a parabola to the next event
     """
-    memory, found, scratch = contacts
-    block, q1, loaded = world.block, scratch.state, scratch.loaded
+    memory, found, loaded = contacts
+    block, q1 = world.block, loaded.state
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
     reach = 4.0 * h * (speed + abs(q[OMEGA]) * block.radius) + 1e-6 * block.radius
     active = load_active(world, memory, loaded)

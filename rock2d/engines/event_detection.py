@@ -6,12 +6,14 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, normal
+from rock2d.engines.contact_search import changes_feature
 from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
     INDEX,
     KEY,
     KIND,
+    LEAST_EVENT,
     NOWHERE,
     OFFSET,
     PART,
@@ -34,13 +36,11 @@ from rock2d.engines.geometry import (
     depth_rate,
     pose_of,
 )
-from rock2d.engines.loaded_contacts import LEAST_EVENT
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual_indentation
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-MOST_LANDINGS = (
-    8  # repetitions of a step to land on an event: near a vertex a cubic approximates the motion badly
-)
+# repetitions of a step to land on an event: near a vertex a cubic approximates the motion badly
+MOST_LANDINGS = 8
 LEAST_GAP = 1e-12  # gap between two features as a share of the radius: larger than rounding
 LANDED = 0.99  # share of a step: a later event is the one on which the step has landed
 
@@ -274,11 +274,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
                 ends = (d0, r0), (d1, r1)
                 limit = force_limit_event(p, p, FIRST_EFFECT_COLUMN, *ends, (peak, bottom), h, whole)
                 t = min(t, limit)
-            if (
-                ints[j, INDEX] != found_i[j, INDEX]
-                or ints[j, PART] != found_i[j, PART]
-                or ints[j, KIND] != found_i[j, KIND]
-            ):
+            if changes_feature(j, memory, found):
                 # another feature has become the nearest: land just behind the change
                 g0, s0 = _gap_to_found(j, q0, world, memory, found)
                 g1, s1 = _gap_to_found(j, q1, world, memory, found)

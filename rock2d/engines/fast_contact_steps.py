@@ -1,8 +1,8 @@
 """Series of contact steps in which the block keeps its contacts, compiled.
 
 A full step of `contact_step.step` searches the ground for the nearest features. As long as the block stays within the
-*guard* of a pose (`guard.guard_distance`), the search would find the same features, so it is omitted. The series ends
-when a contact begins, ends or changes its feature or zone; `contact_step.step` handles that.
+*guard* of a pose (`contact_search.guard_distance`), the search would find the same features, so it is omitted. The
+series ends when a contact begins, ends or changes its feature or zone; `contact_step.step` handles that.
 
 A ball that rolls or slides fast trembles, and is above the bottom of its indentation most of the time. There only
 gravity acts: each hop is one exact parabola and one contact step. Within a run of facets that are nearly in line, a
@@ -16,7 +16,40 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
+from rock2d.engines.contact_search import GUARD, TURN_ARM
+from rock2d.engines.contact_state import (
+    ACTING_1,
+    DEPTH,
+    DEPTH_0,
+    DEPTH_1,
+    DISPLACEMENT,
+    DISPLACEMENT_1,
+    INDEX,
+    L_ACTS,
+    L_BOTTOM,
+    L_DISPLACEMENT,
+    L_EFFECTS,
+    L_KIND,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    L_ROTATION,
+    LEAST_EVENT,
+    OFFSET,
+    PEAK,
+    PEAK_1,
+    PLASTIC_WORK,
+    RATE,
+    RATE_0,
+    RATE_1,
+    ROTATION,
+    ROTATION_1,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
+    effects_act,
+    load_active,
+    placed,
+)
 from rock2d.engines.event_detection import force_limit_event, later, law_event
 from rock2d.engines.geometry import (
     CORNER_FACET,
@@ -37,33 +70,6 @@ from rock2d.engines.geometry import (
     along_and_above,
     depth_rate,
     is_ball,
-)
-from rock2d.engines.guard import GUARD, TURN_ARM
-from rock2d.engines.loaded_contacts import (
-    ACTING_1,
-    DEPTH_0,
-    DEPTH_1,
-    DISPLACEMENT_1,
-    L_ACTS,
-    L_BOTTOM,
-    L_DISPLACEMENT,
-    L_EFFECTS,
-    L_KIND,
-    L_LAW,
-    L_OFFSET,
-    L_PEAK,
-    L_ROTATION,
-    LEAST_EVENT,
-    PEAK_1,
-    PLASTIC_WORK,
-    RATE_0,
-    RATE_1,
-    ROTATION_1,
-    TANGENTIAL_0,
-    TANGENTIAL_1,
-    effects_act,
-    load_active,
-    placed,
 )
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.trial_step import correct_energy, step_to_event
@@ -102,9 +108,7 @@ class SeriesLimits(NamedTuple):
 
     steps: Any  # int64
     time_limit: float  # s
-    next_sample: (
-        float  # instant in s that only the first step may reach, so that the caller can interpolate there
-    )
+    next_sample: float  # s; only the first step may reach it, so that the caller can interpolate there
     longest_hop: float  # of a ball, in s, see `hops`
     suspend_x: float  # m; only the last step may pass it, and no hop
 
@@ -129,15 +133,15 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
 
     limits : (SeriesLimits, StepSizes)
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
-    contacts : (memory, scratch)
+    contacts : (memory, loaded)
     log : (row of the open impact, whether the block has lifted off, audit); see `recording.note_pressure`
 
     Returns (time now in s, number of steps, whether the block has lifted off, why the series ended: GUARD_LEFT,
     CONTACT_ENDS if a contact is about to end, HOPPED if the only step was a hop, else 0; new `share` of the step
     sizes).
     """
-    loaded = contacts[1].loaded
-    active = load_active(world, contacts[0], loaded)
+    memory, loaded = contacts
+    active = load_active(world, memory, loaded)
     # compiled twice, because the code of effects slows the plain law down
     if effects_act(world.block, active, loaded.rows):
         return _with_effects(q, t, limits, anchor, world, contacts, log, active)
@@ -159,10 +163,9 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
     """`fast_contact_steps` with `active` contacts loaded; effects: whether effects of the catalogue may act."""
     limit, sizes = limits
     current, lifted, audit = log
-    memory, scratch = contacts
+    memory, loaded = contacts
     ints, reals, body = memory.ints, memory.reals, Body(world.block, world.gravity)
-    q1, loaded = scratch.state, scratch.loaded
-    rows, which, trial = loaded.rows, loaded.which, loaded.trial
+    q1, rows, which, trial = loaded.state, loaded.rows, loaded.which, loaded.trial
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
     zero: Any = np.int64(0)
     done, why, share = zero, zero, sizes.share

@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.engines.ellipse import nearest_on_ellipse
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
@@ -246,6 +245,14 @@ def point_depth(px, py, facets, f0, f1):
 
 
 @kernel
+def centroid_depth(q, world):
+    """Depth in m of the centroid of a block below the surface nearby."""
+    reach = 2.0 * world.block.radius
+    f0, f1 = facet_range(world.ground, q[X] - reach, q[X] + reach)
+    return point_depth(q[X], q[Y], world.ground.facets, f0, f1)[0]
+
+
+@kernel
 def near_depth(px, py, ground, f0, f1, reach):
     """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
     facets = ground.facets
@@ -430,3 +437,60 @@ def place_feature(kind, feature, pose):
     ux, uy = ux / norm, uy / norm
     depth = (bx - qx) * ux + (by - qy) * uy
     return depth, -(c * ux - s * uy), -(s * ux + c * uy), mx + c * bx - s * by, my + s * bx + c * by
+
+
+@kernel
+def half_of_ellipse(px, py, a, b):
+    """Half of the ellipse x²/a² + y²/b² = 1 that contains the point nearest to (px, py): 1 on the negative side of the
+    longer axis, else 0."""
+    return np.int64((py if a >= b else px) < 0.0)
+
+
+@kernel
+def nearest_on_ellipse(px, py, a, b, half):
+    """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration (A. Kemper's method).
+
+    half : half of the ellipse in which the search begins, see `half_of_ellipse`. Deep inside, each half has its own
+        nearest point. If (px, py) crosses the longer axis, the point of the given half is followed, so that the depth
+        of a contact is smooth. Near the ends of that axis, and outside, both halves give the same point.
+    """
+    upright = a < b
+    if upright:
+        px, py, a, b = py, px, b, a
+    side = 1.0 - 2.0 * half
+    qx, qy = abs(px), side * py
+    tx, ty, change = np.sqrt(0.5), np.sqrt(0.5), 1.0
+    for _ in range(30):
+        ex, ey = (a * a - b * b) * tx**3 / a, (b * b - a * a) * ty**3 / b
+        rx, ry = a * tx - ex, b * ty - ey
+        dx, dy = qx - ex, qy - ey
+        r, d = np.sqrt(rx * rx + ry * ry), np.sqrt(dx * dx + dy * dy)
+        if d == 0.0:
+            break
+        nx, ny = max(0.0, (dx * r / d + ex) / a), (dy * r / d + ey) / b
+        norm = np.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / norm, ny / norm
+        change = abs(nx - tx) + abs(ny - ty)
+        tx, ty = nx, ny
+        if change < 1e-15:
+            break
+    if change > 1e-9 and qy >= 0.0:
+        # near the centre of a thin ellipse the iteration can cycle
+        tx, ty = _bisected(qx, qy, a, b)
+    along, across = np.copysign(a * tx, px), side * b * ty
+    return (across, along) if upright else (along, across)
+
+
+@kernel
+def _bisected(qx, qy, a, b):
+    """(cos φ, sin φ) of the point (a cos φ, b sin φ) of an ellipse that is nearest to (qx, qy) in the first quadrant,
+    by bisection of the derivative of the distance with respect to φ."""
+    low, high = 0.0, 0.5 * np.pi
+    for _ in range(55):
+        phi = 0.5 * (low + high)
+        c, s = np.cos(phi), np.sin(phi)
+        if (b * b - a * a) * s * c + a * qx * s - b * qy * c > 0.0:
+            high = phi
+        else:
+            low = phi
+    return np.cos(phi), np.sin(phi)

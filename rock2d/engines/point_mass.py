@@ -4,6 +4,9 @@ The point is the centroid of the block and meets the surface itself, as in other
 enters only through its mass, the radius of its spin and the slope reduction. Between impacts the point flies on a
 parabola and the block turns freely. The next impact is the first root of a quadratic equation among the facets
 (`parabola_intersection`).
+
+One release and an ensemble of releases use the same kernel, so a release has the same bits in both, in any order and on
+any number of threads.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import in_threads, njit
 from rock2d.engines.parabola_intersection import (
     ALONG_X,
     ALONG_Y,
@@ -68,8 +71,8 @@ N_REBOUND = FACET + 1
 ) = range(9)  # fmt: skip
 N_LINE = LINE_HIGH + 1
 
-NO_LINES = np.empty((0, N_LINE))
 FIRST_IMPACTS = 128  # room for the impacts of one track
+MOST_ON_ONE_THREAD = 500  # so few releases take less time than starting busy threads
 CHATTER_IMPACTS = 1000  # impacts between two checks whether the block still moves on
 
 
@@ -92,14 +95,28 @@ class Inputs(NamedTuple):
     stop_speed: float
 
 
-class ReleaseOutputs(NamedTuple):
-    """Results of n releases as `point_mass_release` writes them."""
+class PointMassBatch(NamedTuple):
+    """Results of an ensemble of n releases, as `point_mass_release` writes them.
 
-    impacts: Array  # (n, room, N_REBOUND): at most `room` of each release
-    crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
-    ends: Array  # (n, 2, 7) first and last instant
-    impact_count: Array  # (n,)
-    stop: Array  # (n,) index into STOPS
+    Attributes
+    ----------
+    stop : (n,) index into STOPS
+    first_and_last : (n, 2, 7) t and state at the start and at the end of each release
+    impact_count : (n,) number of impacts of each release
+    crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
+    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
+    """
+
+    stop: Array
+    first_and_last: Array
+    impact_count: Array
+    crossings: Array
+    impacts: Array
+
+    @property
+    def ends(self) -> Array:
+        """(n, 7) t and state at the end of each release."""
+        return self.first_and_last[:, 1]
 
 
 def spin_radius_m(block: Block) -> float:
@@ -141,34 +158,54 @@ def run_point_mass(
     state = np.asarray(state6, float)
     if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
-    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
     if seed is None and rng is None and any(p.random for p in parameters.values()):
         raise ValueError("slope_reduction is uniform: a seed or a random generator is needed")
     if seed is None:
         seed = 0 if rng is None else int(rng.integers(2**64, dtype=np.uint64))
 
-    releases = Releases(state[None], np.array([seed], np.uint64))
     room = FIRST_IMPACTS
     while True:
-        outputs = new_outputs(1, room, 0)
-        point_mass_release(0, releases, inputs, make_surface(cross_section), NO_LINES, outputs)
-        count = int(outputs.impact_count[0])
+        found = run_point_mass_batch(
+            block, cross_section, parameters, state[None], np.array([seed], np.uint64), gravity_m_s2=gravity_m_s2,
+            time_limit_s=time_limit_s, impact_room=room, stop_speed_m_s=stop_speed_m_s,
+        )  # fmt: skip
+        count = int(found.impact_count[0])
         if count <= room:
             break
         room = count  # repeat the release with room for all impacts
-    impacts, ends, stop = outputs.impacts[0, :count], outputs.ends[0], STOPS[outputs.stop[0]]
+    impacts, ends, stop = found.impacts[0, :count], found.first_and_last[0], STOPS[found.stop[0]]
     return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
 
 
-def kernel_inputs(
+def run_point_mass_batch(
     block: Block,
     cross_section: CrossSection,
     parameters: Mapping[str, ReboundParameters],
-    gravity_m_s2: float,
+    states: Array,
+    seeds: Array,
+    *,
+    gravity_m_s2: float = 9.81,
     time_limit_s: float,
-    stop_speed_m_s: float | None,
-) -> Inputs:
-    """The `Inputs` of `point_mass_release`. Raises ValueError as `run_point_mass` does."""
+    impact_room: int = 0,
+    stop_speed_m_s: float | None = None,
+) -> PointMassBatch:
+    """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega of the centroid; SI); see `run_point_mass`.
+
+    `seeds` (n,) are whole numbers in [0, 2^64), each the `seed` of its release in `run_point_mass`; `impact_room` is
+    the largest number of impacts that are recorded of a release.
+
+    Raises ValueError if states are not finite, if seeds are not n such numbers, if `impact_room` is negative, if
+    gravity, time limit or stop speed is not positive, or if a zone has no parameters.
+    """
+    states = np.ascontiguousarray(np.atleast_2d(states), float)
+    n = len(states)
+    if states.shape != (n, 6) or not np.isfinite(states).all():
+        raise ValueError("states must be an (n, 6) array of finite numbers")
+    given = np.asarray(seeds)
+    if given.shape != (n,) or given.dtype.kind not in "iu" or (given < 0).any():
+        raise ValueError(f"seeds must be {n} whole numbers in [0, 2^64), one for each release")
+    if impact_room < 0:
+        raise ValueError(f"impact_room must not be negative, got {impact_room}")
     if stop_speed_m_s is None:
         stop_speed_m_s = 0.1 * float(np.sqrt(max(gravity_m_s2, 0.0) * block.size_m))
     for name, value in (
@@ -178,11 +215,19 @@ def kernel_inputs(
     ):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, got {value}")
-    table = rebound_table(parameters, cross_section.zone_names)
-    return Inputs(
-        block.mass_kg, spin_radius_m(block), block.size_m, table, float(gravity_m_s2), float(time_limit_s),
-        float(stop_speed_m_s),
+    inputs = Inputs(
+        block.mass_kg, spin_radius_m(block), block.size_m, rebound_table(parameters, cross_section.zone_names),
+        float(gravity_m_s2), float(time_limit_s), float(stop_speed_m_s),
     )  # fmt: skip
+    surface = make_surface(cross_section)
+    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
+    outputs = PointMassBatch(
+        np.zeros(n, np.int64), np.empty((n, 2, N_INSTANT)), np.zeros(n, np.int64),
+        np.full((n, len(lines), N_INSTANT), np.nan), np.full((n, impact_room, N_REBOUND), np.nan),
+    )  # fmt: skip
+    releases = Releases(states, np.ascontiguousarray(given, np.uint64))
+    in_threads(_run_releases, n, (releases, inputs, surface, lines, outputs), MOST_ON_ONE_THREAD + 1)
+    return outputs
 
 
 def _track(
@@ -222,24 +267,16 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
     return np.array(rows).reshape(-1, N_LINE)
 
 
-def new_outputs(n: int, room: int, lines: int) -> ReleaseOutputs:
-    """Empty outputs of n releases, with `room` impacts of each and crossings of so many lines."""
-    return ReleaseOutputs(
-        np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
-        np.zeros(n, np.int64), np.zeros(n, np.int64),
-    )  # fmt: skip
-
-
 @njit
 def point_mass_release(i, releases, inputs, surface, lines, outputs):
     """Run release `i` and write its results at [i]; allocates only one small stack.
 
     `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
-    `outputs`: ReleaseOutputs.
+    `outputs`: PointMassBatch, with crossings that are NaN.
     An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
     mass, radius, size, table, gravity, time_limit, stop_speed = inputs
-    impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.ends
+    impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.first_and_last
     states, seed = releases.states, releases.seeds[i]
     stack = np.empty(64, np.int64)
     facets, zones = surface.facets, surface.zones
@@ -300,6 +337,12 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
             mark_t, mark_x, mark_y = t, x, y
     _store(ends, i, 1, (t, x, y, theta, vx, vy, omega))
     outputs.impact_count[i], outputs.stop[i] = count, stop
+
+
+@njit(nogil=True)
+def _run_releases(low, high, releases, inputs, surface, lines, outputs):
+    for i in range(low, high):
+        point_mass_release(i, releases, inputs, surface, lines, outputs)
 
 
 @njit

@@ -11,39 +11,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymunk
 
+from rock2d.compiled import copy, njit
 from rock2d.effects.columns import engine_rows
-from rock2d.engines import contact_energy, contact_state, contact_step, rest
+from rock2d.engines import contact_state, contact_step, rest
 from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
-from rock2d.engines.pymunk_stride import (
-    K_ACTIVE,
-    K_FLEW,
-    LIFTED,
-    N_ROW,
-    OPEN,
-    ROOM,
-    Impacts,
-    Stride,
-    advance,
-    depth_and_rest,
-    open_if_touching,
-)
-from rock2d.engines.recording import close_impact
+from rock2d.engines.geometry import Body, WorldArrays, block_arrays, centroid_depth, ground_arrays
+from rock2d.engines.recording import close_impact, end_impact, note_pressure, open_impact
 from rock2d.laws.contact import ContactParameters, contact_rows
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
+    I_ZONE,
+    INSTANT_STATE,
     N_AUDIT,
     N_IMPACT,
     N_INSTANT,
     N_STATE,
     STATE_NAMES,
+    TIME,
     VX,
     VY,
     X,
@@ -56,6 +47,32 @@ from rock2d.scene.cross_section import CrossSection
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # distance from a facet within which pymunk reports it, in block radii
 LONGEST_FLIGHT_STRIDE = 2.0  # longest step in flight, in √(radius / g)
+ROOM = 64  # rows for the knots and the impacts of one call
+# columns of a knot: instant and state, number of active contacts, sum of forces in N, whether the block flew freely
+# since the knot before
+K_ACTIVE, K_FORCE, K_FLEW = range(N_INSTANT, N_INSTANT + 3)
+N_ROW = K_FLEW + 1
+
+
+class Impacts(NamedTuple):
+    """The open impact, and those that a call has closed."""
+
+    current: np.ndarray  # (N_IMPACT,)
+    closed: np.ndarray  # (ROOM, N_IMPACT)
+    flags: np.ndarray  # (2,) whether an impact is open, whether the block has lifted off in it
+
+
+OPEN, LIFTED = range(2)
+
+
+class Stride(NamedTuple):
+    """A step of pymunk, and the facets near the block."""
+
+    start: float  # s
+    length: float  # s
+    gone: float  # s, part of it that earlier calls have computed
+    first: int  # index of the first facet near
+    last: int  # one past the last
 
 
 class CallbackError(RuntimeError):
@@ -96,12 +113,11 @@ class PymunkRelease:
         self._world = WorldArrays(self._block, self._ground, self.table, self.gravity)
         count = contact_state.contact_count(block)
         self._memory, self._found = contact_state.new_contacts(count), contact_state.new_contacts(count)
-        self._contacts = (self._memory, self._found, contact_step.new_scratch(count))
+        self._contacts = (self._memory, self._found, contact_state.new_loaded(count))
         self._rows = np.empty((ROOM, N_ROW))
         self._reach = block.reach_m
-        self._near_facets: set[int] = (
-            set()
-        )  # facets that pymunk reports as near, and their range at the last step
+        # facets that pymunk reports as near, and their range at the last step
+        self._near_facets: set[int] = set()
         self._near: tuple[int, int] | None = None
         self._watch = np.empty(rest.N_WATCH)
         rest.forget_rest(self._watch)
@@ -111,14 +127,14 @@ class PymunkRelease:
         self._impacts = Impacts(np.full(N_IMPACT, np.nan), np.empty((ROOM, N_IMPACT)), np.zeros(2, np.int64))
         self._build_space()
         self._start = self.q.copy()
-        self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
+        self._start_kinetic = float(contact_state.kinetic_energy(self.q, self._block))
         self._find_near_ground()
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
         self._advance = advance.like(
             self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows
         )
-        self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._reach, self._watch)
-        self._growth = contact_energy.step_growth.like(0.0, self._block, self._memory, self.table)
+        self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._watch)
+        self._growth = contact_state.step_growth.like(0.0, self._block, self._memory, self.table)
         self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(False)
 
     def _build_space(self) -> None:
@@ -229,7 +245,7 @@ class PymunkRelease:
 
     def step(self) -> np.ndarray:
         """Make one pymunk step. Returns the knots at its end and at the events of the law within it, (n, N_ROW) with
-        the columns of `pymunk_stride`.
+        the columns of this module.
 
         Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
         """
@@ -249,16 +265,7 @@ class PymunkRelease:
 
     def _check_depth_and_rest(self, touching: bool) -> tuple[float, bool]:
         """(depth of the centroid below the surface nearby in m, whether the block has come to rest)."""
-        return self._depth_and_rest(self.q, self.time, touching, self._world, self._reach, self._watch)
-
-    @property
-    def flying(self) -> bool:
-        """Whether no facet is near, so that the next step is a free flight."""
-        return self._near is None
-
-    def pressure(self) -> tuple[float, float, int]:
-        """(sum of normal forces in N, largest penetration in m, active contacts) now."""
-        return contact_energy.pressure(self._memory, self.table)
+        return self._depth_and_rest(self.q, self.time, touching, self._world, self._watch)
 
     def close(self) -> None:
         """End the release; the state after an impact that has not ended is NaN."""
@@ -268,7 +275,7 @@ class PymunkRelease:
 
     def energy_balance(self) -> dict[str, float]:
         """The present energy balance in J, by ENERGY_NAMES; see `energy_balance.energy_balance`."""
-        self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
+        self.audit[ELASTIC] = contact_state.stored_energy(self._memory, self.table)
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
 
 
@@ -322,7 +329,7 @@ def run_pymunk(
         if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
-        if not sim.flying and sim.centroid_depth_m > 0:
+        if sim._near is not None and sim.centroid_depth_m > 0:
             stop = "buried"
             break
         if impact_limit is not None and len(sim.impacts) >= impact_limit:
@@ -344,3 +351,77 @@ def run_pymunk(
         gravity_m_s2,
         sim.energy_balance(),
     )
+
+
+@njit
+def advance(q, stride, world, contacts, audit, impacts, rows):
+    """Advance q through a stride with the contact law, with a knot at every event.
+
+    impacts : Impacts; rows : (ROOM, N_ROW) for the knots
+
+    Returns (number of knots, number of closed impacts, computed time of the stride in s). If the rows are full, the
+    stride is not complete.
+    """
+    memory, found, _ = contacts
+    current, closed, flags = impacts
+    near = (stride.first, stride.last)
+    used, count, gone, dt = 0, 0, stride.gone, stride.length
+    while dt - gone > 1e-12 * dt and used + 2 <= len(rows):
+        gone += contact_step.step(q, dt - gone, near, world, contacts, audit, False)
+        t, (force, depth, active) = stride.start + gone, contact_state.pressure(memory, world.law)
+        _knot(rows[used], t, q)
+        row = rows[used]
+        row[K_ACTIVE], row[K_FORCE] = active, force
+        row[K_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
+        used += 1
+        if flags[OPEN] == 0:
+            open_if_touching(t, q, active, memory, impacts)
+            continue
+        flags[LIFTED] = note_pressure(current, flags[LIFTED] != 0, force, depth, t, q)
+        if active == 0:
+            if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, audit):
+                contact_step.refresh_depths(q, near, world, memory, found)
+            count, flags[OPEN] = close_impact(current, flags[LIFTED] != 0, closed, count), 0
+            if not _same(q, row[INSTANT_STATE]):  # an effect has changed the velocities at this instant
+                _knot(rows[used], t, q)
+                rows[used, K_FLEW] = 1.0
+                used += 1
+    return used, count, gone
+
+
+@njit
+def open_if_touching(t, q, active, memory, impacts):
+    """Begin an impact at time t (s) if there are active contacts."""
+    if active > 0:
+        open_impact(impacts.current, t, q, memory)
+        impacts.flags[OPEN], impacts.flags[LIFTED] = 1, 0
+
+
+@njit
+def _knot(row, t, q):
+    """Write a knot without contacts."""
+    for i in range(N_ROW):
+        row[i] = 0.0
+    row[TIME] = t
+    copy(q, row[INSTANT_STATE])
+
+
+@njit
+def depth_and_rest(q, t, touching, world, watch):
+    """After a stride: (depth of the centroid below the surface nearby in m, whether the block has come to rest).
+
+    touching : whether an impact is open
+    """
+    depth = centroid_depth(q, world)
+    if touching:
+        return depth, rest.watch_rest(watch, t, q, Body(world.block, world.gravity))
+    rest.forget_rest(watch)
+    return depth, False
+
+
+@njit
+def _same(q, other):
+    same = True
+    for i in range(q.size):
+        same = same and q[i] == other[i]
+    return same

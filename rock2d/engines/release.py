@@ -13,7 +13,8 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.forces import ANY_EFFECT_ACTS
-from rock2d.engines import contact_energy, contact_state, contact_step, rest
+from rock2d.engines import contact_state, contact_step, rest
+from rock2d.engines.contact_search import GUARD, set_anchor
 from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
@@ -34,16 +35,8 @@ from rock2d.engines.fast_contact_steps import (
     floats,
     goes_deeper,
 )
-from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import (
-    BlockArrays,
-    Body,
-    GroundArrays,
-    WorldArrays,
-    facet_range,
-    point_depth,
-)
-from rock2d.engines.guard import GUARD, set_anchor
+from rock2d.engines.free_flight import air_stride, fly, in_air, time_aloft
+from rock2d.engines.geometry import BlockArrays, Body, GroundArrays, WorldArrays, centroid_depth, facet_range
 from rock2d.engines.recording import (
     close_impact,
     end_impact,
@@ -55,7 +48,6 @@ from rock2d.engines.recording import (
     note_samples,
     open_impact,
 )
-from rock2d.engines.time_to_contact import time_aloft
 from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_indentation
 from rock2d.records.columns import (
     EFFECTS,
@@ -81,9 +73,7 @@ from rock2d.records.columns import (
 LARGEST_BATCH_STEP_GROWTH = 4.0  # largest factor on contact steps while the motion decays
 STEPS_BETWEEN_CHECKS = 8  # contact steps between two checks of the remaining energy
 LEAST_STRIDE = 0.01  # share of a contact step: a shorter flight of a ball is left to a contact step
-LONGEST_CONTACT_STRIDE = (
-    0.1  # largest motion of a block in a long step in which contacts may change, in radii
-)
+LONGEST_CONTACT_STRIDE = 0.1  # largest motion in radii of a block in a long step in which contacts may change
 FLOATING_STEPS = 8.0  # factor on steps while no contact touches the bottom of its indentation
 TREE_STACK = 64  # size of the stack for the search in the tree of facets
 
@@ -91,9 +81,7 @@ GOES_ON = -1  # not one of STOPS: the release does not end
 # Workspace.counts: contact steps so far, and their number at the next check; active contacts; impacts, samples and
 # knots so far; flags: an impact is open, the block has lifted off in it, depths of inactive contacts are out of date,
 # contacts have been searched at the present pose, the centroid is in the ground
-(STEPS, NEXT_CHECK, ACTIVE_CONTACTS, IMPACTS, SAMPLES, KNOTS, OPEN, LIFTED, STALE, SEARCHED, BURIED) = range(
-    11
-)
+STEPS, NEXT_CHECK, ACTIVE_CONTACTS, IMPACTS, SAMPLES, KNOTS, OPEN, LIFTED, STALE, SEARCHED, BURIED = range(11)
 # Workspace.reals: time in s; factor on contact steps; a further factor after steps with too large an error; the highest
 # kinetic energy in J at the beginning of a contact so far
 TIME, GROWTH, SHARE, HIGHEST = range(4)
@@ -114,7 +102,7 @@ class Workspace(NamedTuple):
 
     memory: contact_state.Contacts
     found: contact_state.Contacts
-    scratch: contact_step.Scratch
+    loaded: contact_state.LoadedContacts
     stack: np.ndarray  # (TREE_STACK,)
     old: np.ndarray  # (6,) state before the present step
     anchor: np.ndarray  # (4,) the pose whose guard is known, and the guard in m (0: none)
@@ -159,7 +147,7 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
     convex = int(packed.ground_reals[cross_section_id, 5])
     n = corners + min(VERTEX_CONTACTS, convex) if corners > 0 else SMOOTH_CONTACTS
     workspace = Workspace(
-        contact_state.new_contacts(n), contact_state.new_contacts(n), contact_step.new_scratch(n),
+        contact_state.new_contacts(n), contact_state.new_contacts(n), contact_state.new_loaded(n),
         np.empty(TREE_STACK, np.int64), np.empty(N_STATE), np.empty(N_POSE + 1), np.empty(rest.N_WATCH),
         np.full(N_IMPACT, np.nan), np.zeros(BURIED + 1, np.int64), np.zeros(HIGHEST + 1),
     )  # fmt: skip
@@ -178,7 +166,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
         counts[SAMPLES] += 1
     rest.forget_rest(workspace.watch)
     stored = _resume(q, world, saved, workspace)
-    stop = STOP_BURIED if _is_buried(q, world) else GOES_ON
+    stop = STOP_BURIED if centroid_depth(q, world) > 0.0 else GOES_ON
     while stop == GOES_ON and reals[TIME] < rules.time_limit:
         if not world.ground.x_low <= q[X] <= world.ground.x_high:
             stop = STOP_EXIT
@@ -201,7 +189,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
     counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
-    recorder.audit[ELASTIC] = contact_energy.stored_energy(workspace.memory, world.law) - stored
+    recorder.audit[ELASTIC] = contact_state.stored_energy(workspace.memory, world.law) - stored
     if len(saved) > 0:
         contact_state.save_contacts(workspace.memory, reals[HIGHEST], saved)
     return stop, reals[TIME], counts[IMPACTS], counts[KNOTS]
@@ -217,7 +205,7 @@ def _resume(q, world, saved, workspace):
     if counts[ACTIVE_CONTACTS] > 0:
         counts[OPEN] = counts[STALE] = 1
         open_impact(workspace.impact, workspace.reals[TIME], q, memory)
-    return contact_energy.stored_energy(memory, world.law)
+    return contact_state.stored_energy(memory, world.law)
 
 
 @kernel
@@ -294,7 +282,7 @@ def _check_energy(q, world, rules, recorder, workspace):
     counts, reals, memory = workspace.counts, workspace.reals, workspace.memory
     body = Body(world.block, world.gravity)
     counts[NEXT_CHECK] = counts[STEPS] + STEPS_BETWEEN_CHECKS
-    growth = contact_energy.step_growth(reals[HIGHEST], world.block, memory, world.law)
+    growth = contact_state.step_growth(reals[HIGHEST], world.block, memory, world.law)
     reals[GROWTH], reals[SHARE] = min(LARGEST_BATCH_STEP_GROWTH, growth), 1.0
     if counts[ACTIVE_CONTACTS] > 0 and counts[OPEN] != 0:
         if rules.captured and rest.captured(q, world, memory):
@@ -302,7 +290,7 @@ def _check_energy(q, world, rules, recorder, workspace):
         if rest.watch_rest(workspace.watch, reals[TIME], q, body):
             return STOP_REST
         if rules.spent:
-            springs = contact_energy.stored_energy(memory, world.law)
+            springs = contact_state.stored_energy(memory, world.law)
             if is_spent(q, springs, body, recorder.lines):
                 return STOP_SPENT
     return GOES_ON
@@ -323,7 +311,7 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     limit = SeriesLimits(several, rules.time_limit, next_sample, hop, rules.suspend_x)
     grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
     t_end, done, lifted, why, reals[SHARE] = fast_contact_steps(
-        q, t, (limit, grown), anchor, world, (memory, workspace.scratch),
+        q, t, (limit, grown), anchor, world, (memory, workspace.loaded),
         (workspace.impact, counts[LIFTED] != 0, recorder.audit),
     )  # fmt: skip
     counts[LIFTED] = lifted
@@ -349,13 +337,7 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
     """A full contact step, in which contacts may begin, change or end. Returns (whether no contact was active before
     it, new time in s)."""
     counts, reals, memory, found = workspace.counts, workspace.reals, workspace.memory, workspace.found
-    block, law, gravity, t, active = (
-        world.block,
-        world.law,
-        world.gravity,
-        reals[TIME],
-        counts[ACTIVE_CONTACTS],
-    )
+    block, law, t, active = world.block, world.law, reals[TIME], counts[ACTIVE_CONTACTS]
     h_loading, h_contact = step_sizes
     h = h_contact * reals[GROWTH]
     counts[STEPS] += 1
@@ -365,7 +347,7 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
         h = FLOATING_STEPS * h if floating else (h_loading * reals[GROWTH] if loading else h)
     pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius, 1e-300)
     h = min(h, rules.time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * block.radius / pace))
-    half = _half_width(q, h, gravity, block.radius)
+    half = _half_width(q, h, world.gravity, block.radius)
     near = facet_range(world.ground, q[X] - half, q[X] + half)
     if active == 0 and counts[SEARCHED] == 0:
         contact_state.clear(memory)
@@ -379,10 +361,10 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
         counts[STALE] = 0
     airy = in_air(block)
     counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
-    contacts = memory, found, workspace.scratch
+    contacts = memory, found, workspace.loaded
     t_end = later(t, contact_step.step(q, h, near, world, contacts, recorder.audit, floating))
     before = active
-    force, depth, active = contact_energy.pressure(memory, law)
+    force, depth, active = contact_state.pressure(memory, law)
     counts[ACTIVE_CONTACTS] = active
     if counts[OPEN] != 0:
         counts[LIFTED] = note_pressure(workspace.impact, counts[LIFTED] != 0, force, depth, t_end, q)
@@ -390,7 +372,9 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
         _begin_impact(t_end, q, block, workspace)
     if active > before or flying:
         counts[NEXT_CHECK] = counts[STEPS]  # a new contact may need smaller steps
-    counts[BURIED] = set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
+    counts[BURIED] = (
+        set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else centroid_depth(q, world) > 0.0
+    )
     return flying, t_end
 
 
@@ -400,7 +384,7 @@ def _begin_impact(t, q, block, workspace):
     counts, reals = workspace.counts, workspace.reals
     counts[OPEN], counts[LIFTED] = 1, 0
     open_impact(workspace.impact, t, q, workspace.memory)
-    reals[HIGHEST] = max(reals[HIGHEST], contact_energy.kinetic_energy(q, block))
+    reals[HIGHEST] = max(reals[HIGHEST], contact_state.kinetic_energy(q, block))
 
 
 @kernel
@@ -423,7 +407,7 @@ def _end_impact(q, world, rules, recorder, workspace):
 def _reach(q, h, world, memory):
     """Largest distance in m that the centroid can move until the next check, if the springs release all their
     energy."""
-    energy = contact_energy.kinetic_energy(q, world.block) + contact_energy.stored_energy(memory, world.law)
+    energy = contact_state.kinetic_energy(q, world.block) + contact_state.stored_energy(memory, world.law)
     span = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
     return span * (np.sqrt(2.0 * energy / world.block.mass) + abs(world.gravity) * span)
 
@@ -448,11 +432,3 @@ def _branches(memory, law, loading_s, floating_s):
                 pressed - residual_indentation(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
             )
     return loading, floating
-
-
-@kernel
-def _is_buried(q, world):
-    """Whether the centroid lies below the surface."""
-    ground, radius = world.ground, world.block.radius
-    f0, f1 = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
-    return point_depth(q[X], q[Y], ground.facets, f0, f1)[0] > 0.0

@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.engines.contact_energy import kinetic_energy, stored_energy
-from rock2d.engines.contact_state import ACTIVE, DEPTH, INDEX, KIND, OFFSET, PART, PEAK, ROTATION, ZONE
+from rock2d.engines.contact_state import (
+    ACTIVE,
+    DEPTH,
+    INDEX,
+    KIND,
+    OFFSET,
+    PART,
+    PEAK,
+    ROTATION,
+    ZONE,
+    kinetic_energy,
+    stored_energy,
+)
 from rock2d.engines.geometry import SMOOTH_FACET, contact_point, is_ball, pose_of
 from rock2d.laws.contact import K_L, K_R, K_UL, MU, normal_force
 from rock2d.records.columns import VX, VY, X, Y
@@ -137,19 +148,10 @@ def _stands(first, second):
         return False
     a, b = x2 / (x2 - x1), (y1 - y2) / (x2 - x1)
     least, most = -np.inf, np.inf
-    for k in range(6):  # u + v H >= 0
-        if k == 0:
-            u, v = -low1 * a, 1.0 + low1 * b
-        elif k == 1:
-            u, v = high1 * a, -1.0 - high1 * b
-        elif k == 2:
-            u, v = -low2 * (1.0 - a), -1.0 - low2 * b
-        elif k == 3:
-            u, v = high2 * (1.0 - a), 1.0 + high2 * b
-        elif k == 4:
-            u, v = a, -b
-        else:
-            u, v = 1.0 - a, b
+    for u, v in (  # u + v H >= 0
+        (-low1 * a, 1.0 + low1 * b), (high1 * a, -1.0 - high1 * b), (-low2 * (1.0 - a), -1.0 - low2 * b),
+        (high2 * (1.0 - a), 1.0 + high2 * b), (a, -b), (1.0 - a, b),
+    ):  # fmt: skip
         if v > 0.0:
             least = max(least, -u / v)
         elif v < 0.0:

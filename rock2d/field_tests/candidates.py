@@ -4,35 +4,19 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.field_tests.study import Calibration, Effort, OnProgress, calibrate, study_forecasts
 from rock2d.files.scenario import Scenario, checked_scenario
 from rock2d.scene.blocks import make_block
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 EFFORT_DIVISOR = 4  # factor by which less is simulated for a change than for the calibration
 Data = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Change:
-    """A change of the model.
-
-    Attributes
-    ----------
-    name : name of the change
-    apply : changes the data of a scenario file in place; returns False if there is nothing to change
-    """
-
-    name: str
-    apply: Callable[[Data], bool]
 
 
 def _smooth(data: Data) -> bool:
@@ -48,12 +32,8 @@ def _one_soil(data: Data) -> bool:
     others = [zone for zone in zones if zone != steepest]
     data["field_test"]["zones"] = {steepest: -90.0}
     for zone in others:
-        for table in (
-            data["model"].get("soils", {}),
-            data.get("roughness", {}),
-            data["model"].get("deterministic", {}),
-        ):
-            table.pop(zone, None)
+        for holder, key in ((data["model"], "soils"), (data, "roughness"), (data["model"], "deterministic")):
+            holder.get(key, {}).pop(zone, None)
         for parts in (f"model.soils.{zone}.", f"roughness.{zone}.", f"model.deterministic.{zone}."):
             _drop_unknowns(data, parts)
     data["model"].pop("probabilistic", None)
@@ -88,13 +68,15 @@ def _flat_side(data: Data) -> bool:
     return True
 
 
-CHANGES = (
-    Change("smooth ground", _smooth),
-    Change("one soil", _one_soil),
-    Change("level ground beyond the stops", _level_beyond),
-    Change("discs instead of boulders", _circles),
-    Change("sections a third less high", _flat_side),
-)
+# name of a change -> function that changes the data of a scenario file in place; it returns False if there is nothing
+# to change
+CHANGES = {
+    "smooth ground": _smooth,
+    "one soil": _one_soil,
+    "level ground beyond the stops": _level_beyond,
+    "discs instead of boulders": _circles,
+    "sections a third less high": _flat_side,
+}
 
 
 def candidate_table(
@@ -102,15 +84,8 @@ def candidate_table(
 ) -> pd.DataFrame:
     """Gain of each change in log score per held-out release over the unchanged model; columns change, gain, gain_se
     (standard error). All are calibrated with the same reduced effort."""
-    import pandas as pd
-
-    whole = base.effort
-    effort = Effort(
-        whole.prior // EFFORT_DIVISOR,
-        whole.refined // EFFORT_DIVISOR,
-        whole.copies,
-        whole.draws // EFFORT_DIVISOR,
-    )
+    prior, refined, copies, draws = astuple(base.effort)
+    effort = Effort(prior // EFFORT_DIVISOR, refined // EFFORT_DIVISOR, copies, draws // EFFORT_DIVISOR)
 
     def scores(own: Scenario, name: str) -> np.ndarray:
         def show(what: str, done: int, of: int) -> None:
@@ -123,19 +98,19 @@ def candidate_table(
 
     as_it_is = scores(scenario, "as it is")
     rows = []
-    for change in CHANGES:
+    for name, change in CHANGES.items():
         changed = _changed(scenario, change)
         if changed is not None:
-            gain = scores(changed, change.name) - as_it_is
-            rows.append((change.name, gain.mean(), gain.std(ddof=1) / np.sqrt(len(gain))))
+            gain = scores(changed, name) - as_it_is
+            rows.append((name, gain.mean(), gain.std(ddof=1) / np.sqrt(len(gain))))
     return pd.DataFrame(rows, columns=["change", "gain", "gain_se"])
 
 
-def _changed(scenario: Scenario, change: Change) -> Scenario | None:
+def _changed(scenario: Scenario, change: Callable[[Data], bool]) -> Scenario | None:
     document, terrain = scenario.document, scenario.terrain
     assert document is not None and terrain is not None
     data = copy.deepcopy(document.data)
-    if not change.apply(data):
+    if not change(data):
         return None
     zones = {name: float(least) for name, least in data["field_test"]["zones"].items()}
     return checked_scenario(document.with_data(data), None, terrain=replace(terrain, zones=zones))

@@ -6,15 +6,22 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
-from rock2d.field_tests.forecasts import prediction_table
-from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
-from rock2d.field_tests.shapes import shape_forecasts, shape_table, shapes_of
+from rock2d.field_tests.forecasts import (
+    ALL,
+    Forecasts,
+    by_block,
+    passing_table,
+    prediction_table,
+    runout_table,
+    score_table,
+)
 from rock2d.field_tests.study import (
     REBOUND_PLACES,
     Effort,
@@ -23,14 +30,14 @@ from rock2d.field_tests.study import (
     counted,
     naive_forecasts,
     posterior_table,
+    shape_forecasts,
+    shape_table,
+    shapes_of,
     study_forecasts,
 )
 from rock2d.files.field_releases import read_releases
 from rock2d.files.folders import atomic_folder, check_output_folder, user_cache, write_whole
 from rock2d.files.scenario import Scenario
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 REPORT_STREAM = 11  # first number of a spawn key
 DENSITY_KG_M3 = 2700.0  # density of the shapes that are compared

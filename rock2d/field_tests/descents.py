@@ -12,10 +12,13 @@ from functools import cached_property
 
 import numpy as np
 
+from rock2d.engines.batch import Ensemble, run_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
+from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -116,9 +119,6 @@ class Descents:
         return self._as_points(scenario) if self.engine == "point_mass" else self._as_blocks(scenario)
 
     def _as_blocks(self, scenario: Scenario) -> Distances:
-        from rock2d.engines.batch import Ensemble, run_batch
-        from rock2d.laws.contact import parameter_table
-
         names = list(self.blocks)
         zones = (EDGE, *self._terrain.zones)
         grounds = [_with_zone_order(ground, zones) for ground in self.rough_sections(scenario)]
@@ -134,8 +134,6 @@ class Descents:
         return self._distances(found.ends[:, INSTANT_X], np.array(STOPS)[found.stop])
 
     def _as_points(self, scenario: Scenario) -> Distances:
-        from rock2d.engines.point_mass_batch import run_point_mass_batch
-
         by_block = {name: scenario.rebound_parameters(block) for name, block in self.blocks.items()}
         limit = scenario.longest_release_s()
         sections = self.sections(scenario)

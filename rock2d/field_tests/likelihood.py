@@ -157,11 +157,6 @@ def drawn_posterior(
     return posterior(lambda u: power * emulator(u), start, count, rng).u.clip(1e-6, 1 - 1e-6)
 
 
-def posterior_stream(seed: int, part: int) -> np.random.Generator:
-    """Random numbers of the posterior of a part of the releases."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(POSTERIOR_STREAM, part)))
-
-
 class Emulator:
     """A smooth log-likelihood over the unit cube, from noisy ones (k,) at soils (k, d)."""
 

@@ -1,7 +1,8 @@
 """The study of a field test: calibrate on one block and predict the others, and cross-validate over folds of all
 blocks.
 
-Both impact laws are treated in the same way, and compared with two forecasts without physics.
+Both impact laws are treated in the same way, and compared with two forecasts without physics. The effect of shape is
+that on the distances of a sphere, a cube and a slab of equal mass and volume, with the same soils.
 """
 
 from __future__ import annotations
@@ -9,30 +10,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import Forecast, folds, forecast, joined, naive_forecast
+from rock2d.field_tests.forecasts import Forecast, Forecasts, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
+    POSTERIOR_STREAM,
     ROUND_POWERS,
     SimulatedSoils,
     Unknowns,
     drawn_posterior,
-    posterior_stream,
     prior_soils,
     refined_soils,
     simulate_soils,
 )
-from rock2d.field_tests.scores import Forecasts
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import scenario_text
-
-if TYPE_CHECKING:
-    import pandas as pd
+from rock2d.scene.blocks import Block, make_block
 
 Array = np.ndarray
 OnProgress = Callable[[str, int, int], Any]  # (what, done, total)
@@ -42,6 +41,9 @@ REBOUND_PLACES = "model.probabilistic."  # beginning of the places of numbers of
 FOLD_STREAM, FORECAST_STREAM = 7, 8  # first numbers of spawn keys
 FORECAST_SEEDS = 16  # number of different starts, directions and rough grounds of each release in a forecast
 FORECAST_NAMES = {"batch": "blocks", "point_mass": "points"}  # engine -> name of its forecasts
+SLAB = (2.0, 1.0)  # length and depth of a slab over its height
+SHAPE_PERCENTILES = (5.0, 10.0, 50.0, 90.0, 95.0)
+SHAPE_STREAM = 9  # first number of a spawn key
 
 
 def _nothing(what: str, done: int, of: int) -> None:
@@ -89,7 +91,8 @@ class Calibration:
 
     def posterior(self, indices: Array, part: int) -> Array:
         """(draws, d) soils given some of the known releases; `part` numbers the random stream."""
-        return drawn_posterior(self.soils, indices, posterior_stream(self.seed, part), self.effort.draws)
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(POSTERIOR_STREAM, part)))
+        return drawn_posterior(self.soils, indices, rng, self.effort.draws)
 
     def forecast(
         self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress = _nothing
@@ -113,13 +116,13 @@ def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
 
 
 def calibrate(
-    scenario: Scenario, engine: str, seed: int, stages: Path | None = None, effort: Effort | None = None,
+    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None = None,
     on_progress: OnProgress = _nothing,
 ) -> Calibration:  # fmt: skip
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
-    Finished parts are kept in the folder `stages` for later calibrations with the same input and the same version of
-    rock2d.
+    Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the
+    same version of rock2d.
     """
     assert scenario.terrain is not None
     effort = effort or Effort()
@@ -195,15 +198,18 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
 
 
 def fold_indices(known: FieldReleases, seed: int) -> list[Array]:
-    """Indices of the releases of each fold."""
+    """Indices of the releases of each fold, stratified by block."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FOLD_STREAM,)))
-    return folds(known, FOLDS, rng)
+    fold, place = np.empty(len(known), int), 0
+    for block in dict.fromkeys(known.blocks):
+        shuffled = rng.permutation(np.flatnonzero(known.of_blocks(block)))
+        fold[shuffled] = (place + np.arange(len(shuffled))) % FOLDS
+        place += len(shuffled)
+    return [np.flatnonzero(fold == k) for k in range(FOLDS)]
 
 
 def posterior_table(calibration: Calibration, soils: Array) -> pd.DataFrame:
     """Draws of a posterior: a column for each place in the scenario file, discrepancy_m, and caught (a share)."""
-    import pandas as pd
-
     table = pd.DataFrame([calibration.unknowns.values(own) for own in soils])
     table["discrepancy_m"] = calibration.unknowns.discrepancy_m(soils)
     table["caught"] = calibration.unknowns.caught(soils)
@@ -213,3 +219,38 @@ def posterior_table(calibration: Calibration, soils: Array) -> pd.DataFrame:
 def all_soils(calibration: Calibration) -> Array:
     """(draws, d) draws of the posterior given all known releases."""
     return calibration.posterior(np.arange(calibration.soils.log_density.shape[1]), 1 + FOLDS)
+
+
+def shapes_of(mass_kg: float, density_kg_m3: float) -> dict[str, Block]:
+    """A sphere, a cube and a slab (length : height : depth as 2 : 1 : 1) of this mass and density."""
+    volume = mass_kg / density_kg_m3
+    diameter = (6.0 * volume / np.pi) ** (1.0 / 3.0)
+    side = volume ** (1.0 / 3.0)
+    height = (volume / (SLAB[0] * SLAB[1])) ** (1.0 / 3.0)
+    return {
+        "sphere": make_block("sphere", "circle", mass_kg, "solid_sphere", diameter_m=diameter),
+        "cube": make_block("cube", "square", mass_kg, side_m=side),
+        "slab": make_block("slab", "rectangle", mass_kg, length_m=SLAB[0] * height, height_m=height),
+    }
+
+
+def shape_forecasts(
+    unknowns: Unknowns, soils: Array, blocks: dict[str, Block], seed: int,
+    on_progress: Callable[[int], Any] = lambda count: None,
+) -> dict[str, Forecast]:  # fmt: skip
+    """Forecast of each block, released once from every known start with each of these soils."""
+    assert unknowns.scenario.terrain is not None
+    starts = unknowns.scenario.terrain.known.starts_m
+    names = tuple(name for name in blocks for _ in starts)
+    places = np.tile(starts, (len(blocks), 1))
+    releases = FieldReleases(tuple(map(str, range(len(names)))), names, places, np.full_like(places, np.nan))
+    own_seed = int(np.random.SeedSequence(seed, spawn_key=(SHAPE_STREAM,)).generate_state(1)[0])
+    descents = Descents(unknowns.scenario, releases, 1, own_seed, other_blocks=blocks)
+    found = forecast(unknowns, [descents], soils, on_progress)
+    return {name: found.subset(releases.of_blocks(name)) for name in blocks}
+
+
+def shape_table(found: dict[str, Forecast]) -> pd.DataFrame:
+    """Percentiles of the simulated distances of each shape, without discrepancy."""
+    rows = [(name, *np.percentile(own.samples_m, SHAPE_PERCENTILES)) for name, own in found.items()]
+    return pd.DataFrame(rows, columns=["shape", *(f"q{p:02.0f}_m" for p in SHAPE_PERCENTILES)])

@@ -48,15 +48,13 @@ class ContactParameters:
                 f"need 0 < k_l_N_m <= k_ul_N_m, got {self.k_l_N_m:g} and {self.k_ul_N_m:g} "
                 "(unloading cannot be softer than loading: it would create energy)",
             )
-        if not 0 <= self.k_t_N_m < np.inf:
-            raise ParameterError("k_t_N_m", f"k_t_N_m must not be negative, got {self.k_t_N_m:g}")
-        if not 0 <= self.friction_angle_deg <= 90:
-            raise ParameterError(
-                "friction_angle_deg",
-                f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}",
-            )
-        if not 0 <= self.k_r_Nm_rad < np.inf:
-            raise ParameterError("k_r_Nm_rad", f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
+        for name, holds, bounds in (
+            ("k_t_N_m", 0 <= self.k_t_N_m < np.inf, "not be negative"),
+            ("friction_angle_deg", 0 <= self.friction_angle_deg <= 90, "lie in [0, 90]"),
+            ("k_r_Nm_rad", 0 <= self.k_r_Nm_rad < np.inf, "not be negative"),
+        ):
+            if not holds:
+                raise ParameterError(name, f"{name} must {bounds}, got {getattr(self, name):g}")
 
     def row(self) -> np.ndarray:
         """The columns CONTACT_LAW_COLUMNS, which the compiled law reads: tan φ is inf at 90°, switches are 0 or 1."""
@@ -86,6 +84,16 @@ def contact_rows(
 ) -> np.ndarray:
     """`parameter_table` of parameters; rows (zones, columns), for example with effects, are returned unchanged."""
     return parameters if isinstance(parameters, np.ndarray) else parameter_table(parameters, zone_names)
+
+
+def contact_time_s(p: ContactParameters, mass_kg: float) -> float:
+    """Duration of a normal impact t_c = (π/2) (1/ω_l + 1/ω_u), ω_l = √(k_l/m), ω_u = √(k_ul/m)."""
+    return float(np.pi / 2 * (np.sqrt(mass_kg / p.k_l_N_m) + np.sqrt(mass_kg / p.k_ul_N_m)))
+
+
+def penetration_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
+    """Peak penetration of a normal impact δmax = v/ω_l, ω_l = √(k_l/m)."""
+    return float(speed_m_s * np.sqrt(mass_kg / p.k_l_N_m))
 
 
 @kernel(forceinline=True)

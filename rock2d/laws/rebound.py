@@ -49,26 +49,14 @@ class ReboundParameters:
     slope_reduction: str = "constant"
 
     def __post_init__(self) -> None:
-        if not 0 <= self.friction_angle_deg <= 90:
-            raise ParameterError(
-                "friction_angle_deg",
-                f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}",
-            )
-        if not 0 < self.momentum_half_kg_m_s < np.inf:
-            raise ParameterError(
-                "momentum_half_kg_m_s",
-                f"momentum_half_kg_m_s must be positive, got {self.momentum_half_kg_m_s:g}",
-            )
-        if not 0 <= self.tangential_restitution <= 1:
-            raise ParameterError(
-                "tangential_restitution",
-                f"tangential_restitution must lie in [0, 1], got {self.tangential_restitution:g}",
-            )
-        if not 0 <= self.slope_reduction_deg < 90:
-            raise ParameterError(
-                "slope_reduction_deg",
-                f"slope_reduction_deg must lie in [0, 90), got {self.slope_reduction_deg:g}",
-            )
+        for name, holds, bounds in (
+            ("friction_angle_deg", 0 <= self.friction_angle_deg <= 90, "lie in [0, 90]"),
+            ("momentum_half_kg_m_s", 0 < self.momentum_half_kg_m_s < np.inf, "be positive"),
+            ("tangential_restitution", 0 <= self.tangential_restitution <= 1, "lie in [0, 1]"),
+            ("slope_reduction_deg", 0 <= self.slope_reduction_deg < 90, "lie in [0, 90)"),
+        ):
+            if not holds:
+                raise ParameterError(name, f"{name} must {bounds}, got {getattr(self, name):g}")
         if self.slope_reduction not in ("constant", "uniform"):
             raise ParameterError(
                 "slope_reduction",

@@ -18,25 +18,14 @@ from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.soils import SoilClass
 
 SOIL_GRAVITY_M_S2 = 9.81  # gravity at which the soil was observed; a scenario may have another one
-REFERENCE_FROUDE = (
-    3.0  # v_n / √(g d) of the reference impact, at which both laws have the restitution of the class
-)
+# v_n / √(g d) of the reference impact, at which both laws have the restitution of the class
+REFERENCE_FROUDE = 3.0
 TANGENTIAL_SHARE = 0.25  # k_t / k_l: the paper's Table 4
-
-
-def froude(speed_m_s: float, size_m: float) -> float:
-    """v / √(g d), without unit."""
-    return float(speed_m_s / np.sqrt(SOIL_GRAVITY_M_S2 * size_m))
 
 
 def reference_speed_m_s(size_m: float) -> float:
     """Normal speed in m/s of the reference impact of a block of this size."""
     return float(REFERENCE_FROUDE * np.sqrt(SOIL_GRAVITY_M_S2 * size_m))
-
-
-def relative_penetration(soil: SoilClass, speed_m_s: float, size_m: float) -> float:
-    """δmax / d = (v / √(g d)) / √κ of a normal impact, without unit."""
-    return float(froude(speed_m_s, size_m) / np.sqrt(soil.stiffness))
 
 
 def momentum_number(soil: SoilClass) -> float:

@@ -5,20 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.found_setup import FoundSetup, found_setup
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values, table_4
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, Values, table_4
 from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
+from rock2d.reproduction.paper_setup import FoundSetup, found_setup
 from rock2d.reproduction.table_3_readings import readings_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -50,13 +47,13 @@ class ArrivalResults:
 
     Attributes
     ----------
-    sample : hypotheses of DETERMINISTIC_SPACE
+    values : hypotheses of DETERMINISTIC_SPACE
     with_table_4, predicted : outcomes of the three blocks, with the law of Table 4 and with the calibrated law
     found : the hypothesis with the best agreement with both columns of the paper
     paper_column, passing, missing_effects, table_3_readings : tables
     """
 
-    sample: Sample
+    values: Values
     with_table_4: list[Outcome]
     predicted: list[Outcome]
     found: FoundSetup
@@ -64,11 +61,6 @@ class ArrivalResults:
     passing: pd.DataFrame
     missing_effects: pd.DataFrame
     table_3_readings: pd.DataFrame
-
-    @property
-    def values(self) -> Values:
-        """The hypotheses."""
-        return DETERMINISTIC_SPACE.values(self.sample.u)
 
     def errors(self) -> dict[str, float]:
         """RMSE in points from the experiment and from the paper's column."""
@@ -148,17 +140,15 @@ class ArrivalResults:
         )
 
 
-def arrival_results(
-    known: KnownSetup, found: ArrivalStages, draws: Mapping[str, Array], seed: int
-) -> ArrivalResults:
+def arrival_results(found: ArrivalStages, draws: Mapping[str, Array], seed: int) -> ArrivalResults:
     """Evaluate the arrays with the standard normal `draws`, block -> (n, 6)."""
     values = DETERMINISTIC_SPACE.values(found.sample.u)
     with_table_4, predicted = (
-        [deterministic_outcome(known, own, block, draws[block]) for block in published.BLOCKS]
+        [deterministic_outcome(own, block, draws[block]) for block in published.BLOCKS]
         for own in (table_4(values), values)
     )
     return ArrivalResults(
-        found.sample, with_table_4, predicted, found_setup(known, values, with_table_4, draws),
+        values, with_table_4, predicted, found_setup(values, with_table_4, draws),
         cells_table(with_table_4, published.DETERMINISTIC),
         cells_table(predicted, published.EXPERIMENT),
         missing_effects_table(found.candidates, seed), readings_table(found.readings),
@@ -171,8 +161,6 @@ def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
     published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;
     p: two-sided p-value of the published number under the hypotheses.
     """
-    import pandas as pd
-
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):

@@ -17,8 +17,6 @@ from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.progress import Bars
 from rock2d.reproduction import published, stages
 from rock2d.reproduction.arrival_results import ArrivalStages
-from rock2d.reproduction.arrivals import calibrate_with_arrivals
-from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.stages import Effort
@@ -61,39 +59,36 @@ def compute_results(
 
     With `candidates`, the deterministic model with candidate effects is also calibrated, with held-out blocks.
     """
-    known = KNOWN_SETUP
     seeds = np.random.SeedSequence(seed).spawn(10)
     samples = {
         "deterministic": finished.sample(
-            "deterministic", partial(stages.calibrate_deterministic, known, effort, seeds[0])
+            "deterministic", partial(stages.calibrate_deterministic, effort, seeds[0])
         ),
         "probabilistic": finished.sample(
-            "probabilistic", partial(stages.calibrate_probabilistic, known, effort, seeds[1])
+            "probabilistic", partial(stages.calibrate_probabilistic, effort, seeds[1])
         ),
     }
     rebound = samples["probabilistic"].u
     reduction = finished.arrays(
-        "slope_reduction", partial(stages.calibrate_slope_reductions, known, rebound, effort, seeds[2])
+        "slope_reduction", partial(stages.calibrate_slope_reductions, rebound, effort, seeds[2])
     )
     held_out = {
-        block: finished.sample(
-            f"without_{block}", partial(stages.calibrate_candidates, known, block, effort, own)
-        )
+        block: finished.sample(f"without_{block}", partial(stages.calibrate_candidates, block, effort, own))
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
         if candidates
     }
-    arrivals = finished.sample("arrivals", partial(calibrate_with_arrivals, known, effort, seeds[6]))
+    arrivals = finished.sample("arrivals", partial(stages.calibrate_with_arrivals, effort, seeds[6]))
     missing = {
-        model: finished.arrays(f"missing_effects_{model}", partial(compute, known, arrivals.u, effort, own))
+        model: finished.arrays(f"missing_effects_{model}", partial(compute, arrivals.u, effort, own))
         for model, compute, own in (
             ("deterministic", deterministic_candidates, seeds[7]),
             ("probabilistic", point_mass_candidates, seeds[8]),
         )
     }
-    readings = finished.arrays("table_3_readings", partial(compute_readings, known, effort, seeds[9]))
+    readings = finished.arrays("table_3_readings", partial(compute_readings, effort, seeds[9]))
     found = ArrivalStages(arrivals, missing, readings)
     with bars.stage(PREDICTIONS, 1, "step") as bar:
-        results = evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
+        results = evaluate(samples, reduction, held_out, found, seeds[5], seed)
         bar.update()
     return results
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
-from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
+from rock2d.reproduction.published import BLOCKS, CREST_M, DROP_M, GRAVITY_M_S2, HEIGHT_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -55,19 +55,6 @@ REBOUND_QUANTITIES = tuple(
         ("friction_angle_deg", 0.0, 45.0, False, "Table 3: 0, 11"),
     )
 )
-
-
-@dataclass(frozen=True)
-class KnownSetup:
-    """The published part of the set-up: blocks by name, height and crest width of the embankment in m, gravity."""
-
-    blocks: Mapping[str, Block]
-    height_m: float
-    crest_m: float
-    gravity_m_s2: float
-
-
-KNOWN_SETUP = KnownSetup(published.SETUP_BLOCKS, published.HEIGHT_M, published.CREST_M, 9.81)
 
 
 def arrival_quantities(block: str) -> tuple[Quantity, ...]:
@@ -113,12 +100,12 @@ class IncidentDistributions:
         return self.mean[:, None] + self.sd[:, None] * draws
 
 
-def incident_distributions(values: Values, block: Block, gravity_m_s2: float) -> IncidentDistributions:
+def incident_distributions(values: Values, block: Block) -> IncidentDistributions:
     """The distribution of the incident states of a block for each hypothesis."""
     own = {key.split(".")[1]: v for key, v in values.items() if key.startswith(f"{block.name}.")}
     slope = np.radians(values["slope_deg"])
     c, s = np.cos(slope), np.sin(slope)
-    speed = np.sqrt(2.0 * gravity_m_s2 * DROP_M)
+    speed = np.sqrt(2.0 * GRAVITY_M_S2 * DROP_M)
     along, across = own["speed_along"] * speed * s, own["speed_across"] * speed * c
     omega = -own["roll"] * along / (0.5 * block.size_m)
     spread = values["drop_spread_m"]
@@ -141,28 +128,27 @@ def incident_distributions(values: Values, block: Block, gravity_m_s2: float) ->
     return IncidentDistributions(mean, sd, possible)
 
 
-def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> CrossSection:
+def hypothesis_cross_section(values: Values, i: int) -> CrossSection:
     """The cross-section of hypothesis `i`, with an embankment of the published height and crest width."""
     names = ("slope_deg", "facing_deg", "line_tilt_deg", "ditch_m", "line_1_height", "line_2_height")
-    return _cross_section(known.height_m, known.crest_m, *(float(values[name][i]) for name in names))
+    return _cross_section(*(float(values[name][i]) for name in names))
 
 
 @lru_cache(maxsize=2**12)  # most moves of a sampler do not change the set-up
 def _cross_section(
-    height_m: float, crest_m: float, slope_deg: float, facing_deg: float, tilt_deg: float, foot: float,
-    line_1: float, line_2: float,
+    slope_deg: float, facing_deg: float, tilt_deg: float, foot: float, line_1: float, line_2: float
 ) -> CrossSection:  # fmt: skip
     slope, facing, tilt = (float(np.radians(angle)) for angle in (slope_deg, facing_deg, tilt_deg))
-    run = height_m / np.tan(facing)
+    run = HEIGHT_M / np.tan(facing)
     crest = foot + run
-    end = crest + crest_m + height_m / np.tan(np.radians(DOWNHILL_FACE_DEG))
+    end = crest + CREST_M + HEIGHT_M / np.tan(np.radians(DOWNHILL_FACE_DEG))
     points = [
-        [-SLOPE_LENGTH_M * np.cos(slope), SLOPE_LENGTH_M * np.sin(slope)], [0.0, 0.0], [foot, 0.0], [crest, height_m],
-        [crest + crest_m, height_m], [end, 0.0], [end + RUN_OUT_LENGTH_M, 0.0],
+        [-SLOPE_LENGTH_M * np.cos(slope), SLOPE_LENGTH_M * np.sin(slope)], [0.0, 0.0], [foot, 0.0], [crest, HEIGHT_M],
+        [crest + CREST_M, HEIGHT_M], [end, 0.0], [end + RUN_OUT_LENGTH_M, 0.0],
     ]  # fmt: skip
     lines = {}
     for line, share in zip(LINES, (line_1, line_2, 1.0), strict=True):
-        x, y = foot + share * run, share * height_m
+        x, y = foot + share * run, share * HEIGHT_M
         length = min(MEASURE_LINE_M, x / max(np.sin(tilt), 1e-9))
         lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
     return CrossSection(points, ZONES, lines)

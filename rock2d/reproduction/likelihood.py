@@ -8,6 +8,7 @@ sampling error of the simulation.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gammaln, logsumexp, xlogy
 
 from rock2d.reproduction import published
 from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
@@ -37,8 +38,6 @@ def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array
 def highest_log_counts(filmed: Array) -> float:
     """Upper bound of `log_counts`: the multinomial log-probability of `filmed` under its own frequencies, because a
     Dirichlet-multinomial is a mixture of multinomials."""
-    from scipy.special import gammaln, xlogy
-
     total = filmed.sum()
     return float(gammaln(total + 1.0) + (xlogy(filmed, filmed / total) - gammaln(filmed + 1.0)).sum())
 
@@ -49,28 +48,15 @@ def _merge_around_line(counts: Array, line: int) -> Array:
 
 
 def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
-    from scipy.special import gammaln
-
     total, a = counts.sum(axis=-1), alpha.sum(axis=-1)
     one_each = gammaln(alpha + counts) - gammaln(alpha) - gammaln(counts + 1.0)
     return gammaln(total + 1.0) + gammaln(a) - gammaln(a + total) + one_each.sum(axis=-1)
 
 
-def filmed_counts(block: str) -> Array:
-    """(lines + 1,) number of filmed releases of a block by the last line they passed."""
-    return published_counts(published.EXPERIMENT, block)
-
-
-def published_counts(percent: Array, block: str) -> Array:
-    """(lines + 1,) number of releases of a block by the last line they passed, from a table (blocks, lines) of Table 2
-    in %."""
-    passed = published.passed(percent)[published.BLOCKS.index(block)]
-    return published.counts_by_last_line(np.concatenate([[published.RELEASES], passed]))
-
-
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return _exclude_impossible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
+    filmed = published.counts_by_last_line(published.EXPERIMENT, block)
+    return _exclude_impossible(outcome, log_counts(outcome.by_last_line, filmed))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
@@ -98,8 +84,6 @@ def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
 
 def _log_between(simulated: Array, n: int, low: int, high: int) -> Array:
     """(k,) log-probability that `low` to `high` of the filmed RELEASES do what `simulated` (k,) of n releases did."""
-    from scipy.special import logsumexp
-
     pairs = np.column_stack([simulated, n - simulated])
     counts = range(low, high + 1)
     of = published.RELEASES

@@ -11,18 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import (
-    DETERMINISTIC_SPACE,
-    REBOUND_QUANTITIES,
-    KnownSetup,
-    Values,
-    table_4,
-)
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, REBOUND_QUANTITIES, Values, table_4
 from rock2d.reproduction.likelihood import passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
@@ -36,9 +30,6 @@ from rock2d.reproduction.stages import (
     standard_normal_draws,
 )
 from rock2d.scene.blocks import Block
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
@@ -66,7 +57,7 @@ POINT_MASS_CANDIDATES = (
 
 
 def deterministic_candidates(
-    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
     """Simulate the three blocks with Table 4 and each of CANDIDATES, for hypotheses `sample` (k', d) of
     DETERMINISTIC_SPACE.
@@ -78,23 +69,23 @@ def deterministic_candidates(
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
         own = {f"candidate.{i}": size for i, size in enumerate(sizes.T)}
         chosen = np.full(len(sizes), candidate_value(candidate))
-        return candidate_outcome(known, {**values, "candidate": chosen, **own}, block, draws)
+        return candidate_outcome({**values, "candidate": chosen, **own}, block, draws)
 
     values = table_4(DETERMINISTIC_SPACE.values(_evenly_chosen(sample)))
     return _simulate_candidates(simulate, CANDIDATES, values, effort, seed, on_progress)
 
 
 def point_mass_candidates(
-    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
     """As `deterministic_candidates`, for POINT_MASS_CANDIDATES and parameters of the point mass model that explain the
     sphere."""
     fitting, trying = seed.spawn(2)
-    fitted = _resampled_for_sphere(known, DETERMINISTIC_SPACE.values(_evenly_chosen(sample)), effort, fitting)
+    fitted = _resampled_for_sphere(DETERMINISTIC_SPACE.values(_evenly_chosen(sample)), effort, fitting)
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
-        changed, reduction = point_mass_with(candidate, values, known.blocks[block], sizes[:, 0])
-        return probabilistic_outcome(known, changed, block, draws, reduction)
+        changed, reduction = point_mass_with(candidate, values, published.SETUP_BLOCKS[block], sizes[:, 0])
+        return probabilistic_outcome(changed, block, draws, reduction)
 
     return _simulate_candidates(simulate, POINT_MASS_CANDIDATES, fitted, effort, trying, on_progress)
 
@@ -131,9 +122,7 @@ def _releases(effort: Effort) -> int:
     return max(1, round(SHARE_OF_RELEASES * effort.releases))
 
 
-def _resampled_for_sphere(
-    known: KnownSetup, values: Values, effort: Effort, seed: np.random.SeedSequence
-) -> dict[str, Array]:
+def _resampled_for_sphere(values: Values, effort: Effort, seed: np.random.SeedSequence) -> dict[str, Array]:
     """Hypotheses with parameters of the point mass model, drawn from the prior and resampled by the likelihood of the
     sphere's row."""
     draw_seed, run_seed = seed.spawn(2)
@@ -141,7 +130,7 @@ def _resampled_for_sphere(
     many = {name: np.repeat(v, REBOUND_DRAWS) for name, v in values.items()}
     many |= {q.name: q.value(rng.random(count * REBOUND_DRAWS)) for q in REBOUND_QUANTITIES}
     draws = standard_normal_draws(_releases(effort), draw_seed)["sphere"]
-    likely = passing_log_likelihood(probabilistic_outcome(known, many, "sphere", draws), "sphere")
+    likely = passing_log_likelihood(probabilistic_outcome(many, "sphere", draws), "sphere")
     weight = np.exp(likely - likely.max())
     at = (rng.random() + np.arange(count)) / count
     kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1)
@@ -233,8 +222,6 @@ def _log_score(known: Array, predicted: Array, groups: Array) -> float:
 
 def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -> pd.DataFrame:
     """One row for each model, test and candidate, the best score of a test first; `found`: model -> arrays."""
-    import pandas as pd
-
     names = {"deterministic": CANDIDATES, "probabilistic": POINT_MASS_CANDIDATES}
     rows = []
     for model, own in found.items():

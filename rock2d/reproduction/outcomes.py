@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rock2d.engines.point_mass import FACET
+from rock2d.engines.batch import BatchResult, Ensemble, run_batch
+from rock2d.engines.point_mass import FACET, run_point_mass_batch
+from rock2d.laws.rebound import ReboundParameters
 from rock2d.records.columns import BEFORE_INSTANT, I_ZONE, INSTANT_VX, INSTANT_VY, N_INSTANT, TIME, VY, Y
 from rock2d.reproduction.hypotheses import (
     ZONES,
-    KnownSetup,
     Values,
     contact_table,
     hypothesis_cross_section,
     incident_distributions,
     table_4,
 )
-from rock2d.reproduction.published import LINES
+from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
 from rock2d.scene.world import World
-
-if TYPE_CHECKING:
-    from rock2d.engines.batch import BatchResult
 
 Array = np.ndarray
 
@@ -83,30 +81,30 @@ def by_last_line(crossed: Array) -> Array:
 
 
 def deterministic_outcome(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
+    values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
     """Releases of a block with the deterministic model, for each hypothesis, from standard normal `draws` (n, 6).
 
     `change` adds a candidate effect to the world of a hypothesis.
     """
-    outcome = deterministic_first_impacts(known, values, block_name, draws, change)
+    outcome = deterministic_first_impacts(values, block_name, draws, change)
     possible = np.flatnonzero(outcome.possible)
     crossings = np.full((*outcome.first_zone.shape, len(LINES), N_INSTANT), np.nan)
-    crossings[possible] = _crossings(known, values, block_name, draws, change, possible)
+    crossings[possible] = _crossings(values, block_name, draws, change, possible)
     return replace(outcome, **_line_fields(crossings))
 
 
 def deterministic_crossed(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
+    values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Array:
     """(k, n, lines) whether a release passes each line, as in `deterministic_outcome`, but for all hypotheses, also
     impossible ones."""
     every = np.arange(len(values["slope_deg"]))
-    return np.isfinite(_crossings(known, values, block_name, draws, change, every)[..., TIME])
+    return np.isfinite(_crossings(values, block_name, draws, change, every)[..., TIME])
 
 
 def deterministic_first_impacts(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
+    values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
     """As `deterministic_outcome`, but only up to the first impact: no line counts as passed.
 
@@ -114,15 +112,15 @@ def deterministic_first_impacts(
     begun. Its beginning does not depend on the contact parameters; those of Table 4 are used.
     """
     values = table_4(values)
-    block, n = known.blocks[block_name], len(draws)
-    begin = incident_distributions(values, block, known.gravity_m_s2)
+    block, n = SETUP_BLOCKS[block_name], len(draws)
+    begin = incident_distributions(values, block)
     every = begin.states(draws)
     height, rise = every[..., Y], every[..., VY]
-    fall_time_s = (rise + np.sqrt(rise**2 + 2.0 * known.gravity_m_s2 * height)) / known.gravity_m_s2
+    fall_time_s = (rise + np.sqrt(rise**2 + 2.0 * GRAVITY_M_S2 * height)) / GRAVITY_M_S2
     parts = []
     for chosen in _chunks(np.arange(len(every)), n):
         result = _simulate(
-            _worlds(known, values, chosen, change), block_name, every[chosen], impact_limit=1, impact_room=1,
+            _worlds(values, chosen, change), block_name, every[chosen], impact_limit=1, impact_room=1,
             time_limit_s=fall_time_s[chosen].ravel(),
         )  # fmt: skip
         zones, before = result.impacts[:, 0, I_ZONE], result.impacts[:, 0, BEFORE_INSTANT]
@@ -133,33 +131,31 @@ def deterministic_first_impacts(
 
 
 def _crossings(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None,
+    values: Values, block_name: str, draws: Array, change: WorldChange | None,
     hypotheses: Array,
 ) -> Array:  # fmt: skip
     """(k', n, lines, 7) time and state at the first crossing of each line, for the `hypotheses` (k',) with these
     indices."""
-    every = incident_distributions(values, known.blocks[block_name], known.gravity_m_s2).states(draws)
+    every = incident_distributions(values, SETUP_BLOCKS[block_name]).states(draws)
     parts = [np.empty((0, len(draws), len(LINES), N_INSTANT))]
     for chosen in _chunks(hypotheses, len(draws)):
-        worlds = _worlds(known, values, chosen, change)
+        worlds = _worlds(values, chosen, change)
         result = _simulate(worlds, block_name, every[chosen], stop_when_spent=True, time_limit_s=TIME_LIMIT_S)
         parts.append(result.crossings.reshape(-1, *parts[0].shape[1:]))
     return np.concatenate(parts)
 
 
-def _worlds(known: KnownSetup, values: Values, hypotheses: Array, change: WorldChange | None) -> list[World]:
+def _worlds(values: Values, hypotheses: Array, change: WorldChange | None) -> list[World]:
     tables, worlds = contact_table(values), []
     for i in hypotheses:
-        ground = hypothesis_cross_section(values, i, known)
-        world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
+        ground = hypothesis_cross_section(values, i)
+        world = World(SETUP_BLOCKS, ground, tables[i : i + 1], GRAVITY_M_S2)
         worlds.append(world if change is None else change(world, i))
     return worlds
 
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
     """Simulate releases `states` (k, n, 6) of one block, n in each of k worlds."""
-    from rock2d.engines.batch import Ensemble, run_batch
-
     blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
     of_world = {id(b): i for i, b in enumerate(blocks)}
     block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
@@ -169,27 +165,24 @@ def _simulate(worlds: list[World], block: str, states: Array, **options: Any) ->
     )
     return run_batch(
         ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], cross_section_ids=ids, table_ids=ids,
-        gravity_m_s2=worlds[0].gravity_m_s2, **options,
+        gravity_m_s2=GRAVITY_M_S2, **options,
     )  # fmt: skip
 
 
 def probabilistic_outcome(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, slope_reduction_deg: Array | None = None
+    values: Values, block_name: str, draws: Array, slope_reduction_deg: Array | None = None
 ) -> Outcome:
     """Releases of a block with the probabilistic model, for each hypothesis, from standard normal `draws` (n, 6).
 
     `slope_reduction_deg` (k,) of each hypothesis; default 0. All zones but the facing have the parameters of the ditch.
     """
-    from rock2d.engines.point_mass_batch import run_point_mass_batch
-    from rock2d.laws.rebound import ReboundParameters
-
-    block, n = known.blocks[block_name], len(draws)
-    begin = incident_distributions(values, block, known.gravity_m_s2)
+    block, n = SETUP_BLOCKS[block_name], len(draws)
+    begin = incident_distributions(values, block)
     alpha = np.zeros(len(begin.mean)) if slope_reduction_deg is None else slope_reduction_deg
     seeds = np.zeros(n, np.uint64)  # unused: impacts have no random part
     parts = []
     for i, states in enumerate(begin.states(draws)):
-        ground = hypothesis_cross_section(values, i, known)
+        ground = hypothesis_cross_section(values, i)
         ditch, facing = (
             ReboundParameters(
                 float(values[f"{zone}.friction_angle_deg"][i]),
@@ -201,7 +194,7 @@ def probabilistic_outcome(
         )
         result = run_point_mass_batch(
             block, ground, {"default": ditch, "uphill_face": facing}, states, seeds,
-            gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=1,
+            gravity_m_s2=GRAVITY_M_S2, time_limit_s=TIME_LIMIT_S, impact_room=1,
         )  # fmt: skip
         facet = result.impacts[:, 0, FACET]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
@@ -209,11 +202,6 @@ def probabilistic_outcome(
         before, angle = result.impacts[:, 0, :N_INSTANT], values["facing_deg"][i : i + 1]
         parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
     return _concatenated(parts)
-
-
-def probabilistic_crossed(known: KnownSetup, values: Values, block_name: str, draws: Array) -> Array:
-    """(k, n, lines) whether a release passes each line, as in `probabilistic_outcome` without slope reductions."""
-    return probabilistic_outcome(known, values, block_name, draws).crossed
 
 
 def _chunks(hypotheses: Array, releases: int) -> list[Array]:

@@ -20,6 +20,7 @@ SETUP_BLOCKS = {
     )
 }
 HEIGHT_M, CREST_M = 0.083, 0.055  # of the embankment
+GRAVITY_M_S2 = 9.81
 
 # Table 2: passing frequencies in %, a row for each block, a column for each line
 EXPERIMENT = np.array([[100, 86, 42], [86, 32, 0], [82, 6, 0]])
@@ -58,16 +59,12 @@ MEANINGS = (
 )
 
 
-def passed(percent: np.ndarray | None = None) -> np.ndarray:
-    """(blocks, lines) number of RELEASES that passed, from a table of passing frequencies in %; default: the
-    experiment."""
-    return np.rint((EXPERIMENT if percent is None else percent) * RELEASES / 100).astype(int)
+def passed(percent: np.ndarray) -> np.ndarray:
+    """(blocks, lines) number of RELEASES that passed, from a table of passing frequencies in %."""
+    return np.rint(percent * RELEASES / 100).astype(int)
 
 
-def counts_by_last_line(passed_lines: np.ndarray) -> np.ndarray:
-    """(..., lines + 1) number of releases by the last line they passed (none, 1, 2, 3).
-
-    `passed_lines` (..., lines + 1): the total, then the number that passed each line.
-    """
-    padded = np.concatenate([passed_lines, np.zeros((*passed_lines.shape[:-1], 1), int)], axis=-1)
-    return padded[..., :-1] - padded[..., 1:]
+def counts_by_last_line(percent: np.ndarray, block: str) -> np.ndarray:
+    """(lines + 1,) number of releases of a block by the last line they passed (none, 1, 2, 3), from a table (blocks,
+    lines) of passing frequencies in %."""
+    return -np.diff(passed(percent)[BLOCKS.index(block)], prepend=RELEASES, append=0)

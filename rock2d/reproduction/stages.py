@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from rock2d.calibration.sequential_monte_carlo import (
     Factor,
@@ -29,15 +30,14 @@ from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
     PROBABILISTIC_SPACE,
     SETUP_QUANTITIES,
-    KnownSetup,
     Values,
+    table_4,
 )
 from rock2d.reproduction.likelihood import (
     first_impact_log_likelihood,
     highest_log_counts,
     log_counts,
     passing_log_likelihood,
-    published_counts,
 )
 from rock2d.reproduction.outcomes import (
     Outcome,
@@ -46,7 +46,6 @@ from rock2d.reproduction.outcomes import (
     deterministic_crossed,
     deterministic_first_impacts,
     deterministic_outcome,
-    probabilistic_crossed,
     probabilistic_outcome,
 )
 from rock2d.scene.world import World
@@ -107,8 +106,8 @@ class Model:
     space : the unknowns
     """
 
-    first_impacts: Callable[[KnownSetup, Values, str, Array], Outcome]
-    crossed: Callable[[KnownSetup, Values, str, Array], Array]
+    first_impacts: Callable[[Values, str, Array], Outcome]
+    crossed: Callable[[Values, str, Array], Array]
     space: Space
 
 
@@ -171,84 +170,105 @@ def _move_groups(space: Space, redrawn: Array | None) -> list[Array]:
     return [group for group in (setup_columns(space), *arrivals, law) if len(group)]
 
 
-def first_impacts_factor(known: KnownSetup, model: Model, block: str, draws: Draws) -> Factor:
+def first_impacts_factor(model: Model, block: str, draws: Draws) -> Factor:
     """The likelihood of the statements on the first impacts of a block."""
 
     def log_likelihood(u: Array) -> Array:
-        outcome = model.first_impacts(known, model.space.values(u), block, draws[block])
+        outcome = model.first_impacts(model.space.values(u), block, draws[block])
         return first_impact_log_likelihood(outcome, block)
 
     own = setup_columns(model.space), arrival_columns(model.space, block), candidate_columns(model.space)
     return Factor(log_likelihood, np.concatenate(own), highest=0.0)
 
 
-def cells_factor(
-    known: KnownSetup, model: Model, block: str, draws: Draws, percent: Array | None = None
-) -> Factor:
+def cells_factor(model: Model, block: str, draws: Draws, percent: Array | None = None) -> Factor:
     """The likelihood of the cells of a block in a table `percent` (blocks, lines) of Table 2; default: the experiment.
 
     For hypotheses that the first impacts do not exclude.
     """
-    counts = published_counts(published.EXPERIMENT if percent is None else percent, block)
+    counts = published.counts_by_last_line(published.EXPERIMENT if percent is None else percent, block)
 
     def log_likelihood(u: Array) -> Array:
-        return log_counts(
-            by_last_line(model.crossed(known, model.space.values(u), block, draws[block])), counts
-        )
+        return log_counts(by_last_line(model.crossed(model.space.values(u), block, draws[block])), counts)
 
     own = setup_columns(model.space), arrival_columns(model.space, block), law_columns(model.space)
     return Factor(log_likelihood, np.concatenate(own), highest_log_counts(counts))
 
 
-def _factors(
-    known: KnownSetup, model: Model, blocks_with_cells: Sequence[str]
-) -> Callable[[Draws], list[Factor]]:
+def _factors(model: Model, blocks_with_cells: Sequence[str]) -> Callable[[Draws], list[Factor]]:
     """The factors of the first impacts of all blocks and of the cells of `blocks_with_cells`."""
     return lambda draws: [
-        *(first_impacts_factor(known, model, block, draws) for block in published.BLOCKS),
-        *(cells_factor(known, model, block, draws) for block in blocks_with_cells),
+        *(first_impacts_factor(model, block, draws) for block in published.BLOCKS),
+        *(cells_factor(model, block, draws) for block in blocks_with_cells),
     ]
 
 
-def calibrate_deterministic(
-    known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
-) -> Sample:
+def calibrate_deterministic(effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress) -> Sample:
     """Calibrate the deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    factors = _factors(known, DETERMINISTIC_MODEL, ["sphere"])
+    factors = _factors(DETERMINISTIC_MODEL, ["sphere"])
     return calibrate(DETERMINISTIC_SPACE, factors, effort, seed, on_progress)
 
 
-def calibrate_probabilistic(
-    known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
-) -> Sample:
+def calibrate_probabilistic(effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress) -> Sample:
     """Calibrate the probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
 
     Its posterior has several modes; twice as many hypotheses find them all.
     """
     effort = replace(effort, hypotheses=2 * effort.hypotheses, prior_draws=2 * effort.prior_draws)
-    model = Model(probabilistic_outcome, probabilistic_crossed, PROBABILISTIC_SPACE)
-    return calibrate(PROBABILISTIC_SPACE, _factors(known, model, ["sphere"]), effort, seed, on_progress)
+    model = Model(probabilistic_outcome, lambda *of: probabilistic_outcome(*of).crossed, PROBABILISTIC_SPACE)
+    return calibrate(PROBABILISTIC_SPACE, _factors(model, ["sphere"]), effort, seed, on_progress)
 
 
 def calibrate_candidates(
-    known: KnownSetup, held_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    held_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """Calibrate the deterministic model with at most one candidate effect on the cells of the other blocks:
     CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
     model = Model(
-        _simulation_with_candidates(deterministic_first_impacts),
-        _simulation_with_candidates(deterministic_crossed),
+        _with_candidates(deterministic_first_impacts),
+        _with_candidates(deterministic_crossed),
         CANDIDATE_SPACE,
     )
     choice = candidate_columns(CANDIDATE_SPACE)
-    return calibrate(
-        CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
+    return calibrate(CANDIDATE_SPACE, _factors(model, others), effort, seed, on_progress, redrawn=choice)
+
+
+def calibrate_with_arrivals(effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress) -> Sample:
+    """Calibrate the deterministic model on the paper's deterministic column, the statements on first impacts and the
+    sphere's experimental row: DETERMINISTIC_SPACE.
+
+    The paper's simulations started from the measured arrivals with the parameters of Table 4; Table 2 gives their
+    passing frequencies. These columns therefore inform about the set-up and the arrivals, but not about the passing
+    frequencies of the experiment. Here set-up and arrivals explain the paper's deterministic column under Table 4. In
+    another factor of the likelihood the parameters of the law are free, and explain the experimental row of the sphere
+    from the same arrivals. Assumption: the 50 simulated and the 50 filmed releases of a block are independent draws of
+    one distribution.
+    """
+    return calibrate(DETERMINISTIC_SPACE, arrival_factors, effort, seed, on_progress)
+
+
+def arrival_factors(draws: Draws) -> list[Factor]:
+    """The statements on first impacts, the paper's deterministic column under Table 4, and the sphere's experimental
+    row."""
+    with_table_4 = replace(
+        DETERMINISTIC_MODEL, crossed=lambda values, *of: deterministic_crossed(table_4(values), *of)
     )
+    laws = law_columns(DETERMINISTIC_SPACE)
+
+    def of_paper(block: str) -> Factor:
+        own = cells_factor(with_table_4, block, draws, published.DETERMINISTIC)
+        return replace(own, columns=np.setdiff1d(own.columns, laws))
+
+    return [
+        *(first_impacts_factor(DETERMINISTIC_MODEL, block, draws) for block in published.BLOCKS),
+        *(of_paper(block) for block in published.BLOCKS),
+        cells_factor(DETERMINISTIC_MODEL, "sphere", draws),
+    ]
 
 
 def calibrate_slope_reductions(
-    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
     """block -> (k,) slope reduction in degrees for each hypothesis `sample` (k, d) of PROBABILISTIC_SPACE.
 
@@ -262,7 +282,7 @@ def calibrate_slope_reductions(
     for b, block in enumerate(published.BLOCKS[1:]):
         table = np.empty((len(sample), len(SLOPE_REDUCTIONS_DEG)))
         for i, alpha in enumerate(SLOPE_REDUCTIONS_DEG):
-            outcome = probabilistic_outcome(known, values, block, draws[block], np.full(len(sample), alpha))
+            outcome = probabilistic_outcome(values, block, draws[block], np.full(len(sample), alpha))
             table[:, i] = passing_log_likelihood(outcome, block)
             on_progress((b + (i + 1) / len(SLOPE_REDUCTIONS_DEG)) / 2)
         weight = np.exp(table - table.max(axis=1, keepdims=True))
@@ -288,18 +308,12 @@ def candidate_value(candidate: str) -> float:
     return 0.25 if place == 0 else 0.5 + 0.5 * (place - 0.5) / (len(CANDIDATES) - 1)
 
 
-def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
-    """`deterministic_outcome` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return deterministic_outcome(known, values, block, draws, _candidate_change(values))
-
-
-def _simulation_with_candidates(
-    simulate: Callable[..., Any],
-) -> Callable[[KnownSetup, Values, str, Array], Any]:
+def _with_candidates(simulate: Callable[..., Any]) -> Callable[[Values, str, Array], Any]:
     """A simulation of the deterministic model with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return lambda known, values, block, draws: simulate(
-        known, values, block, draws, _candidate_change(values)
-    )
+    return lambda values, block, draws: simulate(values, block, draws, _candidate_change(values))
+
+
+candidate_outcome: Callable[[Values, str, Array], Outcome] = _with_candidates(deterministic_outcome)
 
 
 def _candidate_change(values: Values) -> WorldChange:
@@ -330,8 +344,6 @@ def _candidate_change(values: Values) -> WorldChange:
 def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
     """block -> (releases, 6) standard normal draws from a Sobol sequence. All hypotheses share them, so that the
     likelihood is a deterministic function."""
-    from scipy.special import ndtri
-
     seeds = zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
     even = {name: prior_draws(releases, 6, np.random.default_rng(own)) for name, own in seeds}
     # without the factor, 0 and 1 would give infinite values

@@ -4,19 +4,17 @@ quantities, and predictions of held-out cells with each candidate."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from scipy.special import betaincinv  # scipy.stats takes over a second to import
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import Values
-from rock2d.reproduction.likelihood import filmed_counts, log_counts_without_line, passing_log_likelihood
+from rock2d.reproduction.likelihood import log_counts_without_line, passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.stages import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -42,7 +40,7 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
 
     True frequencies are drawn from their posterior given the experiment (Jeffreys' prior), filmed numbers from these.
     """
-    passed = published.passed()[cells]
+    passed = published.passed(published.EXPERIMENT)[cells]
     truth = rng.beta(passed + 0.5, published.RELEASES - passed + 0.5, (SAMPLING_FLOOR_DRAWS, *passed.shape))
     film = rng.binomial(published.RELEASES, truth) / published.RELEASES
     errors = 100 * np.sqrt(((film - truth) ** 2).mean(axis=(1, 2)))
@@ -51,8 +49,6 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
 
 def clopper_pearson_interval(passed: int, releases: int = published.RELEASES) -> tuple[float, float]:
     """The 95 % interval of Clopper and Pearson (1934) of a passing frequency, in %."""
-    from scipy.special import betaincinv  # scipy.stats takes over a second to import
-
     low = betaincinv(passed, releases - passed + 1, 0.025) if passed > 0 else 0.0
     high = betaincinv(passed + 1, releases - passed, 0.975) if passed < releases else 1.0
     return float(100 * low), float(100 * high)
@@ -91,12 +87,10 @@ def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
 def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) -> pd.DataFrame:
     """Table 2: the experiment, the paper's two models and those of this project (mean and 95 % interval over the
     hypotheses); one row for each block and line."""
-    import pandas as pd
-
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):
-            passed = int(published.passed()[b, i])
+            passed = int(published.passed(published.EXPERIMENT)[b, i])
             low, high = clopper_pearson_interval(passed)
             row = {
                 "block": block, "line": line, "experiment": float(published.EXPERIMENT[b, i]),
@@ -152,8 +146,6 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
 
     `correlated_with` is the quantity with the largest correlation, if it is larger than random correlations.
     """
-    import pandas as pd
-
     correlation = np.corrcoef(u.T)
     np.fill_diagonal(correlation, 0.0)
     rows = []
@@ -214,8 +206,6 @@ def candidates_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     posterior and prior odds against no candidate. Both held-out blocks estimate the last two from the same data; the
     difference shows the error.
     """
-    import pandas as pd
-
     rows = []
     for run in runs:
         which, likelihood = run.candidate, np.exp(run.log_score)
@@ -248,14 +238,15 @@ def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
 
     The hypotheses have importance weights; `effective` is their effective number.
     """
-    import pandas as pd
-
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)
-        outcome = run.without_candidate[b]
+        outcome, filmed = (
+            run.without_candidate[b],
+            published.counts_by_last_line(published.EXPERIMENT, run.block),
+        )
         for i, line in enumerate(published.LINES):
-            weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed_counts(run.block)))
+            weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed))
             total = weight.sum() or np.nan
             predicted = float(100 * weight @ outcome.frequencies[:, i] / total)
             effective = float(total**2 / (weight**2).sum()) if len(weight) else 0.0

@@ -11,19 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import (
-    SETUP_QUANTITIES,
-    KnownSetup,
-    Values,
-    arrival_quantities,
-    table_3,
-)
+from rock2d.reproduction.hypotheses import SETUP_QUANTITIES, Values, arrival_quantities, table_3
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
     Draws,
@@ -35,9 +29,6 @@ from rock2d.reproduction.stages import (
     first_impacts_factor,
     standard_normal_draws,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Array = np.ndarray
 
@@ -84,7 +75,6 @@ READINGS = (
 
 
 def compute_readings(
-    known: KnownSetup,
     effort: Effort,
     seed: np.random.SeedSequence,
     on_progress: OnProgress,
@@ -101,10 +91,10 @@ def compute_readings(
         def share_done(share: float, done: int = done) -> None:
             on_progress((done + share) / len(readings))
 
-        sample = calibrate(reading.space, partial(_factors, reading, known), effort, run_seed, share_done)
+        sample = calibrate(reading.space, partial(_factors, reading), effort, run_seed, share_done)
         values = reading.space.values(sample.u)
         draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)[BLOCK]
-        outcome = probabilistic_outcome(known, table_3(values, reading.momentum_factor), BLOCK, draws)
+        outcome = probabilistic_outcome(table_3(values, reading.momentum_factor), BLOCK, draws)
         found["percent"].append(100.0 * outcome.frequencies)
         found["p"].append(np.array([summary.predictive_p(int(n), outcome, i) for i, n in enumerate(paper)]))
         for name in ("facing_deg", "line_tilt_deg"):
@@ -112,22 +102,20 @@ def compute_readings(
     return {name: np.stack(each) for name, each in found.items()}
 
 
-def _factors(reading: Reading, known: KnownSetup, draws: Draws) -> list[Factor]:
-    def simulate(known: KnownSetup, values: Values, block: str, own: Array) -> Outcome:
-        return probabilistic_outcome(known, table_3(values, reading.momentum_factor), block, own)
+def _factors(reading: Reading, draws: Draws) -> list[Factor]:
+    def simulate(values: Values, block: str, own: Array) -> Outcome:
+        return probabilistic_outcome(table_3(values, reading.momentum_factor), block, own)
 
     model = Model(simulate, lambda *of: simulate(*of).crossed, reading.space)
     return [
-        first_impacts_factor(known, model, BLOCK, draws),
-        cells_factor(known, model, BLOCK, draws, published.PROBABILISTIC),
+        first_impacts_factor(model, BLOCK, draws),
+        cells_factor(model, BLOCK, draws, published.PROBABILISTIC),
     ]
 
 
 def readings_table(found: Mapping[str, Array], readings: Sequence[Reading] = READINGS) -> pd.DataFrame:
     """One row for each reading: its ranges, the 95 % intervals of the posterior, the mean percentages that pass, and
     the lines whose number in the paper the posterior excludes (p < 0.05)."""
-    import pandas as pd
-
     rows = []
     for i, reading in enumerate(readings):
         row: dict[str, object] = {"reading": reading.name, "momentum_factor": reading.momentum_factor}

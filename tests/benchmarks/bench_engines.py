@@ -15,7 +15,7 @@ import pytest
 from scipy import stats
 
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table

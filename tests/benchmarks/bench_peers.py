@@ -18,7 +18,7 @@ import numba
 import numpy as np
 import pytest
 
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 from tests.benchmarks.bench_engines import POINT_MASS, ROUNDS, row, scenario_of
 from tests.benchmarks.calibration import wait
 

@@ -45,7 +45,7 @@ table = parameter_table(scenario.contact_parameters(block), ground.zone_names)
 print(run_batch(Ensemble([block], [ground], [table]), states).ends[0])
 """
 POINT_MASS = """
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 law = scenario.rebound_parameters(block)
 print(run_point_mass_batch(block, ground, law, states, np.arange(10), time_limit_s=3.0).ends[0])
 """

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import ks_2samp
 
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.graphics.figure_style import LINESTYLES, blank_figure, finish, save_figure
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.blocks import make_block

@@ -1,9 +1,7 @@
 """Causes are found by their files, new ones after the published ones."""
 
 from rock2d.blind import reality
-from rock2d.blind.reality.cause import causes_in
-from rock2d.blind.reality.known import known_causes
-from rock2d.blind.reality.outside import outside_causes
+from rock2d.blind.reality.catalogue import KNOWN, OUTSIDE_CAUSES, causes_in
 
 FILE = "from rock2d.blind.reality.cause import Cause\n\nCAUSE = Cause(None, draw_order={order})\n"
 
@@ -23,6 +21,6 @@ def test_published_trials_keep_their_order():
     assert list(reality.FORMS)[:3] == ["air_drag", "flight_damping", "magnus_lift"]
     assert list(reality.FORMS)[21] == "mirrored_axis", "a new cause sets no draw_order"
     assert next(iter(reality.OUTSIDE)) == "side_wind"
-    for causes in (known_causes(), outside_causes()):
+    for causes in (KNOWN, OUTSIDE_CAUSES):
         places = [cause.draw_order for cause in causes.values()]
         assert places == sorted(places)

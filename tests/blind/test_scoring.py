@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rock2d.blind.command import score
-from rock2d.blind.reality.known import known_causes
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.catalogue import KNOWN
+from rock2d.blind.reality.cause import Scale
 from rock2d.blind.scoring import closures, inclusion, predicted, scored_case, scored_cases, summary, table
 from rock2d.blind.size_errors import MEANINGS, size_errors, size_summary
 from rock2d.effects import catalogue
@@ -284,5 +284,5 @@ def test_every_compared_value_is_one_that_the_reality_engine_draws():
     scale = Scale(0.03, 0.05, 9.81, 300.0, np.zeros(2), np.ones(2), n_blocks=2)
     for effect, meaning in MEANINGS.items():
         assert meaning.parameter in [p.name for p in catalogue()[effect].parameters]
-        values = known_causes()[effect].sizes(meaning.form, 0.5, np.random.default_rng(0), scale)
+        values = KNOWN[effect].sizes(meaning.form, 0.5, np.random.default_rng(0), scale)
         assert np.isfinite(meaning.of(values)) and meaning.of(values) != meaning.neutral

@@ -6,8 +6,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.engines.contact_state import DEPTH, SMOOTH_CONTACTS, find_features, new_contacts
-from rock2d.engines.ellipse import half_of_ellipse, nearest_on_ellipse
+from rock2d.engines.contact_search import find_features
+from rock2d.engines.contact_state import DEPTH, SMOOTH_CONTACTS, new_contacts
 from rock2d.engines.geometry import (
     CORNER_FACET,
     CORNER_VERTEX,
@@ -20,6 +20,8 @@ from rock2d.engines.geometry import (
     facet_intersects,
     facet_range,
     ground_arrays,
+    half_of_ellipse,
+    nearest_on_ellipse,
     point_depth,
     pose_of,
 )

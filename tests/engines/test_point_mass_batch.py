@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rock2d.engines.point_mass import run_point_mass
-from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.engines.point_mass import run_point_mass, run_point_mass_batch
 from rock2d.files.scenario import load_scenario
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states

@@ -9,9 +9,8 @@ from rock2d.errors import InputError
 from rock2d.field_tests import command, likelihood, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, folds, naive_forecast
-from rock2d.field_tests.scores import Forecasts, score_table
-from rock2d.field_tests.study import Effort
+from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, Forecasts, naive_forecast, score_table
+from rock2d.field_tests.study import FOLDS, Effort, fold_indices
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
@@ -77,8 +76,8 @@ def test_a_true_forecast_covers_what_it_says():
 
 def test_every_release_is_in_one_fold_and_folds_share_the_blocks():
     releases = releases_of(np.arange(40.0))
-    parts = folds(releases, 5, np.random.default_rng(1))
-    assert sorted(np.concatenate(parts)) == list(range(40))
+    parts = fold_indices(releases, 1)
+    assert len(parts) == FOLDS and sorted(np.concatenate(parts)) == list(range(40))
     assert all(sum(releases.blocks[i] == "a" for i in part) == 4 for part in parts)
 
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.laws import closed_forms
 from rock2d.laws.contact import (
     ContactParameters,
     change_feature,
@@ -22,6 +21,7 @@ from rock2d.laws.contact import (
 )
 from rock2d.scene.blocks import make_block
 from tests.hunt.integrator import on_plane
+from tests.laws import closed_forms
 
 MASS, RADIUS = 0.022, 0.0125
 INERTIA = 0.4 * MASS * RADIUS**2

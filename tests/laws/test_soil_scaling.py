@@ -7,13 +7,11 @@ import pytest
 
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass
-from rock2d.laws import closed_forms
 from rock2d.laws.contact import parameter_table
 from rock2d.laws.rebound import normal_restitution
 from rock2d.laws.soil_scaling import (
     SOIL_GRAVITY_M_S2,
     reference_speed_m_s,
-    relative_penetration,
     soil_contact,
     soil_rebound,
 )
@@ -21,6 +19,7 @@ from rock2d.records.columns import STOPS
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.soils import SOIL_CLASSES
+from tests.laws import closed_forms
 
 RATIO = 3.0  # larger over smaller size
 EXACT_RATIO = 4.0  # its root is a power of two, too
@@ -130,7 +129,6 @@ def test_restitution_and_relative_penetration_are_those_of_the_class_at_any_size
         assert closed_forms.restitution(law) == pytest.approx(soil.restitution, rel=1e-12)
         relative = closed_forms.penetration_m(law, mass_kg, speed) / size_m
         assert relative == pytest.approx(2.0 / np.sqrt(soil.stiffness), rel=1e-12)
-        assert relative == pytest.approx(relative_penetration(soil, speed, size_m), rel=1e-12)
 
 
 @soils

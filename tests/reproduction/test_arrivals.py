@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
-from rock2d.reproduction import arrivals, published, stages
+from rock2d.reproduction import published, stages
 from rock2d.reproduction.arrival_results import cells_table
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
-    KNOWN_SETUP,
     PROBABILISTIC_SPACE,
     contact_table,
     table_4,
 )
-from rock2d.reproduction.likelihood import published_counts
 from rock2d.reproduction.missing_effects import (
     LARGEST_SLOPE_REDUCTION_DEG,
     SIZES,
@@ -36,8 +34,8 @@ def test_table_4_replaces_the_law_and_nothing_else():
 
 
 def test_the_paper_s_column_in_counts():
-    assert published_counts(published.DETERMINISTIC, "sphere").tolist() == [0, 1, 28, 21]
-    assert published_counts(published.DETERMINISTIC, "cube").tolist() == [0, 27, 22, 1]
+    assert published.counts_by_last_line(published.DETERMINISTIC, "sphere").tolist() == [0, 1, 28, 21]
+    assert published.counts_by_last_line(published.DETERMINISTIC, "cube").tolist() == [0, 27, 22, 1]
 
 
 def test_every_unknown_moves_and_each_factor_hears_of_its_own():
@@ -48,7 +46,7 @@ def test_every_unknown_moves_and_each_factor_hears_of_its_own():
             *(stages.arrival_columns(space, b) for b in published.BLOCKS),
         ]
         assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
-    factors = arrivals.factors(KNOWN_SETUP, {block: np.zeros((1, 6)) for block in published.BLOCKS})
+    factors = stages.arrival_factors({block: np.zeros((1, 6)) for block in published.BLOCKS})
     law = set(stages.law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
 
@@ -67,10 +65,10 @@ def test_the_shape_of_a_point_mass_grows_with_how_far_the_block_is_from_round(bl
     """In units of a cube's; a parallelepiped of 3.5 by 1.4 cm: (√(3.5² + 1.4²) / 1.4 - 1) / (√2 - 1) = 4.086."""
     values = PROBABILISTIC_SPACE.values(np.full((1, len(PROBABILISTIC_SPACE.quantities)), 0.5))
     size = np.array([0.2])
-    changed, reduction = point_mass_with("shape", values, KNOWN_SETUP.blocks[block], size)
+    changed, reduction = point_mass_with("shape", values, published.SETUP_BLOCKS[block], size)
     assert reduction == pytest.approx(out_of_round * 0.2 * LARGEST_SLOPE_REDUCTION_DEG, rel=2e-3)
     assert changed == dict(values)
-    _, alike = point_mass_with("slope_reduction", values, KNOWN_SETUP.blocks[block], size)
+    _, alike = point_mass_with("slope_reduction", values, published.SETUP_BLOCKS[block], size)
     assert alike == pytest.approx(0.2 * LARGEST_SLOPE_REDUCTION_DEG * (out_of_round > 0))
 
 

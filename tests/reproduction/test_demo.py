@@ -6,7 +6,7 @@ from rock2d_figures.demo import findings, table_text
 
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
-from rock2d.reproduction.side_by_side import side_by_side
+from rock2d.reproduction.paper_setup import side_by_side
 from tests.programs import commanded
 
 

@@ -7,10 +7,8 @@ import shapely
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
 from rock2d.reproduction import outcomes, published, stages
-from rock2d.reproduction.found_setup import FoundSetup
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
-    KNOWN_SETUP,
     PROBABILISTIC_SPACE,
     hypothesis_cross_section,
     incident_distributions,
@@ -22,7 +20,7 @@ from rock2d.reproduction.outcomes import (
     deterministic_outcome,
     probabilistic_outcome,
 )
-from rock2d.reproduction.scenario_file import scenario_text
+from rock2d.reproduction.paper_setup import FoundSetup, scenario_text
 from rock2d.runs.incident_states import drawn_states
 
 RNG = np.random.default_rng(5)
@@ -34,18 +32,18 @@ DRAWS = RNG.standard_normal((30, 6))
 
 
 def test_the_setup_has_what_the_paper_publishes():
-    assert (KNOWN_SETUP.height_m, KNOWN_SETUP.crest_m) == pytest.approx((0.083, 0.055))
+    assert pytest.approx((0.083, 0.055)) == (published.HEIGHT_M, published.CREST_M)
     for i in range(len(HYPOTHESES)):
-        rise = hypothesis_cross_section(VALUES, i, KNOWN_SETUP).embankment
+        rise = hypothesis_cross_section(VALUES, i).embankment
         assert rise is not None and rise.height_m == pytest.approx(0.083)
 
 
 @pytest.mark.parametrize("name", published.BLOCKS)
 def test_no_release_within_three_deviations_starts_in_the_ground(name):
-    block = KNOWN_SETUP.blocks[name]
-    states = incident_distributions(VALUES, block, KNOWN_SETUP.gravity_m_s2).states(np.clip(DRAWS, -3, 3))
+    block = published.SETUP_BLOCKS[name]
+    states = incident_distributions(VALUES, block).states(np.clip(DRAWS, -3, 3))
     for i, own in enumerate(states):
-        ground = shapely.LineString(hypothesis_cross_section(VALUES, i, KNOWN_SETUP).points_m)
+        ground = shapely.LineString(hypothesis_cross_section(VALUES, i).points_m)
         for x, y, *_ in own:
             assert shapely.Point(x, y).distance(ground) > block.radius_m
 
@@ -53,20 +51,18 @@ def test_no_release_within_three_deviations_starts_in_the_ground(name):
 def test_a_block_that_loses_nothing_on_the_slope_has_the_speed_of_its_drop():
     values = {key: v[:1] for key, v in VALUES.items()}
     values |= {"cube.speed_along": np.ones(1), "cube.speed_across": np.ones(1), "cube.roll": np.zeros(1)}
-    begin = incident_distributions(values, KNOWN_SETUP.blocks["cube"], KNOWN_SETUP.gravity_m_s2)
+    begin = incident_distributions(values, published.SETUP_BLOCKS["cube"])
     assert np.hypot(*begin.mean[0, 3:5]) == pytest.approx(np.sqrt(2 * 9.81 * 0.30))
     values["cube.roll"] = np.ones(1)
     assert begin.possible[0]
-    assert not incident_distributions(values, KNOWN_SETUP.blocks["cube"], KNOWN_SETUP.gravity_m_s2).possible[
-        0
-    ]
+    assert not incident_distributions(values, published.SETUP_BLOCKS["cube"]).possible[0]
 
 
 @pytest.mark.parametrize(("model", "values"), MODELS)
 def test_a_hypothesis_does_not_depend_on_those_beside_it(model, values, monkeypatch):
-    whole = model(KNOWN_SETUP, values, "cube", DRAWS)
+    whole = model(values, "cube", DRAWS)
     monkeypatch.setattr(outcomes, "RELEASES_PER_CALL", 5 * len(DRAWS))
-    alone = model(KNOWN_SETUP, {key: v[7:20] for key, v in values.items()}, "cube", DRAWS)
+    alone = model({key: v[7:20] for key, v in values.items()}, "cube", DRAWS)
     assert (whole.crossed[7:20] == alone.crossed).all() and (whole.first_zone[7:20] == alone.first_zone).all()
     assert whole.by_last_line.sum(axis=1).tolist() == [len(DRAWS)] * len(HYPOTHESES)
 
@@ -75,7 +71,7 @@ def test_a_hypothesis_does_not_depend_on_those_beside_it(model, values, monkeypa
 @pytest.mark.parametrize("block", published.BLOCKS)
 def test_lines_are_passed_beyond_the_slope_only(model, values, block):
     """Bounces on the slope are no passings, however far a line leans over it."""
-    passed = model(KNOWN_SETUP, values, block, DRAWS).at_line_2
+    passed = model(values, block, DRAWS).at_line_2
     assert np.isfinite(passed[..., 1]).any() and np.nanmin(passed[..., 1]) > -1e-9
 
 
@@ -93,13 +89,13 @@ def test_a_release_that_can_reach_no_further_line_still_has_a_first_impact():
         "cube.speed_spread": np.array([0.01]),
     }
     values |= {"line_tilt_deg": np.zeros(1)}
-    found = deterministic_outcome(KNOWN_SETUP, values, "cube", DRAWS)
+    found = deterministic_outcome(values, "cube", DRAWS)
     assert found.possible[0] and (found.first_zone == DITCH_ZONE).all()
 
 
 def test_landing_is_the_first_impact_of_falling():
     whole, landed = (
-        model(KNOWN_SETUP, VALUES, "parallelepiped", DRAWS)
+        model(VALUES, "parallelepiped", DRAWS)
         for model in (deterministic_outcome, deterministic_first_impacts)
     )
     assert (whole.first_zone == landed.first_zone).all() and (whole.possible == landed.possible).all()
@@ -114,7 +110,7 @@ def test_the_angle_at_the_facing_is_that_of_a_throw():
     values |= {"drop_up_slope_m": np.array([0.05]), "parallelepiped.roll": np.zeros(1)}
     values |= {f"parallelepiped.speed_{way}": np.ones(1) for way in ("along", "across")}
     values |= {"parallelepiped.speed_spread": np.array([1e-6]), "drop_spread_m": np.array([1e-6])}
-    found = deterministic_first_impacts(KNOWN_SETUP, values, "parallelepiped", DRAWS)
+    found = deterministic_first_impacts(values, "parallelepiped", DRAWS)
     speed = np.sqrt(2 * 9.81 * 0.30)  # level, as the slope turns the whole of the fall round
     at = 0.075  # m from the start to the facing, about: gravity turns the flight by a few degrees
     down = np.degrees(np.arctan(9.81 * at / speed**2))
@@ -128,8 +124,8 @@ def test_none_is_half_of_the_prior_and_changes_nothing():
     assert (which == 0).sum() == 16 and set(which) <= set(range(len(stages.CANDIDATES)))
     none = which == 0
     values = {key: v[none] for key, v in stages.CANDIDATE_SPACE.values(u).items()}
-    with_candidate = stages.candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS)
-    assert (with_candidate.crossed == deterministic_outcome(KNOWN_SETUP, values, "cube", DRAWS).crossed).all()
+    with_candidate = stages.candidate_outcome(values, "cube", DRAWS)
+    assert (with_candidate.crossed == deterministic_outcome(values, "cube", DRAWS).crossed).all()
 
 
 def test_every_candidate_changes_something():
@@ -140,9 +136,7 @@ def test_every_candidate_changes_something():
     )
     values = stages.CANDIDATE_SPACE.values(np.hstack([u, extra]))
     assert (stages.candidate_indices(values) == np.tile(np.arange(len(stages.CANDIDATES)), 32)).all()
-    found = stages.candidate_outcome(KNOWN_SETUP, values, "cube", DRAWS).crossed.reshape(
-        32, len(stages.CANDIDATES), -1
-    )
+    found = stages.candidate_outcome(values, "cube", DRAWS).crossed.reshape(32, len(stages.CANDIDATES), -1)
     assert (found[:, 1:] != found[:, :1]).any(axis=(0, 2)).all()
 
 
@@ -151,26 +145,26 @@ def test_the_scenario_of_a_hypothesis_is_its_set_up_and_arrivals_with_the_publis
     every = np.ones((3, 3), bool)
     reached = {model: np.stack([0 * every, 70 * every]) for model in ("deterministic", "probabilistic")}
     found = FoundSetup(3, 32, 30, {"deterministic": every, "probabilistic": ~every}, reached)
-    path.write_text(scenario_text(KNOWN_SETUP, VALUES, found, 2), encoding="utf-8")
+    path.write_text(scenario_text(VALUES, found, 2), encoding="utf-8")
     scenario = load_scenario(path)
     assert "deterministic 9 of 9; probabilistic 0 of 9 (not sphere line 1" in scenario.assumed[1]
     assert (
         "sphere line_3, probabilistic: 40 % in the paper, 0 to 70 % over all hypotheses"
         in scenario.assumed[1]
     )
-    ground, shown = hypothesis_cross_section(VALUES, 3, KNOWN_SETUP), scenario.make_cross_section()
+    ground, shown = hypothesis_cross_section(VALUES, 3), scenario.make_cross_section()
     assert shown.points_m == pytest.approx(ground.points_m, abs=6e-5)
     for line, ends in ground.measure_lines.items():
         assert shown.measure_lines[line] == pytest.approx(np.asarray(ends), abs=6e-5)
     blocks = scenario.make_blocks()
     for name, block in blocks.items():
-        assert block.inertia_kg_m2 == pytest.approx(KNOWN_SETUP.blocks[name].inertia_kg_m2)
+        assert block.inertia_kg_m2 == pytest.approx(published.SETUP_BLOCKS[name].inertia_kg_m2)
     law = scenario.contact_parameters(blocks["cube"])["default"]
     assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(1 / 6)
     facing = scenario.rebound_parameters(blocks["cube"])["uphill_face"]
     assert (facing.slope_reduction_deg, facing.momentum_half_kg_m_s) == (6.0, 0.04)
     drawn = drawn_states(scenario.incident_of("cube"), 1, 1, 0, 4000)
-    begin = incident_distributions(VALUES, KNOWN_SETUP.blocks["cube"], KNOWN_SETUP.gravity_m_s2)
+    begin = incident_distributions(VALUES, published.SETUP_BLOCKS["cube"])
     rounded = np.array([6e-5, 6e-5, 6e-4, 6e-4, 6e-4, 0.06])
     assert (np.abs(drawn.mean(axis=0) - begin.mean[3]) <= 4 * begin.sd[3] / np.sqrt(4000) + rounded).all()
     assert drawn.std(axis=0) == pytest.approx(begin.sd[3], rel=0.06, abs=6e-5)
@@ -179,11 +173,11 @@ def test_the_scenario_of_a_hypothesis_is_its_set_up_and_arrivals_with_the_publis
 @pytest.mark.parametrize("name", published.BLOCKS)
 def test_no_release_of_the_scenario_starts_in_the_slope(tmp_path, name):
     """Also of many releases, of which some are far from the mean."""
-    block, every = KNOWN_SETUP.blocks[name], np.ones((3, 3), bool)
+    block, every = published.SETUP_BLOCKS[name], np.ones((3, 3), bool)
     for place in range(8):
         path = tmp_path / f"{place}.yaml"
         found = FoundSetup(place, 32, 30, {"deterministic": every}, {})
-        path.write_text(scenario_text(KNOWN_SETUP, VALUES, found, 2), encoding="utf-8")
+        path.write_text(scenario_text(VALUES, found, 2), encoding="utf-8")
         scenario = load_scenario(path)
         slope = shapely.LineString(scenario.make_cross_section().points_m[:2])
         drawn = drawn_states(scenario.incident_of(name), 1, 0, 0, 4000)

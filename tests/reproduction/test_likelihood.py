@@ -7,7 +7,6 @@ import pytest
 
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.likelihood import (
-    filmed_counts,
     first_impact_log_likelihood,
     highest_log_counts,
     log_counts,
@@ -35,16 +34,16 @@ def test_the_paper_s_errors_are_those_of_its_table():
 def test_only_line_1_of_the_angular_blocks_is_a_significant_miss_of_the_paper():
     for theirs in (published.DETERMINISTIC, published.PROBABILISTIC):
         p = [[summary.equal_frequency_p(k, t) for k, t in zip(*row, strict=True)]
-             for row in zip(published.passed(), theirs, strict=True)]  # fmt: skip
+             for row in zip(published.passed(published.EXPERIMENT), theirs, strict=True)]  # fmt: skip
         significant = np.argwhere(np.array(p) < 0.05).tolist()
         assert significant == [[1, 0], [2, 0]]
         assert p[1][0] == pytest.approx(0.012, abs=0.001) and p[2][0] == pytest.approx(0.003, abs=0.0005)
 
 
 def test_releases_by_the_last_line_they_passed():
-    assert filmed_counts("sphere").tolist() == [0, 7, 22, 21]
-    assert filmed_counts("cube").tolist() == [7, 27, 16, 0]
-    assert filmed_counts("parallelepiped").tolist() == [9, 38, 3, 0]
+    assert published.counts_by_last_line(published.EXPERIMENT, "sphere").tolist() == [0, 7, 22, 21]
+    assert published.counts_by_last_line(published.EXPERIMENT, "cube").tolist() == [7, 27, 16, 0]
+    assert published.counts_by_last_line(published.EXPERIMENT, "parallelepiped").tolist() == [9, 38, 3, 0]
 
 
 def test_the_probabilities_of_all_counts_add_up_to_one():

@@ -11,9 +11,8 @@ from ruamel.yaml import YAML
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
-from rock2d.reproduction import arrivals, published, stages
+from rock2d.reproduction import published, stages
 from rock2d.reproduction.computation import FinishedStages
-from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
 
@@ -73,17 +72,16 @@ def outline(path):
     ("calibrate", "effort", "seed"),
     [
         (stages.calibrate_deterministic, SMALL, 3),
-        (arrivals.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
+        (stages.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
     ],
     ids=["first impacts", "arrivals"],
 )
 def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_from_the_validation(
     monkeypatch, calibrate, effort, seed
 ):
-    known = KNOWN_SETUP
 
     def calibrated():
-        return calibrate(known, effort, np.random.SeedSequence(seed), lambda share: None).u
+        return calibrate(effort, np.random.SeedSequence(seed), lambda share: None).u
 
     first = calibrated()
     monkeypatch.setattr(published, "EXPERIMENT", np.array([[100, 86, 42], [50, 50, 50], [4, 2, 2]]))
@@ -92,18 +90,17 @@ def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_fr
 
 def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
     """Of likelihoods that peak at one α a block, that α is drawn; the sphere has none."""
-    known = KNOWN_SETUP
     peaks = {"cube": 12.0, "parallelepiped": 42.0}
     asked = []
 
-    def outcome(known, values, block, draws, alpha):
+    def outcome(values, block, draws, alpha):
         asked.append(alpha)
         return alpha
 
     monkeypatch.setattr(stages, "probabilistic_outcome", outcome)
     monkeypatch.setattr(stages, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2))
     u = np.full((5, len(stages.PROBABILISTIC_SPACE.quantities)), 0.5)
-    found = stages.calibrate_slope_reductions(known, u, SMALL, np.random.SeedSequence(1), lambda share: None)
+    found = stages.calibrate_slope_reductions(u, SMALL, np.random.SeedSequence(1), lambda share: None)
     assert found["sphere"].tolist() == [0.0] * 5
     assert all((found[block] == peak).all() for block, peak in peaks.items())
     assert len(asked) == 2 * len(stages.SLOPE_REDUCTIONS_DEG)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import KNOWN_SETUP, table_3
+from rock2d.reproduction.hypotheses import table_3
 from rock2d.reproduction.stages import Effort
 from rock2d.reproduction.table_3_readings import READINGS, Reading, compute_readings, readings_table
 
@@ -26,7 +26,7 @@ def test_a_sphere_that_keeps_its_momentum_rises_and_one_that_loses_it_does_not()
     readings = [Reading(str(factor), (55.0, 75.0), (0.0, 30.0), factor) for factor in (5.0, 0.02)]
 
     def computed():
-        return compute_readings(KNOWN_SETUP, effort, np.random.SeedSequence(1), lambda share: None, readings)
+        return compute_readings(effort, np.random.SeedSequence(1), lambda share: None, readings)
 
     found = computed()
     table = readings_table(found, readings)

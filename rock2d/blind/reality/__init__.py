@@ -9,10 +9,9 @@ a camera records of them.
 
 from __future__ import annotations
 
-from rock2d.blind.reality.camera import record_poses
 from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, draw_hidden
 from rock2d.blind.reality.data_model import Block, Camera, Hidden, Law, Releases, Setup, World
-from rock2d.blind.reality.ensemble import simulate_poses
+from rock2d.blind.reality.ensemble import record_poses, simulate_poses
 
 __all__ = [
     "FORMS",

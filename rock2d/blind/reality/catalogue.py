@@ -1,26 +1,31 @@
-"""All causes that can be hidden, and the draw of their sizes."""
+"""All causes that can be hidden, found by their files, and the draw of their sizes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from pathlib import Path
 
-from rock2d.blind.reality.data_model import Hidden
-from rock2d.blind.reality.known import known_causes
-from rock2d.blind.reality.outside import outside_causes
-from rock2d.blind.reality.scale import scale_of
+from rock2d.blind.reality.cause import Cause, Rng, scale_of
+from rock2d.blind.reality.data_model import Hidden, World
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from rock2d.blind.reality.data_model import World
-
-CAUSES = {**known_causes(), **outside_causes()}
-FORMS = {name: cause.forms for name, cause in known_causes().items()}  # number of forms of each effect
-OUTSIDE = tuple(outside_causes())
 LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strength` and all of it
 
 
-def draw_hidden(name: str, form: int, rng: np.random.Generator, world: World, strength: float) -> Hidden:
+def causes_in(package: str, folder: Path) -> dict[str, Cause]:
+    """The causes of a package, name of the file -> cause, in draw order."""
+    names = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+    found: dict[str, Cause] = {name: import_module(f"{package}.{name}").CAUSE for name in names}
+    return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
+
+
+KNOWN = causes_in(f"{__package__}.known", Path(__file__).parent / "known")
+OUTSIDE_CAUSES = causes_in(f"{__package__}.outside", Path(__file__).parent / "outside")
+CAUSES = {**KNOWN, **OUTSIDE_CAUSES}
+FORMS = {name: cause.forms for name, cause in KNOWN.items()}  # number of forms of each effect
+OUTSIDE = tuple(OUTSIDE_CAUSES)
+
+
+def draw_hidden(name: str, form: int, rng: Rng, world: World, strength: float) -> Hidden:
     """A cause of `strength` (0 to 1) times the largest plausible size in this world; the rng draws its sign.
 
     Raises KeyError for an unknown name, ValueError for a form that does not exist.

@@ -1,24 +1,65 @@
-"""Causes that a blind trial can hide. Every cause is one file in `known/` or `outside/`."""
+"""What a file in `known/` or `outside/` needs to describe a cause that a blind trial can hide."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.data_model import Array, World, mean_size_m
 
 Rng = np.random.Generator
 Values = Mapping[str, float]
-Sizes = Callable[[int, float, Rng, Scale], dict[str, float]]
 
 IMPACT_SPEED = 4.0  # typical speed of an impact over √(gravity × size)
 LAST_IN_DRAW_ORDER = 1000
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The units in which sizes of causes are given, in SI.
+
+    Attributes
+    ----------
+    size, mass : means over the blocks
+    spring : √(k_l / mass) of the soil in rad/s
+    low, high : corners (x, y) of the box of embankment and ditch, or of the ground's middle third
+    """
+
+    size: float
+    mass: float
+    gravity: float
+    spring: float
+    low: Array
+    high: Array
+    n_blocks: int
+
+    @property
+    def speed(self) -> float:
+        """√(gravity × size) in m/s."""
+        return float(np.sqrt(self.gravity * self.size))
+
+
+def scale_of(world: World) -> Scale:
+    """The scale of a world."""
+    setup = world.setup
+    points = np.asarray(setup.points_m, float)
+    ranges = [r for r in (setup.ditch, setup.embankment) if r is not None]
+    if ranges:
+        seen = points[min(a for a, _ in ranges) : max(b for _, b in ranges) + 1]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+    else:
+        low, high = points.min(axis=0), points.max(axis=0)
+        third = (high[0] - low[0]) / 3.0
+        low[0], high[0] = low[0] + third, high[0] - third
+    mass = float(np.mean([block.mass_kg for block in world.blocks]))
+    spring = float(np.sqrt(world.law.k_l / mass))
+    return Scale(mean_size_m(world.blocks), mass, world.gravity_m_s2, spring, low, high, len(world.blocks))
+
+
+Sizes = Callable[[int, float, Rng, Scale], dict[str, float]]
 
 
 class View(NamedTuple):
@@ -51,13 +92,6 @@ class Cause:
     switches: tuple[int, ...] = ()
     recorded: Callable[[Array, View, Values], Array] | None = None
     draw_order: int = LAST_IN_DRAW_ORDER
-
-
-def causes_in(package: str, folder: Path) -> dict[str, Cause]:
-    """The causes of a package, name of the file -> cause, in draw order."""
-    names = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    found: dict[str, Cause] = {name: import_module(f"{package}.{name}").CAUSE for name in names}
-    return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
 
 
 def random_sign(rng: Rng) -> float:

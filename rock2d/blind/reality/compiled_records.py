@@ -107,21 +107,3 @@ class ContactMotion(NamedTuple):
     slip_velocity: float
     slip: float
     rotation: float
-
-
-class PathPiece(NamedTuple):
-    """The path from state `old` at t0 to `new` at t1 under a constant `gravity` (0: straight)."""
-
-    t0: float
-    t1: float
-    old: Array
-    new: Array
-    gravity: float
-
-
-class TimeSteps(NamedTuple):
-    """Time steps in s while contacts load, while they unload, and while none presses."""
-
-    loading: float
-    unloading: float
-    floating: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,15 +92,12 @@ class Hidden:
     values: dict[str, float]
 
 
-Soil = Law | Mapping[str, Law]
-
-
 @dataclass(frozen=True)
 class World:
-    """Set-up, soil (one law, or one for each zone), blocks and gravity."""
+    """Set-up, soil, blocks and gravity."""
 
     setup: Setup
-    law: Soil
+    law: Law
     blocks: Sequence[Block]
     gravity_m_s2: float
 
@@ -141,18 +138,6 @@ class Camera:
     extent_m: float
 
 
-def soil_of(soil: Soil, zone: str) -> Law:
-    """The law of a zone; that of "default" for zones that are not named."""
-    if isinstance(soil, Law):
-        return soil
-    return soil[zone] if zone in soil else soil["default"]
-
-
 def mean_size_m(blocks: Sequence[Block]) -> float:
     """Mean size of the blocks in m: the length that scales a set-up."""
     return float(np.mean([block.size_m for block in blocks]))
-
-
-def mean_mass_kg(blocks: Sequence[Block]) -> float:
-    """Mean mass of the blocks in kg."""
-    return float(np.mean([block.mass_kg for block in blocks]))

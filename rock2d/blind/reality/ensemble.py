@@ -1,4 +1,4 @@
-"""Many releases in one world, in parallel."""
+"""Films of many releases in one world: their motion, in parallel, and what a camera with its flaws records of it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from rock2d.blind.reality.catalogue import CAUSES
+from rock2d.blind.reality.cause import View
 from rock2d.blind.reality.compiled_records import (
     CENTROID_X,
     CENTROID_Y,
@@ -25,7 +27,7 @@ from rock2d.blind.reality.compiled_records import (
     MotionInputs,
     SoilLaw,
 )
-from rock2d.blind.reality.data_model import Array, Hidden, Releases, World
+from rock2d.blind.reality.data_model import Array, Camera, Hidden, Releases, World
 from rock2d.blind.reality.motion import simulate_release
 from rock2d.blind.reality.motion_inputs import motion_inputs, stiffening
 
@@ -148,3 +150,33 @@ def _fingerprint() -> int:
 
 
 _simulate_releases = _compiled(_fingerprint())
+
+
+def record_poses(poses: Array, times_s: Array, camera: Camera, hidden: Sequence[Hidden], seed: int) -> Array:
+    """The recording of true poses (n, frames, 3) at the stated instants.
+
+    A frame-rate error acts on the true poses already, see `simulate_poses`: the recording keeps the stated instants.
+    """
+    record = np.array(poses, float)
+    view = View(np.array(times_s, float), np.asarray(camera.centre_m, float), camera.extent_m, seed)
+    # an axis is mirrored by software, after the lens
+    for cause in sorted(hidden, key=lambda own: own.name == "mirrored_axis"):
+        recorded = CAUSES[cause.name].recorded
+        if recorded is not None:
+            record = recorded(record, view, cause.values)
+    sd = np.array([camera.position_noise_m, camera.position_noise_m, camera.angle_noise_rad])
+    for i, release in enumerate(record):
+        rng = np.random.default_rng([seed, i, 11])
+        release += sd * _coloured(rng.normal(size=release.shape), camera.colour)
+        release[rng.random(len(release)) < camera.lost] = np.nan
+    return record
+
+
+def _coloured(white: Array, colour: float) -> Array:
+    """Noise (frames, 3) of unit variance with the correlation `colour` from frame to frame."""
+    if colour == 0.0:
+        return white
+    noise = white.copy()
+    for k in range(1, len(noise)):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
+    return noise

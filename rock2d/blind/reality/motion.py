@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -29,32 +31,41 @@ from rock2d.blind.reality.compiled_records import (
     Contacts,
     Ground,
     ImpactDraws,
-    PathPiece,
     SoilLaw,
-    TimeSteps,
     X,
     Y,
 )
-from rock2d.blind.reality.contact import (
+from rock2d.blind.reality.contact_detection import (
+    DEPTH,
+    N_FOUND,
+    NO_CONTACT,
+    PX,
+    PY,
+    facet_at,
+    find_contacts,
+    is_below,
+    nearest_on_facet,
+)
+from rock2d.blind.reality.data_model import Array
+from rock2d.blind.reality.forces import (
     EMBANKMENT_FORCE,
     FORCE_X,
     FORCE_Y,
     MOMENT,
     N_ACTIVE,
     N_FIRST_LOADING,
+    N_MEMORY,
     N_PRESSING,
     N_SUMS,
     NEXT_DISTANCE,
     NORMAL_X,
     NORMAL_Y,
+    acts_in_flight,
+    air_acceleration,
     row_of,
     sum_forces,
     update_contacts,
 )
-from rock2d.blind.reality.contact_detection import DEPTH, N_FOUND, NO_CONTACT, PX, PY, find_contacts
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.forces import N_MEMORY, acts_in_flight, air_acceleration
-from rock2d.blind.reality.ground import facet_at, is_below, nearest_on_facet
 
 OSCILLATION_STEP_RAD = 0.03  # phase of the stiffest oscillation that one contact step covers
 LANDING_STEP = 0.1  # least step in flight, as a share of a contact step: contacts begin close to the surface
@@ -64,6 +75,24 @@ AIR_STEP_SIZE = 0.1  # longest path of a step with forces of the air, as a share
 REST_TIME = 2.0  # time in √(size / g) after which a block that stays in place is at rest
 REST_DISTANCE = 0.01  # largest displacement during that time, as a share of the block's size, and turn in rad
 MOST_STEPS = 4_000_000
+
+
+class PathPiece(NamedTuple):
+    """The path from state `old` at t0 to `new` at t1 under a constant `gravity` (0: straight)."""
+
+    t0: float
+    t1: float
+    old: Array
+    new: Array
+    gravity: float
+
+
+class TimeSteps(NamedTuple):
+    """Time steps in s while contacts load, while they unload, and while none presses."""
+
+    loading: float
+    unloading: float
+    floating: float
 
 
 @numba.njit
@@ -150,12 +179,8 @@ def simulate_release(
     contacts.found[:, DEPTH] = NO_CONTACT
     fixed = 0 if body.group == 0 else body.corners.shape[0] // body.group
     rows = ContactRows(fixed, fixed, fixed)
-    velocity, path_velocity, accel, ground_motion = (
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(N_GROUND_MOTION),
-    )
+    velocity, path_velocity, accel = np.zeros(3), np.zeros(3), np.zeros(3)
+    ground_motion = np.zeros(N_GROUND_MOTION)
     steps = time_steps(impact_law.soil, body, values)
     air_acts, shaking = acts_in_flight(values), values[parameters.SHAKE_AMPLITUDE] > 0.0
     t, done, impact, in_contact = times[0], 0, -1, False
@@ -207,9 +232,9 @@ def simulate_release(
                 _draw_soil(law.soil, draws.soil_factors[impact], impact_law.soil)
                 steps = time_steps(impact_law.soil, body, values)
                 if draws.tilts[impact] != 0.0:
-                    _tilt_ground(
-                        draws.tilts[impact], _deepest_contact(rows, contacts.found, q), ground_motion
-                    )
+                    # the ground is turned about the point of contact for the time of the impact
+                    ground_motion[TILT] = draws.tilts[impact]
+                    ground_motion[PIVOT_X], ground_motion[PIVOT_Y] = _deepest_contact(rows, contacts.found, q)
                     move_ground(base, ground_motion, ground.points)
             if active > 0:
                 motion = BlockMotion(q, velocity, path_velocity, 0.5 * (h + last))
@@ -258,12 +283,6 @@ def _shake(t: float, values: Array, motion: Array) -> None:
     angle = values[parameters.SHAKE_RATE] * t + values[parameters.SHAKE_PHASE]
     motion[LIFT] = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
     motion[HEAVE] = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
-
-
-@numba.njit
-def _tilt_ground(tilt: float, pivot: tuple[float, float], motion: Array) -> None:
-    """Turn the ground about a point for the time of an impact."""
-    motion[TILT], motion[PIVOT_X], motion[PIVOT_Y] = tilt, pivot[0], pivot[1]
 
 
 @numba.njit

@@ -116,8 +116,7 @@ def _distinct(items: Sequence[Any]) -> tuple[list[Any], Array]:
 
 def point_mass_outcome(job: Job, group: Group) -> Outcome:
     """Simulate a group of releases with the point-mass engine."""
-    from rock2d.engines.point_mass import FACET, VELOCITIES
-    from rock2d.engines.point_mass_batch import run_point_mass_batch
+    from rock2d.engines.point_mass import FACET, VELOCITIES, run_point_mass_batch
 
     def run(part: Group, room: int) -> Any:
         found = []

@@ -1,5 +1,5 @@
 /* The search for the features that contacts meet, and the events of the law within a step: as in
-   rock2d/engines/contact_state.py and event_detection.py, for sharp polygons and balls. */
+   rock2d/engines/contact_search.py and event_detection.py, for sharp polygons and balls. */
 
 static inline void set_found(Contact *found, int64_t kind, int64_t index, int64_t part, double depth, int64_t key) {
     found->kind = kind, found->index = index, found->part = part, found->key = key, found->depth = depth;

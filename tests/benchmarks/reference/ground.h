@@ -1,4 +1,4 @@
-/* Distances to the ground: as in rock2d/engines/geometry.py, time_to_contact.py and guard.py, for sharp polygons and
+/* Distances to the ground: as in rock2d/engines/geometry.py, free_flight.py and contact_search.py, for sharp polygons and
    balls. */
 #define NO_BOX 1.0e300
 

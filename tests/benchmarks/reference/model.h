@@ -1,5 +1,5 @@
-/* What the reference kernel works on, and the contact law: as in rock2d/engines/geometry.py, contact_state.py,
-   loaded_contacts.py and rock2d/laws/contact.py. SI units. */
+/* What the reference kernel works on, and the contact law: as in rock2d/engines/geometry.py, contact_state.py
+   and rock2d/laws/contact.py. SI units. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>

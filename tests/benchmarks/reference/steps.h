@@ -1,4 +1,4 @@
-/* Contact steps: as in rock2d/engines/runge_kutta.py, trial_step.py, contact_step.py and
+/* Contact steps: as in rock2d/engines/trial_step.py, contact_step.py and
    fast_contact_steps.py, without effects. */
 #define MOST_LANDINGS 8
 #define LANDED 0.99

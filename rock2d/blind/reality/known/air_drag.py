@@ -1,10 +1,7 @@
 """Air drag: quadratic in the speed, or with the power 1.7."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

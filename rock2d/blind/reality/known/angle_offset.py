@@ -1,12 +1,8 @@
 """Offset of the angle: constant, or varying by a tenth from release to release."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from rock2d.blind.reality.cause import Cause, Rng, Values, View, random_sign
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,12 +1,8 @@
 """Tilted camera: the image is turned about its centre, or about another point with a small keystone."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from rock2d.blind.reality.cause import Cause, Rng, Values, View, random_sign
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,11 +1,8 @@
 """Wrong frame rate; in the second form the frames also come early or late by random times."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from rock2d.blind.reality.cause import Cause, Rng, random_sign
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

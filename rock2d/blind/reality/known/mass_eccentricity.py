@@ -1,9 +1,6 @@
 """Eccentric mass: the centre of mass is displaced along the x axis of the block, or diagonally."""
 
-from __future__ import annotations
-
-from rock2d.blind.reality.cause import Cause, Rng, random_sign
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,10 +1,6 @@
 """Mirrored axis: x is recorded with the wrong sign, or the angle. There is no size."""
 
-from __future__ import annotations
-
-from rock2d.blind.reality.cause import Cause, Rng, Values, View
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,9 +1,6 @@
 """Rounded edges: corners are circular, or cut off; `share` is relative to half the width of the block."""
 
-from __future__ import annotations
-
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,12 +1,8 @@
 """Wrong scale: the same in x and y, or with a difference of a tenth of the error between them."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from rock2d.blind.reality.cause import Cause, Rng, Values, View, random_sign
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,9 +1,6 @@
 """Compaction: the stiffness grows with the blows and saturates, or grows with the logarithm of their number."""
 
-from __future__ import annotations
-
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,9 +1,6 @@
 """Rough surface: each impact draws a slope, or the ground has a rough or a hilly profile, the same for all releases."""
 
-from __future__ import annotations
-
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,10 +1,7 @@
 """Viscous damping: a dashpot parallel to the spring, or one that grows with the depth (Hunt and Crossley)."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import IMPACT_SPEED, Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

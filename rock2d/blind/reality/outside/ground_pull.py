@@ -1,10 +1,7 @@
 """Close to its surface the ground attracts the block."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

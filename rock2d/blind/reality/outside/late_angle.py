@@ -1,12 +1,8 @@
 """The recorded orientation lags behind the recorded position."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from rock2d.blind.reality.cause import Cause, Rng, Values, View
-from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Array, Cause, Rng, Scale, Values, View
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

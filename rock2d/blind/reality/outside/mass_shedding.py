@@ -1,10 +1,7 @@
 """At its first lift-off the block leaves a part of its mass behind, at rest."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,12 +1,9 @@
 """All ground swings up and down like a shaking table."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,10 +1,7 @@
 """The block is pushed sideways while it passes a band of heights."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import Cause, Rng, random_sign
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale, random_sign
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -1,10 +1,7 @@
 """At lift-off the block gains speed off the ground in proportion to its spin."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.cause import Cause, Rng
-from rock2d.blind.reality.scale import Scale
+from rock2d.blind.reality.cause import Cause, Rng, Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:

@@ -5,15 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.engines.contact_state import (
-    ACTIVE,
-    DEPTH,
-    INDEX,
-    KIND,
-    contact_count,
-    find_features,
-    new_contacts,
-)
+from rock2d.engines.contact_search import TURN_ARM, find_features, guard_distance
+from rock2d.engines.contact_state import ACTIVE, DEPTH, INDEX, KIND, contact_count, new_contacts
 from rock2d.engines.contact_step import begin_contacts
 from rock2d.engines.geometry import (
     RUN_FIRST,
@@ -24,7 +17,6 @@ from rock2d.engines.geometry import (
     ground_arrays,
     point_depth,
 )
-from rock2d.engines.guard import TURN_ARM, guard_distance
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 

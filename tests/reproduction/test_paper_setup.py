@@ -5,12 +5,10 @@ import pytest
 
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
-from rock2d.reproduction import found_setup as module
+from rock2d.reproduction import paper_setup as module
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.found_setup import found_setup, met_cells
-from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.outcomes import Outcome
-from rock2d.reproduction.side_by_side import side_by_side
+from rock2d.reproduction.paper_setup import found_setup, met_cells, side_by_side
 
 
 def outcome(percents):
@@ -27,11 +25,9 @@ def test_the_deterministic_column_comes_first_then_the_probabilistic_one_then_th
     pro = np.repeat(published.PROBABILISTIC[None], 4, axis=0)
     det[0, 0, 2], pro[1, 0], pro[2, 1, 1] = 90, (100, 100, 100), 44
     under_table_3 = dict(zip(published.BLOCKS, (outcome(pro[:, b]) for b in range(3)), strict=True))
-    monkeypatch.setattr(
-        module, "probabilistic_outcome", lambda known, values, block, *more: under_table_3[block]
-    )
+    monkeypatch.setattr(module, "probabilistic_outcome", lambda values, block, *more: under_table_3[block])
     draws = {block: np.zeros((100, 6)) for block in published.BLOCKS}
-    found = found_setup(KNOWN_SETUP, {"slope_deg": np.ones(4)}, [outcome(det[:, b]) for b in range(3)], draws)
+    found = found_setup({"slope_deg": np.ones(4)}, [outcome(det[:, b]) for b in range(3)], draws)
     assert (found.place, found.of, found.releases) == (3, 4, 100)
     assert found.met() == "deterministic 9 of 9; probabilistic 9 of 9"
 

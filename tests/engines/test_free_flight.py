@@ -7,8 +7,8 @@ import pytest
 import shapely
 from scipy.optimize import brentq
 
+from rock2d.engines.free_flight import facet_tree, time_to_ground
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.engines.time_to_contact import facet_tree, time_to_ground
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 

@@ -1,5 +1,4 @@
-"""Closed-form results of the contact law for one smooth contact on a plane without gravity. Tests compare engines with
-them.
+"""Closed-form results of the contact law for one smooth contact on a plane without gravity, to compare engines with.
 
 ω_l = √(k_l/m), ω_u = √(k_ul/m), u = v_t + r ω (slip velocity). All inputs and results in SI.
 """
@@ -8,22 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.laws.contact import ContactParameters
+from rock2d.laws.contact import ContactParameters, contact_time_s, penetration_m
 
 
 def restitution(p: ContactParameters) -> float:
     """Normal coefficient of restitution e = √(k_l/k_ul), the same at any speed."""
     return float(np.sqrt(p.k_l_N_m / p.k_ul_N_m))
-
-
-def contact_time_s(p: ContactParameters, mass_kg: float) -> float:
-    """Duration of a contact t_c = (π/2) (1/ω_l + 1/ω_u)."""
-    return float(np.pi / 2 * (np.sqrt(mass_kg / p.k_l_N_m) + np.sqrt(mass_kg / p.k_ul_N_m)))
-
-
-def penetration_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
-    """Peak penetration δmax = v/ω_l."""
-    return float(speed_m_s * np.sqrt(mass_kg / p.k_l_N_m))
 
 
 def residual_indentation_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:

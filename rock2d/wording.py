@@ -59,6 +59,11 @@ def point(values: Array, half_widths: Array) -> str:
     return f"[{', '.join(plain(v, h or None) for v, h in zip(values, half_widths, strict=True))}]"
 
 
+def length(value_m: float) -> str:
+    """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
+    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
+
+
 def three_digits(value: float) -> str:
     """A number with three significant digits, without exponent where it is neither huge nor tiny."""
     if not np.isfinite(value):

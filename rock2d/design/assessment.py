@@ -66,8 +66,7 @@ class Assessment:
         """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""
         from rock2d.design.report import PAGE
         from rock2d.design.report_sections import certainty_section, tornado_words
-        from rock2d.graphics.pages import Section, drawn, page
-        from rock2d.graphics.viewing import view
+        from rock2d.graphics.pages import Section, drawn, page, view
 
         def write(folder: Path) -> None:
             pictures = [drawn(self.plot(), tornado_words(self))] if len(self.told_apart) else []
@@ -97,9 +96,9 @@ class Assessment:
         )
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import embedded_figure, table_html
+        from rock2d.graphics.pages import notebook_figure, notebook_table
 
-        return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.told_apart) else "")
+        return notebook_table(self.uncertain) + (notebook_figure(self.plot()) if len(self.told_apart) else "")
 
     def text(self) -> str:
         """Passing frequencies with their intervals as text."""

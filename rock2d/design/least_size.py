@@ -174,9 +174,9 @@ class Answer:
         return design_figure(self)
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import embedded_figure, table_html
+        from rock2d.graphics.pages import notebook_figure, notebook_table
 
-        return table_html(self.to_pandas()) + embedded_figure(self.plot())
+        return notebook_table(self.to_pandas()) + notebook_figure(self.plot())
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "live": _live(content) if figures else None,
         **live_assets("live_slope"),
     }  # fmt: skip
-    return rendered("rock2d.design", "report.html.j2", context, {})
+    return rendered("rock2d.design", "report.html.j2", context)
 
 
 def _live(content: ReportContent) -> LiveSlope | None:

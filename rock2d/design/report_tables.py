@@ -12,8 +12,7 @@ from rock2d.design.design_values import norm_table
 from rock2d.design.norms import SOURCES
 from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
-from rock2d.graphics.downloads import Download, download
-from rock2d.graphics.pages import Table
+from rock2d.graphics.pages import Download, Table, download
 from rock2d.runs.engines import engine_named
 from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
 from rock2d.runs.resolution import stop_counts

@@ -16,8 +16,12 @@ from rock2d.graphics.trajectories import positions_of
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.wording import length
 
 Array = np.ndarray
+
+OUTLINE_POINTS = 64  # of a smooth block
+MOST_SHOWN = 6  # releases in a figure
 
 
 def overlay_figure(
@@ -57,10 +61,7 @@ def overlay_figure(
         zip(shown, points, frames, notes, strict=True)
     ):
         top, height, angle = axes[:, column]
-        ground = cross_section.points_m * factor
-        deep = ground[:, 1].min() - 10 * high * factor
-        top.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
-        top.plot(*ground.T, color=INK, lw=1.2)
+        draw_ground(top, cross_section, factor, high)
         top.plot(*(way * factor).T, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
         top.plot(*(dots * factor).T, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
         _draw_outlines(top, blocks[track.block], rows, track, factor)
@@ -83,9 +84,9 @@ def _draw_outlines(axis: Any, block: Block, rows: pd.DataFrame, track: Track, fa
     """The block at the measured start and end, and where the simulation ends."""
     first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
     final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
-    _outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
-    _outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
-    _outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)), 0.0)
+    draw_outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
+    draw_outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
+    draw_outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)))
 
 
 def _draw_histories(height: Any, angle: Any, rows: pd.DataFrame, track: Track, factor: float) -> None:
@@ -114,12 +115,9 @@ def _draw_legend(figure: Figure, columns: int) -> None:
         handle("simulated end", color=SIMULATED_COLOUR, marker="s", ms=7, ls="none",
                 mfc=mixed(SIMULATED_COLOUR, "#ffffff", 0.7)),
     ]  # fmt: skip
+    ncols = 5 if columns > 2 else 3
     figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=5 if columns > 2 else 3,
-        frameon=False,
-        fontsize=SMALL_PT + 0.5,
+        handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=SMALL_PT + 0.5
     )
 
 
@@ -149,9 +147,8 @@ def _selected(
     if releases is not None:
         picks = {i: "" for r in releases for i, p in enumerate(pairs) if p[1].release == r}
         if not picks:
-            raise InputError(
-                f"none of the releases {', '.join(map(str, releases))} is measured and simulated"
-            )
+            given = ", ".join(map(str, releases))
+            raise InputError(f"none of the releases {given} is measured and simulated")
     else:
         ranks = {0.0: "closest", 1.0: "farthest", 0.5: "median", 0.9: "90th percentile"}
         picks = {}
@@ -160,23 +157,32 @@ def _selected(
         picks = {i: picks[i] for i in sorted(picks, key=lambda i: rms[i])}
     several = len({p[1].block for p in pairs}) > 1
     notes = []
-    for i, word in list(picks.items())[:6]:
+    for i, word in list(picks.items())[:MOST_SHOWN]:
         track = pairs[i][1]
         name = f"{track.block} {track.release}" if several else f"release {track.release}"
-        size = f"{1e3 * rms[i]:.1f} mm" if rms[i] < 1 else f"{rms[i]:.2f} m"
-        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {size}")
-    return [pairs[i] for i in list(picks)[:6]], notes
+        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {length(rms[i])}")
+    return [pairs[i] for i in list(picks)[:MOST_SHOWN]], notes
 
 
-def _outline(
-    axis: Any, block: Block, pose: Array, factor: float, colour: str, style: Any, alpha: float
-) -> None:
+def draw_ground(axis: Any, cross_section: CrossSection, factor: float, high_m: float) -> None:
+    """Fill the ground far below a view that is `high_m` high, and draw its surface; in m times `factor`."""
+    ground = cross_section.points_m * factor
+    deep = ground[:, 1].min() - 10 * high_m * factor
+    axis.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
+    axis.plot(*ground.T, color=INK, lw=1.2)
+
+
+def draw_outline(
+    axis: Any, block: Block, pose: Array, factor: float, colour: str, style: Any, alpha: float = 0.0
+) -> Array:
+    """Draw the outline of a block at a pose (x_m, y_m, theta_rad), in m times `factor`, filled if `alpha` is not 0;
+    returns its points (n, 2)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    edge = (block.outline(64) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
-    closed = np.vstack([edge, edge[:1]])
+    edge = np.asarray((block.outline(OUTLINE_POINTS) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor)
     if alpha:
         axis.fill(*edge.T, color=colour, alpha=alpha, lw=0, zorder=1.5)
-    axis.plot(*closed.T, color=colour, ls=style, lw=1.1, zorder=2)
+    axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=style, lw=1.1, zorder=2)
+    return edge
 
 
 def _heights_at(cross_section: CrossSection, points: Array) -> Array:

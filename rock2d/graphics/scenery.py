@@ -21,7 +21,7 @@ from rock2d.graphics.canvas import (
     polyline,
     text_size,
 )  # fmt: skip
-from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, ZONE_TONES, mixed
+from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, mixed, zone_tones
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -32,11 +32,6 @@ SHADES = 64  # shades of a tone, from the surface to the deep ground
 BUSY_PX = 3  # paths this near to the name of a measure line count as crossing it
 LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the direction of the line
 LABEL_LEVELS = 4
-
-
-def zone_tones(cross_section: CrossSection) -> dict[str, str]:
-    """A muted tone for each zone."""
-    return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(cross_section.zone_names)}
 
 
 def ground_image(
@@ -51,7 +46,7 @@ def ground_image(
     surface = view.pixels(cross_section.points_m) + pad
     canvas = (view.height_px + 2 * pad, view.width_px + 2 * pad)
     seen = np.s_[pad : pad + view.height_px, pad : pad + view.width_px]
-    zones = zone_tones(cross_section)
+    zones = zone_tones(cross_section.zone_names)
     ids = np.full(canvas, len(zones), np.int32)
     for i, zone in enumerate(cross_section.zone_ids):
         cv2.polylines(

@@ -3,38 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.graphics.canvas import Viewport, bgr, draw_text, fill, polyline, text_size
+from rock2d.graphics.canvas import Limits, Viewport, bgr, draw_text, fill, polyline, text_size
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import INK
-from rock2d.graphics.video_options import VideoOptions
 from rock2d.graphics.video_panel import Layout, Panel
+from rock2d.wording import length
 
 Array = np.ndarray
 
 PAPER = "#ffffff"
 
 
+@dataclass(frozen=True)
+class VideoOptions:
+    """The options of a video.
+
+    Attributes
+    ----------
+    fps_video : frame rate of the video, 1/s
+    slow_motion : duration of a scene divided by the duration of its motion; below 1 the video is faster than real time
+    size_px : width and height, even numbers
+    titles : title of each scene; later scenes have the last title
+    view : x_min, x_max, y_min, y_max in m; default: the region in which blocks move
+    trail : whether the paths of the centroids are drawn
+    hold_s : time for which the last picture of a scene is shown, s
+    """
+
+    fps_video: float = 25
+    slow_motion: float = 10
+    size_px: tuple[int, int] = (1280, 720)
+    titles: Sequence[str] = ()
+    view: Limits | None = None
+    trail: bool = True
+    hold_s: float = 1.0
+
+
 class Frames:
     """The pictures of a video, in order. All share one array: a picture is valid until the next one is drawn."""
 
     def __init__(self, layout: Layout, options: VideoOptions) -> None:
-        fps_video, slow_motion, hold_s = options.fps_video, options.slow_motion, options.hold_s
-        if not (fps_video > 0 and slow_motion > 0 and hold_s >= 0):
+        if not (options.fps_video > 0 and options.slow_motion > 0 and options.hold_s >= 0):
             raise ValueError("fps_video and slow_motion must be positive, hold_s not negative")
-        self.layout, self.step_s = layout, 1.0 / (fps_video * slow_motion)
-        self.hold, self.recent_s = round(hold_s * fps_video), 0.9 / slow_motion
-        self.slow_motion, self.titles, self.trail = slow_motion, list(options.titles), options.trail
+        self.layout, self.options = layout, options
         self.scenes: list[tuple[list[Panel], Sequence[Clip], Array, str]] = []
 
     def add(self, panels: list[Panel], clips: Sequence[Clip]) -> None:
         """Add a scene: its panels and all its clips."""
+        own, titles = self.options, self.options.titles
+        step_s, hold = 1.0 / (own.fps_video * own.slow_motion), round(own.hold_s * own.fps_video)
         start, end = min(c.t_s[0] for c in clips), max(c.t_s[-1] for c in clips)
-        count = int(np.floor((end - start) / self.step_s + 1e-6)) + 1
-        times = np.concatenate([start + self.step_s * np.arange(count), np.full(self.hold, end)])
-        title = self.titles[min(len(self.scenes), len(self.titles) - 1)] if self.titles else ""
+        count = int(np.floor((end - start) / step_s + 1e-6)) + 1
+        times = np.concatenate([start + step_s * np.arange(count), np.full(hold, end)])
+        title = titles[min(len(self.scenes), len(titles) - 1)] if titles else ""
         self.scenes.append((panels, clips, times, title))
 
     def __len__(self) -> int:
@@ -49,14 +73,12 @@ class Frames:
                     grounds[panel.view] = panel.ground(self.layout)
                 panel.prepare(self.layout, grounds[panel.view])
             milliseconds = times[-1] - times[0] < 2.0
-            frame, lay = sheet.copy(), self.layout
-            below = lay.top + lay.panel_height
+            frame, lay, trail = sheet.copy(), self.layout, self.options.trail
+            below, recent_s = lay.top + lay.panel_height, 0.9 / self.options.slow_motion
             for t in times:
                 frame[: lay.top], frame[below:] = sheet[: lay.top], sheet[below:]
                 for left, panel in zip(lay.lefts, panels, strict=True):
-                    panel.draw(
-                        frame[lay.top : below, left : left + lay.panel_width], t, self.recent_s, self.trail
-                    )
+                    panel.draw(frame[lay.top : below, left : left + lay.panel_width], t, recent_s, trail)
                 clock = f"{1e3 * t:.0f} ms" if milliseconds else f"{t:.2f} s"
                 self._draw_right_aligned(frame, clock, 24, 8, bold=True)
                 if len(panels) > 1 and len(clips) == len(panels):
@@ -69,14 +91,9 @@ class Frames:
         lay, unit = self.layout, self.layout.unit
         sheet = np.full((lay.height, lay.width, 3), bgr(PAPER), np.uint8)
         side = 16 * unit
-        factor = self.slow_motion
-        pace = (
-            "real time"
-            if factor == 1
-            else f"{factor:g}× slow motion"
-            if factor > 1
-            else f"{1 / factor:g}× faster"
-        )
+        factor = self.options.slow_motion
+        pace = f"{factor:g}× slow motion" if factor > 1 else f"{1 / factor:g}× faster"
+        pace = "real time" if factor == 1 else pace
         clock_width = text_size("00000 ms", max(10, round(24 * unit)), True)[0]
         pace_width, tall = text_size(pace, lay.text)
         at = lay.width - side - clock_width - 24 * unit - pace_width
@@ -130,12 +147,10 @@ class Frames:
             return
         turn = np.rad2deg((b[2] - a[2] + np.pi) % (2 * np.pi) - np.pi)
         away = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        apart = f"{1e3 * away:.1f} mm" if away < 1 else f"{away:.2f} m"
         lay = self.layout
         y = lay.height - 0.5 * lay.foot - 0.6 * lay.text
-        self._draw_right_aligned(
-            frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y, right=right
-        )
+        text = f"difference: {length(away)}, {abs(turn):.0f}°"
+        self._draw_right_aligned(frame, text, lay.text / lay.unit, y, right=right)
 
 
 def _shortened(text: str, size_px: int, width_px: float) -> str:

@@ -96,7 +96,7 @@ def write_comparison(
     from rock2d.graphics.overlays import overlay_figure
     from rock2d.graphics.residuals import residuals_figure
     from rock2d.graphics.video import side_by_side
-    from rock2d.graphics.video_options import VideoOptions
+    from rock2d.graphics.video_frames import VideoOptions
     from rock2d.progress import Bars
 
     assert film.trajectories is not None and simulated.trajectories is not None

@@ -7,7 +7,7 @@ from typing import Any
 
 from rock2d.diagnosis.report import text
 from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
-from rock2d.graphics.downloads import Download, download
+from rock2d.graphics.pages import Download, download
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.wording import interval, number, percent, spoken
 
@@ -47,7 +47,7 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "places": content["where"][:SHOWN_PLACES],
         "more_places": content["where"][SHOWN_PLACES:],
         "data": _downloads(content),
-    }, text.FILTERS)  # fmt: skip
+    })  # fmt: skip
 
 
 def comparison_lines(content: Mapping[str, Any]) -> list[str]:

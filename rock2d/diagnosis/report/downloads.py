@@ -10,7 +10,7 @@ import numpy as np
 from rock2d.diagnosis.report.figures import Misses, Segment
 from rock2d.diagnosis.report.practical_indicators import Quantity
 from rock2d.graphics.clips import Clip
-from rock2d.graphics.downloads import Download, download
+from rock2d.graphics.pages import Download, download
 
 Array = np.ndarray
 

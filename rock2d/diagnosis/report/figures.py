@@ -11,23 +11,22 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.diagnosis.report.text import length
-from rock2d.graphics.canvas import fitted_view, motion_limits
+from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
+from rock2d.graphics.overlays import draw_ground, draw_outline
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.trajectories import draw_cross_section
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.wording import spoken
+from rock2d.wording import length, spoken
 
 Array = np.ndarray
 
-EFFECT_COLOUR = BLOCK_COLOURS[0]
-# colour, line and marker of each model, distinguishable without colour
-MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
-    "measured": (MEASURED_COLOUR, "-", "o"),
-    "base": (SIMULATED_COLOUR, (0, (5, 1.6)), "D"),
-    "effect": (EFFECT_COLOUR, "-", "^"),
+# colour and line of each model, distinguishable without colour
+MODEL_STYLES: dict[str, tuple[str, Any]] = {
+    "measured": (MEASURED_COLOUR, "-"),
+    "base": (SIMULATED_COLOUR, (0, (5, 1.6))),
+    "effect": (BLOCK_COLOURS[0], "-"),
 }
 # smallest residual in standard deviations, fill, area in pt²
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
@@ -67,19 +66,15 @@ def section_figure(
     ways = np.vstack([*flights, misses.place_m])
     radius = max(b.radius_m for b in blocks.values())
     limits = motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
-    wide_in, axis_in = (3.7, 3.1) if narrow else (6.6, 6.0)
-    high_in = float(
-        np.clip(
-            axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 1.6 if narrow else 2.0, 4.6
-        )
-    )
+    wide_in, axis_in, least_in = (3.7, 3.1, 1.6) if narrow else (6.6, 6.0, 2.0)
+    high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18
+    high_in = float(np.clip(high_in, least_in, 4.6))
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
-    view = fitted_view(limits, 1400, round(1400 * high_in / axis_in))
     labels = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
     names = [labels.get(zone, zone) for zone in cross_section.zones]
     labelled = CrossSection(cross_section.points_m, names, cross_section.measure_lines)
-    draw_cross_section(axis, labelled, view, ways, axis_in)
+    unit = draw_cross_section(axis, labelled, limits, (axis_in, high_in), ways, 1400)
     for text in axis.texts:
         if text.get_text().endswith("%"):
             text.set(weight="bold", color=INK)
@@ -104,8 +99,7 @@ def section_figure(
                 edgecolors=mixed(fill, "#000000", 0.45), zorder=3 + k,
             )  # fmt: skip
     _section_legend(figure, blocks)
-    axis.set_xlabel("x (cm)" if limits[1] - limits[0] < 2.0 else "x (m)")
-    axis.set_ylabel("y (cm)" if limits[1] - limits[0] < 2.0 else "y (m)")
+    axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
     finish(figure)
     return figure
 
@@ -183,21 +177,16 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     factor, unit = (1e3, "mm") if small else (1.0, "m")
     radius = segment.block.radius_m
     low, high = every[:, 1:3].min(axis=0) - 1.3 * radius, every[:, 1:3].max(axis=0) + 1.3 * radius
-    ground = cross_section.points_m * factor
-    deep = ground[:, 1].min() - 10 * factor * (high - low).max()
-    way.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
-    way.plot(*ground.T, color=INK, lw=1.2)
+    draw_ground(way, cross_section, factor, (high - low).max())
     start = segment.measured[0, 0]
     instants = segment.measured[:, 0] - start
     clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
-    for name, rows in reversed(
-        segment.models.items()
-    ):  # base last: its dashes show both lines where they agree
-        colour, line, _ = MODEL_STYLES[name]
-        way.plot(*(rows[:, 1:3] * factor).T, color=colour, ls=line, lw=1.6, zorder=3)
-        angle.plot(
-            (rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), color=colour, ls=line, lw=1.6, zorder=3
-        )
+    # base last: its dashes show both lines where they agree
+    for name, rows in reversed(segment.models.items()):
+        colour, line = MODEL_STYLES[name]
+        style = {"color": colour, "ls": line, "lw": 1.6, "zorder": 3}
+        way.plot(*(rows[:, 1:3] * factor).T, **style)
+        angle.plot((rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), **style)
         _outline(way, segment.block, rows[-1, 1:], factor, colour, line)
     dots = {"color": MEASURED_COLOUR, "ms": 3.0, "mew": 0, "zorder": 2.5}
     way.plot(*(segment.measured[:, 1:3] * factor).T, ".", **dots)
@@ -235,10 +224,6 @@ def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
 def _outline(
     axis: Any, block: Block, pose: Array, factor: float, colour: str, line: Any, fill: float = 0.0
 ) -> None:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    edge = (block.outline(48) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
-    if fill:
-        axis.fill(*edge.T, color=colour, alpha=fill, lw=0, zorder=1.5)
-    axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=line, lw=1.1, zorder=2)
-    # a spoke, so that a round block shows its angle
+    """The outline of a block with a spoke, so that a round block shows its angle."""
+    edge = draw_outline(axis, block, pose, factor, colour, line, fill)
     axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)

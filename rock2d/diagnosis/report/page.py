@@ -36,7 +36,7 @@ from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
-from rock2d.wording import interval, listed, number, percent, plus_minus, spoken
+from rock2d.wording import interval, length, listed, number, percent, plus_minus, spoken
 
 Array = np.ndarray
 Progress = Callable[[str], None]
@@ -91,7 +91,7 @@ def report_page(
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
         context["key_figures"] += context["passing_tile"]
-    return rendered("rock2d.diagnosis.report", "page.html.j2", context, text.FILTERS)
+    return rendered("rock2d.diagnosis.report", "page.html.j2", context)
 
 
 def _verdict_section(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
@@ -315,7 +315,7 @@ def _film_section(
             for i, s in enumerate(segments, 1)
         ],
         "improves": improves,
-        "apart": {name: text.length(v) for name, v in apart.items()},
+        "apart": {name: length(v) for name, v in apart.items()},
         "releases": len(film),
     }
     on_progress("impacts")

@@ -13,8 +13,7 @@ from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
 from rock2d.graphics.bar_charts import Axis, Mark, axis_over, chart, tick_labels
-from rock2d.graphics.downloads import download
-from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, download, embedded
 from rock2d.scene.world import World
 from rock2d.wording import listed, number, spoken
 

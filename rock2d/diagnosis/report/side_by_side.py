@@ -11,10 +11,11 @@ import numpy as np
 
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.replay import Releases
-from rock2d.diagnosis.report import tables, text
+from rock2d.diagnosis.report import tables
 from rock2d.diagnosis.report.downloads import video_data
 from rock2d.errors import InputError
 from rock2d.graphics.clips import Clip
+from rock2d.wording import length
 
 Array = np.ndarray
 
@@ -33,7 +34,7 @@ def video_section(
 ) -> dict[str, Any]:
     """Template variables of the video; the video is written into `folder`."""
     from rock2d.graphics.video import compare_video
-    from rock2d.graphics.video_options import VideoOptions
+    from rock2d.graphics.video_frames import VideoOptions
 
     scenes, titles = tables.video_scenes(result, film, poses, improves)
     spans_s = [float(np.ptp(scene[0][0].t_s)) for scene in scenes]
@@ -76,7 +77,7 @@ def scene_sentence(scene: Sequence[Sequence[Clip]], title: str, labels: Sequence
     for label, clip in zip(labels[1:], simulated, strict=True):
         distance_m = float(np.hypot(clip.x_m[-1] - measured.x_m[-1], clip.y_m[-1] - measured.y_m[-1]))
         parts.append(
-            f"{text.length(distance_m)} from the film {label if label.startswith('with') else f'in the {label}'}"
+            f"{length(distance_m)} from the film {label if label.startswith('with') else f'in the {label}'}"
         )
     return f"{title[0].upper()}{title[1:]}: the block ends {', '.join(parts)}."
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,11 +50,6 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
         return "no gap to close"
     text = f"{round(100 * value)} %"
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
-
-
-def length(value_m: float) -> str:
-    """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
-    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
 
 
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
@@ -421,10 +416,3 @@ def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:
     groups = [[name for name in group if name in known] for group in LOOKALIKES]
     groups = [group for group in groups if len(group) > 1]
     return [listed(group) for group in sorted(groups, key=lambda g: not set(g) & set(names))]
-
-
-FILTERS: dict[str, Callable[..., Any]] = {
-    "spoken": spoken,
-    "percent": percent,
-    "number": number,
-}  # filters of the templates

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 
@@ -18,6 +19,12 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     """ "a, b and c"."""
     words = [spoken(name) for name in names]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines of a terminal, with columns as wide as their longest cell."""
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def percent(share: float) -> str:
@@ -62,6 +69,11 @@ def point(values: Array, half_widths: Array) -> str:
 def length(value_m: float) -> str:
     """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
     return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
+
+
+def energy_unit(largest_J: float) -> tuple[float, str]:
+    """Factor for energies in J and the resulting unit, kJ from 1000 J on."""
+    return (1e-3, "kJ") if largest_J >= 1000.0 else (1.0, "J")
 
 
 def three_digits(value: float) -> str:

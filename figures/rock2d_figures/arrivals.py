@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import KnownSetup, incident_distributions
 from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
-from rock2d_figures.style import STYLES
+from rock2d_figures.style import STYLES, finish_with_legend
 
 Array = np.ndarray
 
@@ -58,9 +58,7 @@ def figure(results: ArrivalResults, known: KnownSetup) -> Figure:
         handle("median, 95 % over hypotheses", color=colour, marker="D", ls="-", ms=4, lw=1.4),
         handle("the text; speed of the drop", color=WORDS_COLOUR, ls="-", lw=7),
     ]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=SMALL_PT)
-    finish(drawn)
-    return drawn
+    return finish_with_legend(drawn, handles, 2, SMALL_PT)
 
 
 def _mean_angle(outcome: Outcome, on_facing: Array) -> Array:

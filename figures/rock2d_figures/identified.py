@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
-from rock2d_figures.style import STYLES
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
+from rock2d_figures.style import STYLES, finish_with_legend
 
 
 def figure(table: pd.DataFrame) -> Figure:
@@ -36,9 +36,7 @@ def figure(table: pd.DataFrame) -> Figure:
         for name in dict.fromkeys(table["model"])
     ]
     handles.append(handle("paper", color="black", marker="x", ls="none", ms=5, mew=1.3))
-    drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=SMALL_PT + 0.5)
-    finish(drawn)
-    return drawn
+    return finish_with_legend(drawn, handles, 4)
 
 
 def _share(value: float, row: dict[Any, Any]) -> float:

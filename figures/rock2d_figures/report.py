@@ -6,8 +6,8 @@ import pandas as pd
 
 from rock2d.reproduction import published
 from rock2d.reproduction.results import Results
-from rock2d_figures import table_2
-from rock2d_figures.style import spelled
+from rock2d.wording import spoken
+from rock2d_figures.table_2 import markdown_rows
 
 
 def report_text(results: Results, tables: dict[str, pd.DataFrame]) -> str:
@@ -19,7 +19,7 @@ def report_text(results: Results, tables: dict[str, pd.DataFrame]) -> str:
         "",
         "## Table 2: passing frequencies in %",
         "",
-        table_2.markdown(results.passing),
+        _markdown_rows(*markdown_rows(results.passing)),
         "",
         "Experiment: exact 95 % interval of 50 releases. This project's models: mean and 95 % interval over the",
         "hypotheses of each that explain the sphere and the statements on first impacts; the slope reductions of the",
@@ -135,13 +135,13 @@ def _candidates(results: Results) -> list[str]:
 
 
 def _markdown(table: pd.DataFrame) -> str:
-    rows = [
-        "| " + " | ".join(spelled(str(c)) for c in table.columns) + " |",
-        "|" + "---|" * len(table.columns),
-    ]
-    for row in table.itertuples(index=False):
-        rows.append("| " + " | ".join(_cell(value) for value in row) + " |")
-    return "\n".join(rows)
+    rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return _markdown_rows([spoken(str(column)) for column in table.columns], rows)
+
+
+def _markdown_rows(head: list[str], rows: list[list[str]]) -> str:
+    lines = [" | ".join(cells).join(("| ", " |")) for cells in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]])
 
 
 def _cell(value: object) -> str:

@@ -182,7 +182,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
             ):
                 request.report(remark)
         if request.page_of is not None and len(tables.get("percentiles", ())):
-            from rock2d.design.design_values import norm_remarks
+            from rock2d.design.norms import norm_remarks
 
             for remark in norm_remarks(scenario):
                 request.report(remark)

@@ -106,19 +106,19 @@ class Assessment:
         tables = []
         for key, words in SHARES.items():
             rows = known[known["quantity"] == key]
+            if not len(rows):
+                continue
             records: list[Any] = list(rows.itertuples())
-            cells = rows.assign(
-                cell=[
-                    f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
-                    for r in records
-                ]
+            cells = [
+                f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
+                for r in records
+            ]
+            table = rows.assign(cell=cells).pivot(index="line", columns="block", values="cell")
+            table = table.loc[rows["line"].unique()]
+            tables.append(
+                f"{words}, in % over {rows['sites'].iloc[0]} possible sites: median [95 % interval], share of the "
+                f"variance that is not known rather than sampling\n{table.fillna('-').to_string()}"
             )
-            table = cells.pivot(index="line", columns="block", values="cell").loc[rows["line"].unique()]
-            if len(rows):
-                tables.append(
-                    f"{words}, in % over {rows['sites'].iloc[0]} possible sites: median [95 % interval], share of the "
-                    f"variance that is not known rather than sampling\n{table.fillna('-').to_string()}"
-                )
         return "\n".join([*tables, *self.remarks()])
 
     def remarks(self) -> list[str]:

@@ -25,9 +25,7 @@ from rock2d.statistics import Estimate, percentile_estimate
 Array = np.ndarray
 
 BETWEEN = 2  # stations of the collector for each station of the envelopes
-AT_LINES = {
-    "height_m": "passing_height_m"
-}  # name of a quantity of the envelopes -> its name at a measure line
+AT_LINES = {"height_m": "passing_height_m"}  # quantity of the envelopes -> its name at a measure line
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,7 @@ def least_volume(
 
 
 def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer) -> Combination:
-    size = answer.judgements[-1].size if answer.least is None else answer.least
-    built = variant(scenario, {**values, answer.place: size}).make_cross_section()
+    built = variant(scenario, {**values, answer.place: answer.shown.size}).make_cross_section()
     return Combination(values, answer, *earth_moved_m2(scenario.natural_ground(), built))
 
 

@@ -18,31 +18,25 @@ from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
 from rock2d.graphics.palette import block_colours
-from rock2d.graphics.slope_figures import energy_unit
-from rock2d.graphics.thinned_paths import largest_energies_J, thinned_paths
+from rock2d.graphics.thinned_paths import thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
-from rock2d.records.columns import INSTANT_Y
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_Y
 from rock2d.records.track import Track
 from rock2d.runs.indicators.envelopes import PERCENTILES, QUANTITIES
 from rock2d.runs.simulation import Simulation
 from rock2d.statistics import least_count
-from rock2d.wording import listed, spoken, with_interval
+from rock2d.wording import energy_unit, listed, spoken, with_interval
 
 Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # largest size of the data in a page
 # for up to FEW paths, the tolerance is the width of the view over FINE, else over COARSE
 FEW, FINE, COARSE = 2000, 1000, 250
-SHOWN_SHARE = (
-    0.5  # share of these bytes for the paths of the run that is shown first, if there are several runs
-)
+SHOWN_SHARE = 0.5  # share of these bytes for the paths of the run that is shown first, if there are several
 SHOWN_OF_OTHERS = 100  # releases of each block of the other runs
 BINS = 20  # bins of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
-BELOW_SHARE, ABOVE_SHARE = (
-    0.1,
-    0.02,
-)  # margin below the lowest and above the highest point, as shares of the height
+BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # margins below the lowest and above the highest point, in heights
 WORST_SHARE = 0.01  # share of the releases of each block, those with the largest energies
 BYTES_OF_A_RELEASE = 22  # for number, block, stop and energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
@@ -73,30 +67,10 @@ class View:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class LiveSlope:
-    """Input of the template live_slope.html.j2.
-
-    Attributes
-    ----------
-    data : JSON without the character "<"
-    blocks, stops, quantities : labels of the check boxes and of the curves
-    views : names of the runs
-    sizes : place of the number in which the runs differ, which a slider chooses; empty if they differ otherwise
-    notes : notes to the reader, for example on paths that are left out
-    """
-
-    data: str
-    blocks: Sequence[str]
-    stops: Sequence[str]
-    quantities: Sequence[str]
-    views: Sequence[str]
-    sizes: str
-    notes: Sequence[str]
-
-
-def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str = "") -> LiveSlope | None:
-    """The live view of runs of the same blocks; None if nothing was released.
+def live_slope(
+    views: Sequence[View], released: int, shown: int = 0, sizes: str = ""
+) -> dict[str, Any] | None:
+    """What live_slope.html.j2 shows of runs of the same blocks; None if nothing was released.
 
     Parameters
     ----------
@@ -142,22 +116,22 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
             int(room * share),
         )  # fmt: skip
         own["notes"] = of_paths + own["notes"]
-    return LiveSlope(
-        in_page(data), list(map(spoken, names)), data["stops"],
-        ["passing frequency", *data["quantities"]], [view.name for view in views], sizes,
-        _notes(run, released, len(views)),
-    )  # fmt: skip
+    return {
+        "data": in_page(data), "blocks": list(map(spoken, names)), "stops": data["stops"],
+        "quantities": ["passing frequency", *data["quantities"]], "views": [view.name for view in views],
+        "sizes": sizes, "notes": _notes(run, released, len(views)),
+    }  # fmt: skip
 
 
 def _notes(run: Simulation, released: int, views: int) -> list[str]:
     """Notes to the reader that hold for all runs."""
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
-    first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
-    others = (
+    few = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
+    same = (
         "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
     )
     return [
-        *([first] if len(run.tracks) < released else []), *([others] if views > 1 else []),
+        *[few] * (len(run.tracks) < released), *[same] * (views > 1),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; these need {counts} passing "
         "blocks. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
         "that cross it; elsewhere they count the first passing of a vertical line, in the direction of x. Heights are "
@@ -181,9 +155,12 @@ def _limits(runs: Sequence[Simulation]) -> Limits:
 
 
 def largest_energies(run: Simulation) -> Array:
-    """(tracks,) the largest kinetic energy of each track in J."""
-    bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
-    return largest_energies_J(run.tracks, ((body.mass_kg, body.inertia_kg_m2) for body in bodies))
+    """(tracks,) the largest kinetic energy of each track at its knots, in J."""
+    found = []
+    for track in run.tracks:
+        body, (vx, vy, omega) = run.block_of(track), track.knots[:, INSTANT_VX : INSTANT_OMEGA + 1].T
+        found.append((0.5 * body.mass_kg * (vx**2 + vy**2) + 0.5 * body.inertia_kg_m2 * omega**2).max())
+    return np.array(found)
 
 
 def worst_releases(run: Simulation, energy_J: Array) -> list[int]:

@@ -10,13 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rock2d.design.design_values import demands, design_table
-from rock2d.design.live_slope import LiveSlope, View, live_slope
+from rock2d.design.live_slope import View, live_slope
 from rock2d.design.model_range import short_ranges
+from rock2d.design.norms import demands, design_table
 from rock2d.design.report_sections import numbered_embankments, report_sections
-from rock2d.design.report_tables import (
-    quantity_text,
-)
+from rock2d.design.report_tables import quantity_text
 from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
@@ -89,11 +87,15 @@ class ReportContent:
         """Remarks on the diagnosis of the scenario."""
         return diagnosis_remarks(self.scenario)
 
+    @property
+    def uncertain(self) -> pd.DataFrame | None:
+        """The table over the possible sites."""
+        return self.assessment.uncertain if self.assessment is not None else None
+
     @cached_property
     def design_values(self) -> pd.DataFrame:
         """Table of design values at all lines. Needs the table percentiles."""
-        uncertain = self.assessment.uncertain if self.assessment is not None else None
-        return design_table(self.scenario, self.tables["percentiles"], uncertain)
+        return design_table(self.scenario, self.tables["percentiles"], self.uncertain)
 
 
 def write_report(
@@ -127,7 +129,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
             *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
         ],
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
-        "sections": [section for section in report_sections(content, figures) if section is not None],
+        "sections": report_sections(content, figures),
         "scenario_text": scenario_text(scenario),
         "live": _live(content) if figures else None,
         **live_assets("live_slope"),
@@ -135,7 +137,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
     return rendered("rock2d.design", "report.html.j2", context)
 
 
-def _live(content: ReportContent) -> LiveSlope | None:
+def _live(content: ReportContent) -> dict[str, Any] | None:
     views = content.views or [View("", content.sample)]
     shown = next(i for i, view in enumerate(views) if view.run is content.sample)
     return live_slope(views, content.releases, shown, content.answer.place if content.answer else "")
@@ -143,7 +145,7 @@ def _live(content: ReportContent) -> LiveSlope | None:
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     """Name of each figure -> the function that draws it, and its arguments."""
-    from rock2d.design.design_curve import design_figure
+    from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
@@ -162,7 +164,7 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     if content.assessment is not None and len(content.assessment.told_apart):
         found["tornado"] = (tornado_figure, content.assessment.told_apart)
     if content.answer is not None:
-        found["design"] = (design_figure, content.answer)
+        found["design"] = (Answer.plot, content.answer)
     if content.combinations:
         found["combinations"] = (volume_figure, content.combinations)
     if content.models is not None:
@@ -228,9 +230,9 @@ def demand_tiles(
         "kinetic_J": ("Energy that arrives (95 %)", "kinetic"),
         "passing_height_m": ("Height at which it arrives (95 %)", "height"),
     }
-    uncertain = content.assessment.uncertain if content.assessment is not None else None
     found = []
-    for (number, quantity), (block, estimate) in demands(content.tables["percentiles"], uncertain).items():
+    required = demands(content.tables["percentiles"], content.uncertain)
+    for (number, quantity), (block, estimate) in required.items():
         what, key = words[quantity]
         tile = (
             what + ("" if number is None else f", embankment {number}"), quantity_text(quantity, *estimate),

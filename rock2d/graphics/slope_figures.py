@@ -13,7 +13,7 @@ from rock2d.graphics.palette import block_colours
 from rock2d.graphics.trajectories import AXIS_IN, WIDE_IN, draw_cross_section
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.wording import spoken
+from rock2d.wording import energy_unit, spoken
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 PANEL_IN = 1.5
 PERCENTILE_STYLES: dict[float, Any] = {50.0: (0, (1.5, 1.2)), 95.0: "-", 99.0: (0, (5, 1.6))}
 STOP_BINS, LINE_BINS = 60, 30
-LARGE_ENERGY_J = 1000.0  # from here on energies are shown in kJ
 
 
 def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Figure:
@@ -103,11 +102,6 @@ def distributions_figure(
     figure.legend(handles=handles, loc="outside lower right", ncols=6, frameon=False, fontsize=SMALL_PT)
     finish(figure, "Blocks that pass the measure lines")
     return figure
-
-
-def energy_unit(largest_J: float) -> tuple[float, str]:
-    """Factor for energies in J and the resulting unit, J or kJ."""
-    return (1e-3, "kJ") if largest_J >= LARGE_ENERGY_J else (1.0, "J")
 
 
 def _below_section(cross_section: CrossSection, panels: int) -> tuple[Figure, list[Any]]:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, bar, chart, share_mark, tick_labels
 from rock2d.graphics.pages import Download, download
 from rock2d.graphics.rendering import Made, rendered
-from rock2d.wording import interval, number, percent, spoken
+from rock2d.wording import aligned, interval, number, percent, spoken
 
 SIDES = {"a": "base", "b": "effect"}  # side -> its mark and colour in charts
 FOLDED_PROBABILITY = 0.005  # answers with a smaller probability in both are folded away
@@ -69,12 +69,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
     for place in content["where"][:TERMINAL_PLACES]:
         name = ", ".join(place[key] for key in ("phase", "zone", "block", "channel"))
         rows.append((name, *(f"{100 * place[side]:.0f} %" for side in SIDES)))
-    cells = [[_printable(cell) for cell in row] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(3)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=False)).rstrip()
-        for row in cells
-    ]
+    lines = aligned([[_printable(cell) for cell in row] for row in rows])
     return [*lines, *(_printable(f"note: {note}") for note in content["notes"])]
 
 
@@ -101,17 +96,15 @@ def _verdict_text(content: Mapping[str, Any], side: str) -> str:
 
 def _gap_texts(gap: Mapping[str, Any]) -> dict[str, str]:
     """Base, with the effect, floor, and the share closed, as text."""
-    numbers = {
-        key: NOTHING if gap[key] is None else f"{gap[key]:.3g}"
-        for key in ("base", "augmented", "noise_floor")
-    }
+    keys = ("base", "augmented", "noise_floor")
+    numbers = {key: NOTHING if gap[key] is None else f"{gap[key]:.3g}" for key in keys}
     known = gap["closure"] is not None and gap["closure_ci95"] is not None
     return numbers | {"closed": text.share_closed(gap["closure"], gap["closure_ci95"]) if known else NOTHING}
 
 
 def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str, str]:
     marks = [
-        Mark(mark, p, p, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}", "bar")
+        bar(mark, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}")
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
@@ -124,8 +117,7 @@ def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
         own = row[side]
         said.append(NOTHING if own is None else text.share_closed(own["closure"], own["ci95"]))
         if own is not None:
-            value, low, high = (100 * v for v in (own["closure"], *own["ci95"]))
-            marks.append(Mark(mark, value, low, high, f"{side.upper()}: {said[-1]}"))
+            marks.append(share_mark(mark, own["closure"], own["ci95"], f"{side.upper()}: {said[-1]}"))
     return {"name": row["effect"], "marks": marks, "text": said}
 
 

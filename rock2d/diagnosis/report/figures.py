@@ -80,14 +80,8 @@ def section_figure(
             text.set(weight="bold", color=INK)
     if flights:
         alpha = float(np.clip(60.0 / len(flights), 0.12, 0.5))
-        style: dict[str, Any] = {
-            "colors": "#5a6a78",
-            "linewidths": 0.6,
-            "alpha": alpha,
-            "zorder": 2.4,
-            "rasterized": True,
-        }
-        axis.add_collection(LineCollection(flights, **style))
+        style: dict[str, Any] = {"colors": "#5a6a78", "linewidths": 0.6, "zorder": 2.4, "rasterized": True}
+        axis.add_collection(LineCollection(flights, alpha=alpha, **style))
     names_of = list(blocks)
     for k, (least, fill, area) in enumerate(MISS_CLASSES):
         most = MISS_CLASSES[k + 1][0] if k + 1 < len(MISS_CLASSES) else np.inf
@@ -121,34 +115,24 @@ def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> st
 
 
 def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
-    bounds = [c[0] for c in MISS_CLASSES[1:]]
-    words = [f"residual < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
+    low, high = (least for least, _, _ in MISS_CLASSES[1:])
+    words = (f"residual < {low:g} σ", f"{low:g} to {high:g} σ", f"> {high:g} σ")
+    dot = {"marker": "o", "ls": "none", "mew": 0.5}
     sizes = [
-        handle(
-            word, marker="o", ls="none", ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), mew=0.5
-        )
+        handle(word, ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), **dot)
         for word, (_, fill, area) in zip(words, MISS_CLASSES, strict=True)
     ]
+    style = {"ls": "none", "ms": 5, "mfc": "white", "mec": "#555555"}
     shapes = [
-        handle(
-            name.replace("_", " "),
-            marker=MARKERS.get(b.shape, OTHER_MARKER),
-            ls="none",
-            ms=5,
-            mfc="white",
-            mec="#555555",
-        )
-        for name, b in blocks.items()
+        handle(spoken(name), marker=MARKERS.get(block.shape, OTHER_MARKER), **style)
+        for name, block in blocks.items()
         if len(blocks) > 1
     ]
     blank = handle("", ls="none")
-    columns = [
-        handle or blank for pair in zip_longest(sizes, shapes) for handle in pair
-    ]  # filled column by column
-    if not shapes:
-        columns = sizes
+    pairs = [own or blank for pair in zip_longest(sizes, shapes) for own in pair]  # filled column by column
     wide = max(len(sizes), len(shapes))
-    figure.legend(handles=columns, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
+    handles = pairs if shapes else sizes
+    figure.legend(handles=handles, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
 
 
 @dataclass
@@ -166,6 +150,11 @@ class Segment:
     block: Block
     measured: Array
     models: dict[str, Array]
+
+    def rows(self, labels: Mapping[str, str]) -> list[tuple[Any, ...]]:
+        """(name of the film or of the model, t_s, x_m, y_m, theta_rad), one row for each frame and each prediction."""
+        series = {"measured": self.measured, **self.models}
+        return [(labels[name], *row) for name, own in series.items() for row in own]
 
 
 def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:

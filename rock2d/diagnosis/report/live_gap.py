@@ -32,9 +32,9 @@ from rock2d.diagnosis.report.live_items import (
     shown_releases,
 )
 from rock2d.diagnosis.report.practical_indicators import Row
-from rock2d.diagnosis.report.sections import cause_name, p_text
+from rock2d.diagnosis.report.sections import LEARNT_ORIGIN, cause_name, learnt_name, p_text
 from rock2d.diagnosis.segments import Segments
-from rock2d.graphics.bar_charts import Axis, Mark, chart
+from rock2d.graphics.bar_charts import Axis, chart, share_mark
 from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene
 from rock2d.graphics.palette import block_colours
@@ -47,43 +47,6 @@ MOST_NUMBERS = 2_000_000  # packed numbers of frames, of about two bytes each
 OUTLINE_POINTS = 32
 LEAST_SIZES = (0.0, *(least for least, _, _ in MISS_CLASSES[1:]), 4.0)  # residuals to choose from, in σ
 LEARNT = "learnt"  # name of the learnt changes in the address
-
-
-@dataclass(frozen=True)
-class ModelWords:
-    """A model in words: its name, a sentence on its gap, the gap as a bar, misses (what, base law, this model) and
-    passing frequencies (what, film, base law, this model)."""
-
-    label: str
-    said: str
-    bar: Markup
-    misses: Sequence[tuple[str, str, str]]
-    passing: Sequence[tuple[str, str, str, str]]
-
-
-@dataclass(frozen=True)
-class LiveGap:
-    """What the template live_gap.html.j2 shows.
-
-    Attributes
-    ----------
-    data : JSON that holds no "<"
-    causes : for each check box: name, origin, share that it closes as a bar and in words
-    models : every computed combination, the base law first
-    blocks, zones, phases, sizes : options to choose from
-    checks : whether there are checks
-    notes : sentences on what was left out
-    """
-
-    data: str
-    causes: Sequence[tuple[str, str, Markup, str]]
-    models: Sequence[ModelWords]
-    blocks: Sequence[str]
-    zones: Sequence[str]
-    phases: Sequence[str]
-    sizes: Sequence[str]
-    checks: bool
-    notes: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -108,8 +71,8 @@ class _Model:
 
 def live_gap(
     result: Diagnosis, content: Mapping[str, Any], passing: Sequence[Row], named: Mapping[str, Fit]
-) -> LiveGap | None:
-    """The live view of a diagnosed film; None if it has no impacts.
+) -> dict[str, Any] | None:
+    """What live_gap.html.j2 shows of a diagnosed film; None if it has no impacts.
 
     `passing`: passing frequencies of the film and of the models in `named` (name -> fit)
     """
@@ -133,12 +96,13 @@ def live_gap(
     }  # fmt: skip
     moving, notes = _moving_data(result, data, segments, models, items, MOST_BYTES - len(compact(known)))
     simulated = {k: name for k, m in enumerate(models) for name, fit in named.items() if m.own.fit is fit}
-    return LiveGap(
-        in_page(known | moving), _cause_boxes(result, content, causes, names),
-        _model_words(models, data, segments, simulated, passing), list(map(spoken, blocks)),
-        list(map(spoken, zones)), [f"{phase}s" for phase in PHASES],
-        ["any size", *(f"{least:g} σ and more" for least in LEAST_SIZES[1:])], bool(checks), notes,
-    )  # fmt: skip
+    return {
+        "data": in_page(known | moving), "causes": _cause_boxes(result, content, causes, names),
+        "models": _model_words(models, data, segments, simulated, passing), "blocks": list(map(spoken, blocks)),
+        "zones": list(map(spoken, zones)), "phases": [f"{phase}s" for phase in PHASES],
+        "sizes": ["any size", *(f"{least:g} σ and more" for least in LEAST_SIZES[1:])],
+        "checks": bool(checks), "notes": notes,
+    }  # fmt: skip
 
 
 # --- models -------------------------------------------------------------------------------------------
@@ -166,36 +130,27 @@ def _models(result: Diagnosis, data: FilmData, segments: Segments, causes: Seque
 def _cause_boxes(
     result: Diagnosis, content: Mapping[str, Any], causes: Sequence[Mapping[str, Any]], names: Sequence[str]
 ) -> list[tuple[str, str, Markup, str]]:
-    """Each cause with the share that it closes: mean over all orders, as in the budget; alone; and after all others."""
+    """(name, origin, bar, words) of each cause with the share that it closes: mean over all orders, as in the budget;
+    alone; and after all others."""
     assert result.budget is not None
     sets, axis, found = result.budget.sets, Axis(0.0, 100.0), list[tuple[str, str, Markup, str]]()
     every = frozenset(cause["effect"] for cause in causes)
 
-    def boxed(name: str, origin: str, share: float, ci95: Sequence[float], said: str) -> None:
-        low, high = (100.0 * float(v) for v in ci95)
-        own = text.share_closed(share, ci95)
-        mark = Mark("effect", 100.0 * share, low, high, f"{name}: {own}", "bar")
+    def boxed(name: str, origin: str, part: Mapping[str, Any], said: str) -> None:
+        own = text.share_closed(part["closes"], part["closes_ci95"])
+        mark = share_mark("effect", part["closes"], part["closes_ci95"], f"{name}: {own}", "bar")
         found.append((name, origin, chart(axis, [mark]), own + said))
 
     for cause in causes:
         name, said = cause["effect"], ""
         if len(every) > 1:
-            alone, last = (
-                sets[frozenset({name})][1].closes,
-                sets[every][1].closes - sets[every - {name}][1].closes,
-            )
+            alone = sets[frozenset({name})][1].closes
+            last = sets[every][1].closes - sets[every - {name}][1].closes
             said = f"; alone {round(100 * alone)} %, after all others {round(100 * last)} %".replace("-", "−")
-        boxed(cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], said)
+        boxed(cause_name(cause), cause["origin"], cause, said)
     if LEARNT in names and (learnt := content["outside"]["learnt"]):
-        beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
         said = "; fitted together with all causes" if causes else ""
-        boxed(
-            f"learnt: {listed(learnt['changes'])}{beside}",
-            "learnt from the film",
-            learnt["closes"],
-            learnt["closes_ci95"],
-            said,
-        )
+        boxed(learnt_name(learnt), LEARNT_ORIGIN, learnt, said)
     return found
 
 
@@ -205,8 +160,9 @@ def _model_words(
     segments: Segments,
     passing: Mapping[int, str],
     rows: Sequence[Row],
-) -> list[ModelWords]:
-    """Gap and misses of every model; `passing`: position of a model -> its name in the `rows`."""
+) -> list[dict[str, Any]]:
+    """For each model a sentence on its gap, the gap as a bar, misses (what, base law, this model) and passing
+    frequencies (what, film, base law, this model). `passing`: position of a model -> its name in the `rows`."""
     film = measured(data, segments)
     places = ("place at the end of a segment", "angle at the end of a segment", "velocity after an impact")
     misses, words = [], []
@@ -225,11 +181,11 @@ def _model_words(
         said, bar = f"The typical residual is {model.gap:.2f} σ.", Markup("")
         if model.share is not None:
             closed = text.share_closed(model.share.closes, model.share.ci95)
-            value, low, high = (100.0 * v for v in (model.share.closes, *model.share.ci95))
             said = f"The typical residual falls from {models[0].gap:.2f} σ to {model.gap:.2f} σ: closed {closed}."
-            bar = chart(axis, [Mark("effect", value, low, high, f"{model.label} closes {closed}", "bar")])
+            label = f"{model.label} closes {closed}"
+            bar = chart(axis, [share_mark("effect", model.share.closes, model.share.ci95, label, "bar")])
         own = list(zip(places, misses[0], misses[k], strict=True))
-        words.append(ModelWords(model.label, said, bar, own, passes))
+        words.append({"said": said, "bar": bar, "misses": own, "passing": passes})
     return words
 
 

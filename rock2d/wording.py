@@ -9,6 +9,12 @@ import numpy as np
 
 Array = np.ndarray
 
+# ends of names, and the units that they say; the longest first
+UNITS = {
+    "m2_s2": "m²/s²", "rad_s": "rad/s", "m_s2": "m/s²", "m_s": "m/s", "rad": "rad", "kg": "kg", "J": "J", "m": "m",
+    "s": "s",
+}  # fmt: skip
+
 
 def spoken(name: str) -> str:
     """The name of an effect, a block or a zone as text."""
@@ -69,6 +75,12 @@ def point(values: Array, half_widths: Array) -> str:
 def length(value_m: float) -> str:
     """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
     return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
+
+
+def without_unit(name: str) -> tuple[str, str]:
+    """("vx", "m/s") of "vx_m_s"; the unit is empty if the name says none."""
+    end = next((end for end in UNITS if name.endswith(f"_{end}")), None)
+    return (name, "") if end is None else (name.removesuffix(f"_{end}"), UNITS[end])
 
 
 def energy_unit(largest_J: float) -> tuple[float, str]:

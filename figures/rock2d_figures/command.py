@@ -20,7 +20,7 @@ from rock2d.reproduction.side_by_side import ENGINE_OF_MODEL
 from rock2d.reproduction.stages import Effort
 from rock2d.reproduction.tables import write_results
 from rock2d.runs.run import run
-from rock2d_figures import arrivals, identified
+from rock2d_figures.posteriors import arrivals_figure, identified_figure
 from rock2d_figures.report import report_text
 from rock2d_figures.setup_figures import figure_1, figure_2, figure_3
 from rock2d_figures.table_2 import passing_figure
@@ -71,8 +71,8 @@ def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Pat
             "figure_2": figure_2(results),
             "figure_3": figure_3(runs),
             "passing": passing_figure(results.passing),
-            "arrivals": arrivals.figure(results.arrivals, results.known),
-            "identified": identified.figure(_identified(tables)),
+            "arrivals": arrivals_figure(results.arrivals, results.known),
+            "identified": identified_figure(_identified(tables)),
         }
         for name, figure in figures.items():
             save_figure(figure, folder / f"{name}.png", dpi=FIGURE_DPI)

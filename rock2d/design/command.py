@@ -27,7 +27,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
-from rock2d.graphics.printing import check_printer
+from rock2d.graphics.pages import check_printer
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
@@ -149,6 +149,8 @@ def _write_results(
 ) -> str:
     """Write design.json, design.csv, combinations.csv, least.yaml and the page of an answer. Returns the answer as
     text. If several numbers were varied, the answer must be that of the first of the `combinations`."""
+    from rock2d.version import __version__
+
     volume = []
     if combinations:
         table = combination_table(combinations)
@@ -157,7 +159,21 @@ def _write_results(
         volume = [f"{volume_text(combinations)}\n{rows}\n"]
         best = variant(search.scenario, combinations[0].values, uncertain=True)
         search = replace(search, scenario=best, over={})
-    _write(folder, search, answer)
+    scenario = search.scenario
+    answer.to_pandas().to_csv(folder / "design.csv", index=False, lineterminator="\n")
+    facts = {
+        "scenario": scenario.name, "engine": search.engine, "seed": search.seed, "sites": len(search.sites),
+        **asdict(answer), "rock2d": __version__,
+    }  # fmt: skip
+    (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    if answer.least is not None:
+        chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
+        (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
+        for named in (scenario.diagnosed, scenario.posterior):
+            if named is not None:  # the scenario refers to it by a relative path
+                copied = path_inside(folder, named.given)
+                copied.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(named.file, copied)
     with bars.stage(PAGE, 1, "step") as bar:
         demands = _write_page(folder, search, answer, command, combinations, pdf)
         bar.update()
@@ -195,26 +211,6 @@ def answer_text(answer: Answer, search: Search) -> str:
     of = f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each{left_out}"
     columns = f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block"
     return "\n".join([head, of, columns, *worst, *notes])
-
-
-def _write(folder: Path, search: Search, answer: Answer) -> None:
-    """Write design.csv, design.json and, if a size meets the target, least.yaml with the files that it names."""
-    from rock2d.version import __version__
-
-    scenario = search.scenario
-    about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
-
-    answer.to_pandas().to_csv(folder / "design.csv", index=False, lineterminator="\n")
-    facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}
-    (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-    if answer.least is not None:
-        chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
-        (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
-        for named in (scenario.diagnosed, scenario.posterior):
-            if named is not None:  # the scenario refers to it by a relative path
-                copied = path_inside(folder, named.given)
-                copied.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(named.file, copied)
 
 
 def _write_page(

@@ -153,10 +153,11 @@ def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
 def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
     """(line, key of SHOWN) -> range over the models in words, of the block with the largest value in each."""
     found = {}
-    for line, quantities in shown_lines(table):
-        for key in quantities:
+    for line, keys in shown_lines(table):
+        by_model = table[table["line"] == line].groupby("model")
+        for key in keys:
             column, *_, factor, words = SHOWN[key]
-            largest = factor * table[table["line"] == line].groupby("model")[column].max().dropna()
+            largest = factor * by_model[column].max().dropna()
             if len(largest) > 1:
                 unit = words.rpartition(", ")[2].split()[0]
                 least, most = three_digits(largest.min()), three_digits(largest.max())
@@ -167,17 +168,17 @@ def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
 def range_remarks(table: pd.DataFrame) -> list[str]:
     """A sentence on each block and quantity: smallest and largest value over the models, and their models."""
     found = []
-    for line, quantities in shown_lines(table):
+    for line, keys in shown_lines(table):
         for block, own in table[table["line"] == line].groupby("block", sort=False):
-            for key in quantities:
+            for key in keys:
                 column, *_, factor, words = SHOWN[key]
-                values = own.set_index("model")[column].dropna()
+                values = factor * own.set_index("model")[column].dropna()
                 if len(values) > 1:
-                    least, most = (
-                        f"{three_digits(factor * value)} ({name})"
-                        for value, name in ((values.min(), values.idxmin()), (values.max(), values.idxmax()))
+                    ends = (
+                        f"{three_digits(values[name])} ({name})"
+                        for name in (values.idxmin(), values.idxmax())
                     )
-                    found.append(f"{block} at {line}, {words}: {least} to {most}")
+                    found.append(f"{block} at {line}, {words}: {' to '.join(ends)}")
     return found
 
 

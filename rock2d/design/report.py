@@ -22,7 +22,7 @@ from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
 from rock2d.graphics.live_data import live_assets
-from rock2d.graphics.printing import write_pdf
+from rock2d.graphics.pages import write_pdf
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
@@ -149,7 +149,6 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
-    from rock2d.graphics.tornado import tornado_figure
     from rock2d.graphics.trajectories import trajectories_figure
 
     run = content.sample
@@ -162,7 +161,7 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     if lines:
         found["distributions"] = (distributions_figure, run.to_pandas("crossings"), lines, dict(run.blocks))
     if content.assessment is not None and len(content.assessment.told_apart):
-        found["tornado"] = (tornado_figure, content.assessment.told_apart)
+        found["tornado"] = (Assessment.plot, content.assessment)
     if content.answer is not None:
         found["design"] = (Answer.plot, content.answer)
     if content.combinations:

@@ -17,7 +17,7 @@ from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
 from rock2d.runs.resolution import stop_counts
 from rock2d.runs.tables import PASSING_HEAD, passing_cells
 from rock2d.scene.soils import SOIL_CLASSES
-from rock2d.wording import energy_unit, three_digits, with_interval
+from rock2d.wording import energy_unit, three_digits, with_interval, without_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,14 +31,13 @@ USUAL_REACH = (
     "Of the blocks that fell in the Friuli earthquake of 1976, half stopped above 33.5°, 72 % above 32° and all above "
     "28.5° (Onofri and Candian 1979, from secondary sources)."
 )
-UNITS = {"_m_s": "m/s", "_J": "J", "_kg": "kg", "_m": "m"}
 
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
     """A value with its interval and its unit, which is the end of the name of the quantity."""
     if not np.isfinite(value):
         return "-"
-    unit = next((text for end, text in UNITS.items() if quantity.endswith(end)), "")
+    _, unit = without_unit(quantity)
     if unit == "kg" and low == high:
         return f"{three_digits(value)} kg"
     factor, unit = energy_unit(abs(value)) if unit == "J" else (1.0, unit)

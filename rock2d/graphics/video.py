@@ -18,8 +18,7 @@ from rock2d.graphics.canvas import Limits, Viewport, exact_view, fitted_view, mo
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR, block_colours
 from rock2d.graphics.video_file import Progress, write_video
-from rock2d.graphics.video_frames import Frames, VideoOptions
-from rock2d.graphics.video_panel import Layout, Panel
+from rock2d.graphics.video_frames import Frames, Layout, Panel, VideoOptions
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.wording import spoken

@@ -14,8 +14,7 @@ from rock2d.graphics.clips import Clip, clip_from_measured, clip_from_track
 from rock2d.graphics.palette import SKY, zone_tones
 from rock2d.graphics.scenery import ground_image
 from rock2d.graphics.video import render_video, side_by_side
-from rock2d.graphics.video_frames import VideoOptions
-from rock2d.graphics.video_panel import Layout
+from rock2d.graphics.video_frames import Layout, VideoOptions
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection

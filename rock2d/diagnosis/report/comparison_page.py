@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
@@ -40,10 +40,7 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "closure_scale": tick_labels(closure_axis),
         "wanted": [row for row in parameters if row["of_interest"]],
         "others": [row for row in parameters if not row["of_interest"]],
-        "base": [
-            (pair["name"], _number_text(pair["a"]), _number_text(pair["b"]), _ratio_text(pair))
-            for pair in content["base"]
-        ],
+        "base": list(map(_law_row, content["base"])),
         "places": content["where"][:SHOWN_PLACES],
         "more_places": content["where"][SHOWN_PLACES:],
         "data": _downloads(content),
@@ -61,7 +58,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
     ]
     for pair in content["probabilities"]:
         if _largest(pair) >= TERMINAL_PROBABILITY:
-            rows.append((f"p({pair['name']})", *(_probability_text(pair[side]) for side in SIDES)))
+            rows.append((f"p({pair['name']})", *(_known(pair[side], percent) for side in SIDES)))
     for row in content["parameters"]:
         if row["of_interest"]:
             shown = _parameter_row(row)
@@ -82,8 +79,9 @@ def _largest(pair: Mapping[str, Any]) -> float:
     return max(pair["a"] or 0.0, pair["b"] or 0.0)
 
 
-def _probability_text(value: float | None) -> str:
-    return NOTHING if value is None else percent(value)
+def _known(value: Any, words: Callable[[Any], str]) -> str:
+    """A value in words; a dash if it is not known."""
+    return NOTHING if value is None else words(value)
 
 
 def _verdict_text(content: Mapping[str, Any], side: str) -> str:
@@ -97,7 +95,7 @@ def _verdict_text(content: Mapping[str, Any], side: str) -> str:
 def _gap_texts(gap: Mapping[str, Any]) -> dict[str, str]:
     """Base, with the effect, floor, and the share closed, as text."""
     keys = ("base", "augmented", "noise_floor")
-    numbers = {key: NOTHING if gap[key] is None else f"{gap[key]:.3g}" for key in keys}
+    numbers = {key: _known(gap[key], "{:.3g}".format) for key in keys}
     known = gap["closure"] is not None and gap["closure_ci95"] is not None
     return numbers | {"closed": text.share_closed(gap["closure"], gap["closure_ci95"]) if known else NOTHING}
 
@@ -108,7 +106,7 @@ def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
-    return pair["name"], chart(axis, marks), _probability_text(pair["a"]), _probability_text(pair["b"])
+    return pair["name"], chart(axis, marks), *(_known(pair[side], percent) for side in SIDES)
 
 
 def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,25 +129,22 @@ def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:
     ]
     units = {own["unit"] for own in known.values()}
     return {
-        **row, "a": _value_text(row["a"]), "b": _value_text(row["b"]), "chart": chart(axis, marks),
+        **row, **{side: _known(row[side], _value_text) for side in SIDES}, "chart": chart(axis, marks),
         "judged": JUDGED[row["agree"]], "unit": " / ".join(sorted(units - {"1", "choice"})),
     }  # fmt: skip
 
 
-def _value_text(own: Mapping[str, Any] | None) -> str:
-    if own is None:
-        return NOTHING
+def _value_text(own: Mapping[str, Any]) -> str:
     low, high = own["ci95"]
     half = 0.5 * abs(high - low)
     return f"{number(own['value'], half or None)}" + (f" ({interval(low, high)})" if half else "")
 
 
-def _number_text(value: float | None) -> str:
-    return NOTHING if value is None else f"{value:.4g}"
-
-
-def _ratio_text(pair: Mapping[str, Any]) -> str:
-    return f"{pair['b'] / pair['a']:.3g}" if pair["a"] and pair["b"] is not None else NOTHING
+def _law_row(pair: Mapping[str, Any]) -> tuple[str, ...]:
+    """Name, both values, and their ratio."""
+    a, b = pair["a"], pair["b"]
+    ratio = f"{b / a:.3g}" if a and b is not None else NOTHING
+    return pair["name"], _known(a, "{:.4g}".format), _known(b, "{:.4g}".format), ratio
 
 
 def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:

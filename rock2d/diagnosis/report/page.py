@@ -14,8 +14,14 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import tables, text
-from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
-from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
+from rock2d.diagnosis.report.figures import (
+    described,
+    learnt_figure,
+    section_alt,
+    section_figure,
+    segment_alt,
+    segment_figure,
+)
 from rock2d.diagnosis.report.live_gap import live_gap
 from rock2d.diagnosis.report.parameters import parameters_section
 from rock2d.diagnosis.report.practical_indicators import (

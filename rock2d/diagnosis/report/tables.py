@@ -88,14 +88,16 @@ def impact_misses(result: Diagnosis, out: HeldOut) -> Misses:
 
 def touch_places(result: Diagnosis, data: FilmData) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
-    corrected = corrected_setup(result)
-    impacts = data.impacts
-    ends = (
-        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    )
-    leaves = data.states_at(corrected, impacts.before, ends)
-    arrives = data.states_at(corrected, impacts.after, impacts.begin_s)
-    return 0.5 * (leaves + arrives)[:, POSITION]
+    return 0.5 * np.add(*states_around(result, data))[:, POSITION]
+
+
+def states_around(result: Diagnosis, data: FilmData) -> tuple[Array, Array]:
+    """(n, 6) states at the end of the flight before each impact and at the beginning of the flight after it, with
+    mirrored axes corrected."""
+    setup, impacts = corrected_setup(result), data.impacts
+    ends = data.film.t_s[data.segmentation.flights.last[impacts.before] - 1]
+    before = data.states_at(setup, impacts.before, ends - data.basis.middle[impacts.before])
+    return before, data.states_at(setup, impacts.after, impacts.begin_s)
 
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:

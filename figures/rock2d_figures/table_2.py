@@ -21,7 +21,7 @@ SHIFT = {"experiment": -0.3, "deterministic": -0.1, "probabilistic": 0.1}
 WIDE_SHIFT = {"experiment": -0.24, "deterministic": 0.0, "probabilistic": 0.24}
 PAPER_SHIFT = 0.2  # of the paper's models from this project's
 BAR_PT, RING_PT, RING_COLOUR = 7.0, 10.0, "#c0392b"
-OPEN = {"mfc": "white", "ms": 5, "mew": 1.1, "zorder": 3}
+OPEN: dict[str, Any] = {"mfc": "white", "ms": 5, "mew": 1.1, "zorder": 3}
 
 
 def passing_figure(table: pd.DataFrame) -> Figure:
@@ -34,9 +34,9 @@ def passing_figure(table: pd.DataFrame) -> Figure:
     for axis, own, x in _panels(figure, table, 4):
         for name, shift in SHIFT.items():
             colour, _, marker = STYLES[name]
-            bounds = [own[f"{name}_{end}95"].to_numpy(float) for end in ("low", "high")]
-            axis.vlines(x + shift, *bounds, color=colour, lw=1.1, zorder=3)
-            for bound in bounds:
+            low, high = (own[f"{name}_{end}95"].to_numpy(float) for end in ("low", "high"))
+            axis.vlines(x + shift, low, high, color=colour, lw=1.1, zorder=3)
+            for bound in (low, high):
                 axis.plot(x + shift, bound, "_", color=colour, ms=5, mew=1.1, zorder=3)
             axis.plot(x + shift, own[name], marker, color=colour, ms=5, zorder=4)
             if name != "experiment":
@@ -66,15 +66,22 @@ def side_by_side_figure(table: pd.DataFrame) -> Figure:
             axis.plot(at, own[paper], marker, mec=colour, **OPEN)
             if name != "experiment":
                 axis.plot(at, own[name], marker, color=colour, ms=3.6, zorder=4)
-                off, ring = ~own[f"{name}_agrees"].to_numpy(bool), {"mfc": "none", "mec": RING_COLOUR}
-                axis.plot(at[off], own[name][off], "o", ms=RING_PT, mew=1.1, zorder=5, **ring)
+                off = ~own[f"{name}_agrees"].to_numpy(bool)
+                style: dict[str, Any] = {
+                    "mfc": "none",
+                    "mec": RING_COLOUR,
+                    "ms": RING_PT,
+                    "mew": 1.1,
+                    "zorder": 5,
+                }
+                axis.plot(at[off], own[name][off], "o", **style)
     handles = [_open_handle("experiment", "experiment")]
     for name in published.COLUMNS:
         colour, _, marker = STYLES[name]
         handles.append(_open_handle(f"paper, {name}", name))
         handles.append(handle(f"rock2d, {name}", color=colour, marker=marker, ls="none", ms=3.6))
-    ring = {"mec": RING_COLOUR, "marker": "o", "mfc": "none", "ls": "none", "ms": RING_PT - 2}
-    handles.append(handle("outside the paper's 95 %", **ring))
+    rings = {"mec": RING_COLOUR, "marker": "o", "mfc": "none", "ls": "none"}
+    handles.append(handle("outside the paper's 95 %", ms=RING_PT - 2, **rings))
     return finish_with_legend(figure, handles, 3)
 
 

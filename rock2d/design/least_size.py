@@ -191,7 +191,7 @@ class Answer:
             axis.plot(sizes, median, "o-", color=colour, ms=3.5, lw=1.4, label=block)
         target, confidence = 100.0 * self.target.frequency, 100.0 * self.target.confidence
         axis.axhline(target, color=INK, lw=1.0, ls=(0, (5, 2)))
-        label = {"xytext": (0, 3), "textcoords": "offset points", "fontsize": SMALL_PT}
+        label: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "fontsize": SMALL_PT}
         axis.annotate(f"target {target:.3g} %", (sizes[0], target), **label)
         linear = max(target, 0.1)
         axis.set_yscale("symlog", linthresh=linear)

@@ -174,11 +174,9 @@ def range_remarks(table: pd.DataFrame) -> list[str]:
                 column, *_, factor, words = SHOWN[key]
                 values = factor * own.set_index("model")[column].dropna()
                 if len(values) > 1:
-                    ends = (
-                        f"{three_digits(values[name])} ({name})"
-                        for name in (values.idxmin(), values.idxmax())
-                    )
-                    found.append(f"{block} at {line}, {words}: {' to '.join(ends)}")
+                    least = f"{three_digits(values.min())} ({values.idxmin()})"
+                    most = f"{three_digits(values.max())} ({values.idxmax()})"
+                    found.append(f"{block} at {line}, {words}: {least} to {most}")
     return found
 
 

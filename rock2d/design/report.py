@@ -10,6 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rock2d.design.assessment import Assessment
+from rock2d.design.least_size import Answer
 from rock2d.design.live_slope import View, live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.norms import demands, design_table
@@ -34,8 +36,6 @@ from rock2d.wording import three_digits, with_interval
 if TYPE_CHECKING:
     import pandas as pd
 
-    from rock2d.design.assessment import Assessment
-    from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import Combination
 
 PAGE, PRINTED = "report.html", "report.pdf"
@@ -145,7 +145,6 @@ def _live(content: ReportContent) -> dict[str, Any] | None:
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     """Name of each figure -> the function that draws it, and its arguments."""
-    from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure

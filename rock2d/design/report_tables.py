@@ -152,7 +152,7 @@ def model_rows(compared: pd.DataFrame, name: str) -> Table:
     """Passing frequencies, energy and height with each of several models; `name`: file name of the full table."""
     rows = []
     for row in compared.to_dict("records"):
-        shares = [with_interval(*(row[n] for n in names), 100.0) for names in COLUMNS_OF_SHARE.values()]
+        shares = [with_interval(*(100.0 * row[n] for n in names)) for names in COLUMNS_OF_SHARE.values()]
         loads = [quantity_text(name, *(row[n] for n in names)) for name, names in COLUMNS_OF_QUANTITY.items()]
         rows.append((row["line"], row["block"], row["model"], *shares, *loads))
     return Table(

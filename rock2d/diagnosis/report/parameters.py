@@ -82,7 +82,8 @@ def _effect_rows(models: Models) -> list[tuple[str, ...]]:
     model."""
     if (fit := models.fits.get("effect")) is None:
         return []
-    rows, model, values = [], fit.model, effect_values(fit)
+    rows: list[tuple[str, ...]] = []
+    model, values = fit.model, effect_values(fit)
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
         for k, parameter in enumerate(parameters):
             own, meaning, remark = values[effect.name][parameter.name], parameter.meaning, ""

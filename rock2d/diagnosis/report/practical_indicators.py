@@ -269,7 +269,7 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[CountedEstimat
     middle = _quantiles(np.sort(values.reshape(1, -1), axis=1))[0]
     low, high = np.nanquantile(spread, [0.025, 0.975], axis=0)
     bounds = zip(middle, low, high, strict=True)
-    return [CountedEstimate(*map(float, own), count) for own in bounds]
+    return [CountedEstimate(float(v), float(a), float(b), count) for v, a, b in bounds]
 
 
 def _quantiles(ranked: Array) -> Array:

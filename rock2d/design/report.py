@@ -121,7 +121,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
     context = {
         "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
         "sentences": [text for text in (first_sentence(content), norm_sentence(content), scenario.about) if text],
-        "tiles": _tiles(content),
+        "key_figures": _tiles(content),
         "remarks": [
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),

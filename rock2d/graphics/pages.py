@@ -91,7 +91,7 @@ def live_page(title: str, above: Sequence[Section], name: str, live: object, bel
     """
     view = {"live": live, "view": f"{name}.html.j2", **live_assets(name)}
     context = {"title": title, "sections": above, "below": below, **view}
-    return rendered("rock2d.graphics", "live_sections.html.j2", context)
+    return rendered("rock2d.graphics", "sections.html.j2", context)
 
 
 def view(write: Callable[[Path], object], name: str) -> Path:

@@ -104,4 +104,4 @@ def rendered(package: str, template: str, context: Mapping[str, Any]) -> str:
     )  # fmt: skip
     filters = (breakable, coded, css_text, percent, source_hash, spoken)
     environment.filters |= {own.__name__: own for own in filters}
-    return environment.get_template(template).render({"style": source("style.css"), **context})
+    return environment.get_template(template).render({"style": source("style.css"), "live": None, **context})

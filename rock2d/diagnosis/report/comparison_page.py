@@ -29,10 +29,16 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         [v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0]
     )
     parameters = [_parameter_row(row) for row in content["parameters"]]
+    verdicts = {side: _verdict_text(content, side) for side in SIDES}
+    gaps = {side: _gap_texts(content["gap"][side]) for side in SIDES}
     return rendered("rock2d.diagnosis.report", "comparison.html.j2", {
-        "content": content, "files": files, "made": made, "shapes": SHAPES, "sides": SIDES,
-        "verdicts": {side: _verdict_text(content, side) for side in SIDES},
-        "gaps": {side: _gap_texts(content["gap"][side]) for side in SIDES},
+        "content": content, "made": made, "sides": SIDES, "verdicts": verdicts, "gaps": gaps,
+        "shapes": SHAPES, "marks": [(side.upper(), mark) for side, mark in SIDES.items()],
+        "key_figures": [
+            (f"{side.upper()}: {content['experiment'][side]}", verdicts[side],
+             f"gap closed: {gaps[side]['closed']}; schema {content['diagnosis_schema'][side]}; {files[side]}")
+            for side in SIDES
+        ],
         "bars": [_probability_row(axis, p) for p in shown],
         "folded": [_probability_row(axis, p) for p in folded],
         "probability_scale": tick_labels(Axis(0.0, 100.0)),

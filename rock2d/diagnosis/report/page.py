@@ -140,6 +140,7 @@ def _sections(
     labels = {"measured": "measured", "base": "base law", "effect": f"with {listed(chain)}"}
     context = {
         "labels": labels, "chain": chain, "models": list(models.fits), "shapes": SHAPES,
+        "marks": [(labels[model], model) for model in ("measured", *models.fits)],
         "segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": [], "practice": [],
         "assumptions": text.assumptions(result, content, chain), **_where_section(result, content, models),
     }  # fmt: skip

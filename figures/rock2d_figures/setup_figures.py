@@ -41,8 +41,7 @@ def figure_1(results: Results) -> Figure:
         other = hypothesis_cross_section(values, int(i), known)
         axis.plot(*other.points_m.T, color="#555555", lw=0.35, alpha=0.35, zorder=1.9)
     axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def figure_2(results: Results) -> Figure:
@@ -93,8 +92,7 @@ def figure_3(runs: dict[str, RunResult]) -> Figure:
                 axis.set_xlabel(f"x ({unit})")
             if column == 0:
                 axis.set_ylabel(f"y ({unit})")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _at_line_2(outcome: Outcome, mass_kg: float, inertia_kg_m2: float) -> dict[str, Array]:

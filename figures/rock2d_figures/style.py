@@ -23,5 +23,4 @@ def finish_with_legend(
 ) -> Figure:
     """The figure in the common style, with a legend of so many columns below it."""
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=size_pt)
-    finish(figure)
-    return figure
+    return finish(figure)

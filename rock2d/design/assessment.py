@@ -90,8 +90,7 @@ class Assessment:
         axes[0, 0].set_xlim(0.0, 1.05 * max(1.0, (shown["total"] + shown["total_error95"]).max()))
         for axis in axes[-1]:
             axis.set_xlabel("share of the variance (total)")
-        finish(figure, "What the spread of the passing frequency comes from")
-        return figure
+        return finish(figure, "What the spread of the passing frequency comes from")
 
     def view(self) -> Path:
         """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""

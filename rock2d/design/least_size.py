@@ -212,8 +212,7 @@ class Answer:
         axis.set_ylabel(f"passes {self.target.line} in % (median, {band})")
         axis.grid(color="#e4e4e4", lw=0.6)
         axis.legend(frameon=False, fontsize=SMALL_PT + 0.5)
-        finish(figure, "Share of blocks that pass")
-        return figure
+        return finish(figure, "Share of blocks that pass")
 
     def _repr_html_(self) -> str:
         from rock2d.graphics.pages import notebook_figure, notebook_table

@@ -198,5 +198,4 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
         axis.plot(best.values[x], best.values[y], "o", ms=8, mfc="none", mec=LINE_INK)
         axis.set_xlabel(x, fontsize=SMALL_PT)
         axis.set_ylabel(y, fontsize=SMALL_PT)
-    finish(figure, "Least volume that meets the target")
-    return figure
+    return finish(figure, "Least volume that meets the target")

@@ -210,5 +210,4 @@ def range_figure(table: pd.DataFrame) -> Figure:
         axis.set_xlabel(f"{line}: {words}", fontsize=SMALL_PT)
         axis.grid(axis="x", color="#e4e4e4", lw=0.6)
     axes[0].legend(frameon=False, fontsize=SMALL_PT)
-    finish(figure, "How much depends on the model")
-    return figure
+    return finish(figure, "How much depends on the model")

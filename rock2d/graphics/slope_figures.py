@@ -53,8 +53,7 @@ def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Fi
     handles = [handle(spoken(name), color=colours[name]) for name in names]
     handles += [handle(f"{p:g} %", color="#555555", ls=style) for p, style in PERCENTILE_STYLES.items()]
     figure.legend(handles=handles, loc="outside lower right", ncols=6, frameon=False, fontsize=SMALL_PT)
-    finish(figure, "Envelopes: exceeded by 50, 5 and 1 % of the blocks that come past")
-    return figure
+    return finish(figure, "Envelopes: exceeded by 50, 5 and 1 % of the blocks that come past")
 
 
 def stops_figure(cross_section: CrossSection, stops: pd.DataFrame) -> Figure:
@@ -72,8 +71,7 @@ def stops_figure(cross_section: CrossSection, stops: pd.DataFrame) -> Figure:
         text = f"{spoken(name)}: " + ", ".join(f"{n} {stop}" for stop, n in own.items())
         axis.text(0.01, 0.95 - 0.13 * i, text, transform=axis.transAxes, fontsize=SMALL_PT, va="top",
                   color=colours[name])  # fmt: skip
-    finish(figure, "Where releases end")
-    return figure
+    return finish(figure, "Where releases end")
 
 
 def distributions_figure(
@@ -100,8 +98,7 @@ def distributions_figure(
         row[0].set_ylabel(f"{line}\nreleases")
     handles = [handle(spoken(name), color=colours[name]) for name in blocks]
     figure.legend(handles=handles, loc="outside lower right", ncols=6, frameon=False, fontsize=SMALL_PT)
-    finish(figure, "Blocks that pass the measure lines")
-    return figure
+    return finish(figure, "Blocks that pass the measure lines")
 
 
 def _below_section(cross_section: CrossSection, panels: int) -> tuple[Figure, list[Any]]:

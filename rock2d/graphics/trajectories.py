@@ -111,8 +111,7 @@ def trajectories_figure(
         if s in stops
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=SMALL_PT)
-    finish(figure, title)
-    return figure
+    return finish(figure, title)
 
 
 def _within(point: Array, window: Limits) -> bool:
@@ -151,8 +150,7 @@ def cross_section_figure(
         axis.plot(x, y, color=SIMULATED_COLOUR, linewidth=3.0, label="start of blocks")
         axis.legend(loc="upper right", frameon=False)
     axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-    finish(figure, title)
-    return figure
+    return finish(figure, title)
 
 
 def _to_scale_in(limits: Limits) -> float:

@@ -131,8 +131,7 @@ def section_figure(
             )  # fmt: skip
     _section_legend(figure, blocks)
     axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> str:
@@ -228,8 +227,7 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     angle.set_xlabel(f"time ({tick})", labelpad=1)
     angle.set_ylabel("angle (°)")
     angle.grid(color="#e4e4e4", lw=0.6)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
@@ -276,8 +274,7 @@ def learnt_figure(result: Diagnosis, change: Change) -> Figure:
         width = curve.features(np.array([0.0, 1.0])).shape[1]
         _draw_curves(axis, result, change.lever, curve, change.coefficients[:, first : first + width])
         first += width
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def _draw_curves(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients: Array) -> None:

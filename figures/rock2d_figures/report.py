@@ -56,7 +56,8 @@ def _arrivals(results: Results) -> list[str]:
     return [
         "## Arrivals from the paper's own simulations",
         "The paper's simulations started from the measured arrivals, with the parameters of Table 4. Set-up and\n"
-        "arrivals are chosen so that Table 4 gives the paper's deterministic column. The law is then calibrated on the\n"
+        "arrivals are chosen so that Table 4 gives the paper's deterministic column. The law is then calibrated "
+        "on the\n"
         "sphere's experimental row and predicts the cube and the parallelepiped. No experimental cell of these two\n"
         "blocks is used. Assumed: the paper's simulated releases and the filmed ones are independent draws.",
         "![arrivals](arrivals.png)",

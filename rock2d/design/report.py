@@ -117,7 +117,12 @@ def write_report(
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
     """The HTML of the page; without figures it has no live view either."""
-    scenario = content.scenario
+    scenario, answer, sample = content.scenario, content.answer, content.sample
+    live = None
+    if figures:
+        views = content.views or [View("", sample)]
+        shown = next(i for i, view in enumerate(views) if view.run is sample)
+        live = live_slope(views, content.releases, shown, answer.place if answer else "")
     context = {
         "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
         "sentences": [text for text in (first_sentence(content), norm_sentence(content), scenario.about) if text],
@@ -126,21 +131,15 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
-            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, sample.engine)),
         ],
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
         "sections": report_sections(content, figures),
         "scenario_text": scenario_text(scenario),
-        "live": _live(content) if figures else None,
+        "live": live,
         **live_assets("live_slope"),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context)
-
-
-def _live(content: ReportContent) -> dict[str, Any] | None:
-    views = content.views or [View("", content.sample)]
-    shown = next(i for i, view in enumerate(views) if view.run is content.sample)
-    return live_slope(views, content.releases, shown, content.answer.place if content.answer else "")
 
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:

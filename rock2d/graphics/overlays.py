@@ -48,7 +48,7 @@ def overlay_figure(
     frames = []
     for both, (_, track) in zip(points, shown, strict=True):
         every, radius = np.vstack(both), blocks[track.block].radius_m
-        floor = min(every[:, 1].min(), *_heights_at(cross_section, every))
+        floor = np.nanmin([every[:, 1], cross_section.height_m(every[:, 0])])
         frames.append((every[:, 0].min() - 1.3 * radius, every[:, 0].max() + 1.3 * radius,
                        floor - 0.9 * radius, every[:, 1].max() + 1.4 * radius))  # fmt: skip
     wide = max(f[1] - f[0] for f in frames)
@@ -182,12 +182,6 @@ def draw_outline(
         axis.fill(*edge.T, color=colour, alpha=alpha, lw=0, zorder=1.5)
     axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=style, lw=1.1, zorder=2)
     return edge
-
-
-def _heights_at(cross_section: CrossSection, points: Array) -> Array:
-    heights = cross_section.height_m(points[:, 0])
-    heights = heights[np.isfinite(heights)]
-    return heights if len(heights) else points[:, 1]
 
 
 def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:

@@ -91,7 +91,8 @@ def trajectories_figure(
         ends: dict[str, list[Array]] = {}
         for track, path in zip(own, paths[name], strict=True):
             stops.add(track.stop)
-            if window is None or _within(path[-1], window):
+            x, y = path[-1]
+            if window is None or (window[0] <= x <= window[1] and window[2] <= y <= window[3]):
                 ends.setdefault(track.stop, []).append(path[-1])
         for stop, points in ends.items():
             axis.plot(
@@ -112,10 +113,6 @@ def trajectories_figure(
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=SMALL_PT)
     return finish(figure, title)
-
-
-def _within(point: Array, window: Limits) -> bool:
-    return bool(window[0] <= point[0] <= window[1] and window[2] <= point[1] <= window[3])
 
 
 def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 
 Array = np.ndarray
+
+# ends of names, and the units that they say; the longest first
+UNITS = {
+    "m2_s2": "m²/s²", "rad_s": "rad/s", "m_s2": "m/s²", "m_s": "m/s", "rad": "rad", "kg": "kg", "J": "J", "m": "m",
+    "s": "s",
+}  # fmt: skip
 
 
 def spoken(name: str) -> str:
@@ -18,6 +25,12 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     """ "a, b and c"."""
     words = [spoken(name) for name in names]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines of a terminal, with columns as wide as their longest cell."""
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def percent(share: float) -> str:
@@ -57,6 +70,22 @@ def plain(value: float, half_width: float | None = None) -> str:
 def point(values: Array, half_widths: Array) -> str:
     """A point for a file, "[x, y]"."""
     return f"[{', '.join(plain(v, h or None) for v, h in zip(values, half_widths, strict=True))}]"
+
+
+def length(value_m: float) -> str:
+    """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
+    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
+
+
+def without_unit(name: str) -> tuple[str, str]:
+    """("vx", "m/s") of "vx_m_s"; the unit is empty if the name says none."""
+    end = next((end for end in UNITS if name.endswith(f"_{end}")), None)
+    return (name, "") if end is None else (name.removesuffix(f"_{end}"), UNITS[end])
+
+
+def energy_unit(largest_J: float) -> tuple[float, str]:
+    """Factor for energies in J and the resulting unit, kJ from 1000 J on."""
+    return (1e-3, "kJ") if largest_J >= 1000.0 else (1.0, "J")
 
 
 def three_digits(value: float) -> str:

@@ -1,1 +1,1 @@
-"""The paper's tables and figures, one module each; `command.reproduce` computes and draws all of them."""
+"""The paper's tables and figures, `command.reproduce` computes and draws all of them."""

@@ -15,8 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.graphics.figure_style import blank_figure, handle
 from rock2d.statistics import wilson_interval
+from rock2d_figures.style import finish_with_legend
 
 ONE_EFFECT, TWO_EFFECTS = "one effect", "several effects, one named"
 OUTSIDE_CAUSE, NO_CAUSE = "outside the catalogue", "nothing"
@@ -45,9 +46,7 @@ def figure(cases: pd.DataFrame) -> Figure:
     steps = list(itertools.pairwise(SIGNAL_TO_NOISE_EDGES))
     for k, name in enumerate((ONE_EFFECT, TWO_EFFECTS, OUTSIDE_CAUSE)):
         for i, (low, high) in enumerate(steps):
-            own = cases[
-                (kinds == name) & (cases["signal_to_noise"] >= low) & (cases["signal_to_noise"] < high)
-            ]
+            own = cases[(kinds == name) & cases["signal_to_noise"].between(low, high, inclusive="left")]
             _share(left, i + (k - 1) * GROUP_SHIFT, own["right"], name)
     _share(left, len(steps), cases["right"][kinds == NO_CAUSE], NO_CAUSE)
     ends = [f"{low:g} to {high:g}" for low, high in steps[:-1]]
@@ -64,9 +63,7 @@ def figure(cases: pd.DataFrame) -> Figure:
         axes.set_ylim(-3, 103)
         axes.grid(axis="y", color="#e4e4e4", lw=0.6)
     handles = [handle(name, color=c, marker=m, ls="-", ms=5, lw=1.1) for name, (c, m) in STYLES.items()]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=SMALL_PT + 0.5)
-    finish(drawn)
-    return drawn
+    return finish_with_legend(drawn, handles, 4)
 
 
 def _share(axes: Axes, x: float, right: pd.Series, name: str) -> None:

@@ -18,8 +18,10 @@ from rock2d.reproduction.paper_setup import ENGINE_OF_MODEL, SCENARIO_FILE
 from rock2d.reproduction.results import Results, write_results
 from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
-from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
+from rock2d_figures.posteriors import arrivals_figure, identified_figure
 from rock2d_figures.report import report_text
+from rock2d_figures.setup_figures import figure_1, figure_2, figure_3
+from rock2d_figures.table_2 import passing_figure
 
 Report = Callable[[str], None]
 
@@ -57,19 +59,18 @@ def reproduce(
 def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, bars: Bars) -> None:
     """Draw all figures (PNG) into `folder`, which holds the scenario; `tables` as `result_tables` gives."""
     with bars.stage(FIGURES, 6, "figures") as bar:
+        scenario = load_scenario(folder / SCENARIO_FILE)
         runs = {
-            model: run(
-                load_scenario(folder / SCENARIO_FILE), engine=engine, releases=RELEASES_IN_FIGURE_3
-            )
+            model: run(scenario, engine=engine, releases=RELEASES_IN_FIGURE_3)
             for model, engine in ENGINE_OF_MODEL.items()
-        }  # fmt: skip
+        }
         figures = {
-            "figure_1": figure_1.figure(results),
-            "figure_2": figure_2.figure(results),
-            "figure_3": figure_3.figure(runs),
-            "passing": passing.figure(results.passing),
-            "arrivals": arrivals.figure(results.arrivals),
-            "identified": identified.figure(_identified(tables)),
+            "figure_1": figure_1(results),
+            "figure_2": figure_2(results),
+            "figure_3": figure_3(runs),
+            "passing": passing_figure(results.passing),
+            "arrivals": arrivals_figure(results.arrivals),
+            "identified": identified_figure(_identified(tables)),
         }
         for name, figure in figures.items():
             save_figure(figure, folder / f"{name}.png", dpi=FIGURE_DPI)
@@ -80,10 +81,5 @@ def _identified(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Rows of the figure of identified quantities: the set-up under both models, then the laws."""
     setup = tables["assumptions"]
     setup = setup[setup["quantity"].isin([quantity.name for quantity in SETUP_QUANTITIES])]
-    return pd.concat(
-        [
-            setup,
-            tables["table_4"].dropna(subset="prior_low").assign(model="deterministic"),
-            tables["table_3"].assign(model="probabilistic"),
-        ]
-    )
+    deterministic = tables["table_4"].dropna(subset="prior_low").assign(model="deterministic")
+    return pd.concat([setup, deterministic, tables["table_3"].assign(model="probabilistic")])

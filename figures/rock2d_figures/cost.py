@@ -28,7 +28,7 @@ from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
-from rock2d.graphics.figure_style import blank_figure, save_figure
+from rock2d.graphics.figure_style import blank_figure, finish, save_figure
 from rock2d.graphics.palette import block_colours
 from rock2d.laws.contact import parameter_table
 from rock2d.runs.conditions import incident_states
@@ -47,20 +47,10 @@ UNDULATION_LENGTH_M, UNDULATION_HEIGHT_M = 8.0, 0.05  # its shortest wave
 ENGINES = ("batch", "point mass")
 
 
-@click.command()
-@click.option(
-    "--releases",
-    type=click.IntRange(100),
-    default=1_000_000,
-    show_default=True,
-    help="Largest number of releases.",
-)
-@click.option(
-    "--rounds", type=click.IntRange(1), default=5, show_default=True, help="Repetitions of each measurement."
-)
-@click.option(
-    "--seconds", type=float, default=60.0, show_default=True, help="Time after which no repetition begins."
-)
+@click.command(context_settings={"show_default": True})
+@click.option("--releases", type=click.IntRange(100), default=1_000_000, help="Largest number of releases.")
+@click.option("--rounds", type=click.IntRange(1), default=5, help="Repetitions of each measurement.")
+@click.option("--seconds", type=float, default=60.0, help="Time after which no repetition begins.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -79,7 +69,8 @@ def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
     (out / "cost.json").write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     save_figure(figure_of(numbers), out / "cost.png")
     for engine in ENGINES:
-        rate = 1.0 / numbers["releases"][engine]["median_s"][-1] * numbers["releases"][engine]["releases"][-1]
+        own = numbers["releases"][engine]
+        rate = own["releases"][-1] / own["median_s"][-1]
         ratio = numbers["facets"][engine]["10000_to_100_facets"]
         click.echo(f"{engine}: {rate:,.0f} releases/s; 10,000 facets cost {ratio:.2f} times 100 facets")
 
@@ -214,6 +205,7 @@ def figure_of(numbers: Mapping[str, Any]) -> Figure:
         line = {"color": colours[engine], "marker": marker, "ms": 4, "lw": 1.4, "label": engine}
         own = numbers["releases"][engine]
         left.plot(own["releases"], own["median_s"], **line)
+        left.vlines(own["releases"], *_range(own, 1.0), color=colours[engine])
         rate = own["releases"][-1] / own["median_s"][-1]
         left.annotate(
             f"{rate:,.0f} releases/s".replace(",", " "), (own["releases"][-1], own["median_s"][-1]),
@@ -223,40 +215,31 @@ def figure_of(numbers: Mapping[str, Any]) -> Figure:
         own = numbers["facets"][engine]
         micro = np.array(own["median_s"]) * 1e6
         right.plot(own["facets"], micro, **line)
+        right.vlines(own["facets"], *_range(own, 1e6), color=colours[engine])
         right.annotate(
             f"10 000 facets: {own['10000_to_100_facets']:.2f} × 100 facets", (own["facets"][-1], micro[-1]), (4, 7),
             textcoords="offset points", ha="right", va="bottom", fontsize=7.5, color=colours[engine],
         )  # fmt: skip
-        for axis, times, scale in (
-            (left, numbers["releases"][engine]["times_s"], 1.0), (right, own["times_s"], 1e6),
-        ):  # fmt: skip
-            x = numbers["releases"][engine]["releases"] if axis is left else own["facets"]
-            axis.vlines(
-                x, [min(t) * scale for t in times], [max(t) * scale for t in times], color=colours[engine]
-            )
     left.set_title("the paper's set-up, sphere", loc="left", fontsize=9)
     right.set_title("slope of 140 m, cube of 1 m", loc="left", fontsize=9)
-    left.set_xlabel("releases")
-    left.set_ylabel("time (s)")
-    right.set_xlabel("facets")
-    right.set_ylabel("time of a release (µs)")
+    left.set(xlabel="releases", ylabel="time (s)", xscale="log", yscale="log")
+    right.set(xlabel="facets", ylabel="time of a release (µs)", xscale="log", yscale="log")
     right.set_ylim(0.5 * min(numbers["facets"]["point mass"]["median_s"]) * 1e6,
                    4.0 * max(numbers["facets"]["batch"]["median_s"]) * 1e6)  # fmt: skip
     for axis in (left, right):
-        axis.set_xscale("log")
-        axis.set_yscale("log")
         axis.grid(color="#e4e4e4", lw=0.6)
-        axis.tick_params(labelsize=7.5, length=3)
         axis.tick_params(which="minor", length=0)
-        axis.xaxis.label.set_fontsize(9)
-        axis.yaxis.label.set_fontsize(9)
-        for side in ("top", "right"):
-            axis.spines[side].set_visible(False)
+    finish(figure)
     left.legend(frameon=False, fontsize=8, loc="upper left")
     about = numbers["machine"]
     note = f"{about['processor']}, {about['threads']} threads; bars: least and greatest of the repetitions"
     figure.supxlabel(note, x=0.99, ha="right", fontsize=6.5, color="#777777")
     return figure
+
+
+def _range(own: Mapping[str, Any], factor: float) -> tuple[list[float], list[float]]:
+    """The least and the greatest time of each measurement, times `factor`."""
+    return [min(t) * factor for t in own["times_s"]], [max(t) * factor for t in own["times_s"]]
 
 
 if __name__ == "__main__":

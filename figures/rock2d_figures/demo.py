@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.reproduction import published
 from rock2d.reproduction.paper_setup import ENGINE_OF_MODEL, TABLE_2_RELEASES, side_by_side, simulated_passed
-from rock2d_figures.style import spelled
+from rock2d.wording import aligned, spoken
 from rock2d_figures.table_2 import interval_text
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def run_demo(out: Path, progress: bool = True) -> None:
     from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.pages import page
     from rock2d.runs.run import run, run_bars
-    from rock2d_figures.side_by_side import figure
+    from rock2d_figures.table_2 import side_by_side_figure
 
     begin = time.perf_counter()
     for engine in ENGINE_OF_MODEL.values():
@@ -54,19 +54,14 @@ def run_demo(out: Path, progress: bool = True) -> None:
         result = run(scenario, engine=engine, progress=bars)
         result.write(out / engine, progress=bars)
         if model == FILMED_MODEL:
-            result.write_video(
-                out / engine / FILM, releases=1, titles=(scenario.name,), progress=progress, **VIDEO
-            )
+            film = out / engine / FILM
+            result.write_video(film, releases=1, titles=(scenario.name,), progress=progress, **VIDEO)
     table = side_by_side(scenario)
-    save_figure(figure(table), out / FIGURE)
+    save_figure(side_by_side_figure(table), out / FIGURE)
     write_csv(out / TABLE, table)
     said = list(findings(scenario, table))
     write_whole(out / PAGE, page(TITLE, list(_sections(scenario, table, said, out))))
-    print(table_text(table))
-    for sentence in said:
-        print(sentence)
-    for sentence in scenario.assumed:
-        print(f"  assumed: {sentence}")
+    print("\n".join([table_text(table), *said, *(f"  assumed: {sentence}" for sentence in scenario.assumed)]))
     print(f"written: {out} in {time.perf_counter() - begin:.1f} s; open {out / PAGE}")
 
 
@@ -74,7 +69,7 @@ def findings(scenario: Scenario, table: pd.DataFrame) -> Iterator[str]:
     """Where the models agree with the paper's, and what Table 3 decides where its column is not met."""
     for model in published.COLUMNS:
         own = table[~table[f"{model}_agrees"]]
-        off = ", ".join(f"{row['block']} {spelled(row['line'])}" for row in own.to_dict("records"))
+        off = ", ".join(f"{row['block']} {spoken(row['line'])}" for row in own.to_dict("records"))
         met = len(table) - len(own)
         yield f"The paper's {model} column is met in {met} of {len(table)} cells{f'; not: {off}' if off else ''}."
     if not table["probabilistic_agrees"].all():
@@ -85,9 +80,9 @@ def table_3_finding(scenario: Scenario) -> str:
     """What the thresholds of the momentum in Table 3 decide."""
     from rock2d.files.scenario_variants import variant
 
+    key, law = "momentum_half_kg_m_s", published.REBOUND_PARAMETERS
     more = {
-        f"model.probabilistic.default.{zone}.momentum_half_kg_m_s": MOMENTUM_FACTOR
-        * published.REBOUND_PARAMETERS[f"{name}.momentum_half_kg_m_s"]
+        f"model.probabilistic.default.{zone}.{key}": MOMENTUM_FACTOR * law[f"{name}.{key}"]
         for zone, name in (("default", "ditch"), ("ditch", "ditch"), ("uphill_face", "facing"))
     }
     passed = simulated_passed(variant(scenario, more), "probabilistic", TABLE_2_RELEASES)
@@ -106,25 +101,17 @@ def table_rows(table: pd.DataFrame) -> list[tuple[str, ...]]:
     """Rows of HEAD from a table of `side_by_side`."""
     rows = []
     for row in table.to_dict("records"):
-        cells = [row["block"], spelled(row["line"]), interval_text(row, "experiment")]
+        cells = [row["block"], spoken(row["line"]), interval_text(row, "experiment")]
         for model in published.COLUMNS:
-            cells += [
-                interval_text(row, f"paper_{model}"),
-                interval_text(row, model),
-                "yes" if row[f"{model}_agrees"] else "NO",
-            ]
+            agrees = "yes" if row[f"{model}_agrees"] else "NO"
+            cells += [interval_text(row, f"paper_{model}"), interval_text(row, model), agrees]
         rows.append(tuple(cells))
     return rows
 
 
 def table_text(table: pd.DataFrame) -> str:
     """Table 2 as a person reads it in a terminal."""
-    rows = [HEAD, *table_rows(table)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
-    return "\n".join([*lines, NOTE])
+    return "\n".join([*aligned([HEAD, *table_rows(table)]), NOTE])
 
 
 def _sections(scenario: Scenario, table: pd.DataFrame, said: list[str], out: Path) -> Iterator[Section]:
@@ -141,14 +128,11 @@ def _sections(scenario: Scenario, table: pd.DataFrame, said: list[str], out: Pat
         pictures=[picture(out / FIGURE, "Bars: exact 95 % intervals of the published releases; filled: rock2d")],
         tables=[Table(HEAD, table_rows(table), note=NOTE)],
     )  # fmt: skip
-    yield Section(
-        "Paths",
-        pictures=[
-            picture(
-                out / engine / "trajectories.png",
-                f"{scenario.releases} releases of each block, {model} model",
-            )
-            for model, engine in ENGINE_OF_MODEL.items()
-        ],
-    )
+    paths = [
+        picture(
+            out / engine / "trajectories.png", f"{scenario.releases} releases of each block, {model} model"
+        )
+        for model, engine in ENGINE_OF_MODEL.items()
+    ]
+    yield Section("Paths", pictures=paths)
     yield Section("What is assumed", items=scenario.assumed)

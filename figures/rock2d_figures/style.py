@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from rock2d.graphics.canvas import Viewport, fitted_view
+from rock2d.graphics.figure_style import SMALL_PT, finish
 from rock2d.graphics.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
-from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # name -> colour, line, marker
 STYLES: dict[str, tuple[str, Any, str]] = {
@@ -16,33 +16,11 @@ STYLES: dict[str, tuple[str, Any, str]] = {
     "deterministic": (SIMULATED_COLOUR, "-", "D"),
     "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
 }
-MARGIN_LEFT_M, MARGIN_RIGHT_M, MARGIN_BELOW_M = 0.12, 0.12, 0.02  # margins around ditch and embankment
-SHOWN_LINE_LENGTH_M = 0.11  # longest drawn part of a measure line, so that its name stays in the picture
 
 
-def spelled(name: str) -> str:
-    """A name as readers see it."""
-    return name.replace("_", " ")
-
-
-def setup_view(cross_section: CrossSection, width_px: int) -> tuple[Viewport, float]:
-    """The part of a set-up that figures show, and its height over its width."""
-    rise = cross_section.embankment
-    assert rise is not None
-    limits = (
-        -MARGIN_LEFT_M,
-        float(cross_section.points_m[rise.crest_end, 0]) + MARGIN_RIGHT_M,
-        -MARGIN_BELOW_M,
-        2.4 * rise.height_m,
-    )
-    shape = (limits[3] - limits[2]) / (limits[1] - limits[0])
-    return fitted_view(limits, width_px, round(width_px * shape)), shape
-
-
-def with_short_lines(cross_section: CrossSection) -> CrossSection:
-    """The cross-section with its measure lines cut at SHOWN_LINE_LENGTH_M from their first end."""
-    lines = {}
-    for name, (foot, head) in cross_section.measure_lines.items():
-        away = head - foot
-        lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_LENGTH_M / np.hypot(*away))])
-    return CrossSection(cross_section.points_m, cross_section.zones, lines)
+def finish_with_legend(
+    figure: Figure, handles: list[Any], columns: int, size_pt: float = SMALL_PT + 0.5
+) -> Figure:
+    """The figure in the common style, with a legend of so many columns below it."""
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=size_pt)
+    return finish(figure)

@@ -86,7 +86,7 @@ class TrackResult:
         """Open tracking.html in the browser; returns its path, in a temporary folder."""
         from rock2d_tracking.film_track import PAGE
 
-        from rock2d.graphics.viewing import view
+        from rock2d.graphics.pages import view
 
         return view(self.found.write_page, PAGE)
 
@@ -94,13 +94,13 @@ class TrackResult:
         return f"<TrackResult of {self.experiment.name}: {self.found.counts()}>"
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import table_html
+        from rock2d.graphics.pages import notebook_table
 
         columns = ["release", "t_s", "zone", "restitution", "restitution_se", "flag"]
         said = (f"{self.experiment.name}: {self.found.counts()}", *self.remarks)
         impacts = self.found.film.impacts[columns].head(IMPACTS_SHOWN)
         return "".join(f"<p>{escape(text)}</p>" for text in said) + (
-            table_html(impacts) if len(impacts) else ""
+            notebook_table(impacts) if len(impacts) else ""
         )
 
 
@@ -279,7 +279,7 @@ class DiagnosisResult:
     def view(self) -> Path:
         """Open report.html in the browser; returns its path, in a temporary folder."""
         from rock2d.diagnosis.report.page import PAGE
-        from rock2d.graphics.viewing import view
+        from rock2d.graphics.pages import view
 
         return view(self.write, PAGE)
 
@@ -289,9 +289,9 @@ class DiagnosisResult:
         return f"<DiagnosisResult of {self.content['experiment']}: {self.verdict}\n probabilities: {answers}>"
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import table_html
+        from rock2d.graphics.pages import notebook_table
 
-        shown = table_html(self.to_pandas().head(LIKELIEST_SHOWN))
+        shown = notebook_table(self.to_pandas().head(LIKELIEST_SHOWN))
         return f"<p>{escape(str(self.content['experiment']))}: <b>{escape(self.verdict)}</b></p>{shown}"
 
 

@@ -29,7 +29,7 @@ class RunResult(results.RunResult):
     def view(self, *, assessment: Assessment | None = None) -> Path:
         """Open report.html in the browser, see `write_report`; returns its path, in a temporary folder."""
         from rock2d.design.report import PAGE
-        from rock2d.graphics.viewing import view
+        from rock2d.graphics.pages import view
 
         return view(lambda folder: write_report(self, folder, assessment=assessment), PAGE)
 

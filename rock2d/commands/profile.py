@@ -80,8 +80,8 @@ def write_profile(
         except InputError as error:  # an impossible site
             raise InputError(error.message, file, code=error.code) from None
     scenario = load_scenario(out)
-    from rock2d.graphics.cross_section_figure import cross_section_figure
     from rock2d.graphics.figure_style import save_figure
+    from rock2d.graphics.trajectories import cross_section_figure
 
     picture = save_figure(
         cross_section_figure(scenario.make_cross_section(), profile.source, (area.low_m, area.high_m)),

@@ -15,7 +15,7 @@ from rock2d.files.folders import check_output_folder, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
-from rock2d.graphics.printing import check_printer
+from rock2d.graphics.pages import check_printer
 from rock2d.runs.before_after import Model, diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -182,7 +182,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
             ):
                 request.report(remark)
         if request.page_of is not None and len(tables.get("percentiles", ())):
-            from rock2d.design.design_values import norm_remarks
+            from rock2d.design.norms import norm_remarks
 
             for remark in norm_remarks(scenario):
                 request.report(remark)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.scene.soils import SOIL_CLASSES, Range, SoilClass
+from rock2d.wording import aligned
 
 CLASS_HEADER = ("class", "restitution", "friction in °", "stiffness κ", "r_t", "α in °")
 CONTACT_HEADER = ("deterministic", "k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad",
@@ -48,7 +49,7 @@ def _classes() -> list[str]:
         )
         for soil in soils
     ]
-    return [*_table(CLASS_HEADER, rows), *(line for soil in soils for line in _words(soil))]
+    return [*aligned([CLASS_HEADER, *rows]), *(line for soil in soils for line in _words(soil))]
 
 
 def _words(soil: SoilClass) -> list[str]:
@@ -72,21 +73,12 @@ def _for_block(mass_kg: float, size_m: float) -> list[str]:
     return [
         f"block of {mass_kg:g} kg, {size_m:g} m; reference impact: {speed:.3g} m/s into the ground",
         "",
-        *_table(CONTACT_HEADER, contacts),
+        *aligned([CONTACT_HEADER, *contacts]),
         "",
-        *_table(REBOUND_HEADER, rebounds),
+        *aligned([REBOUND_HEADER, *rebounds]),
     ]
 
 
 def _with_range(value: float, bounds: Range, form: str) -> str:
     low, high = (format(bound, form) for bound in bounds)
     return f"{value:{form}} ({low} to {high})"
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    lines = [header, *rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    ]

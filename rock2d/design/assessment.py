@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import FREQUENCY, SHARES, sensitivity_table, uncertain_table
 from rock2d.errors import counted, listed
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rock2d.graphics.figure_files import Figures
+
+LONGEST_LABEL = 44
+BAR_HIGH_IN, PANEL_WIDE_IN = 0.3, 3.2  # of the tornado figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,34 +45,58 @@ class Assessment:
         """Write uncertainty.csv, sensitivity.csv, sites.csv and, if the errors of the indices are small enough,
         tornado.png. `figures` determines when it is drawn (default: at once)."""
         from rock2d.graphics.figure_files import Figures
-        from rock2d.graphics.tornado import tornado_figure
 
         tables = {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites}
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         if len(self.told_apart):
-            (figures or Figures()).save(folder / "tornado.png", tornado_figure, self.told_apart)
+            (figures or Figures()).save(folder / "tornado.png", Assessment.plot, self)
 
     @property
     def told_apart(self) -> pd.DataFrame:
-        """The rows of `sensitivity` for blocks and lines whose errors are small enough to tell the values apart."""
-        from rock2d.graphics.tornado import told_apart
-
-        return told_apart(self.sensitivity)
+        """The rows of `sensitivity` for blocks and lines whose errors are small enough to tell the values apart: the
+        largest total index is larger than every 95 % error."""
+        panels = self.sensitivity.groupby(["block", "line"])
+        return self.sensitivity[panels["total"].transform("max") > panels["total_error95"].transform("max")]
 
     def plot(self) -> Figure:
-        """Tornado figure: share of each unknown value in the variance of the passing frequencies, of the rows
-        `told_apart`."""
-        from rock2d.graphics.tornado import tornado_figure
+        """Tornado figure of the rows `told_apart`: the total Sobol index of each unknown value, its share in the
+        variance of the passing frequency, with the 95 % error; a row of panels for each line, a column for each block.
+        An index that is not larger than its error has no bar."""
+        from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
+        from rock2d.graphics.palette import block_colours
 
-        return tornado_figure(self.told_apart)
+        shown = self.told_apart
+        blocks, lines = shown["block"].unique(), shown["line"].unique()
+        mean = shown.groupby("parameter")["total"].mean().sort_values()
+        names = list(mean.index)
+        wide = 2.4 + PANEL_WIDE_IN * len(blocks)
+        figure = blank_figure(wide, 0.9 + len(lines) * (0.7 + BAR_HIGH_IN * len(names)))
+        axes = figure.subplots(len(lines), len(blocks), squeeze=False, sharex=True, sharey=True)
+        colours = block_colours(blocks)
+        for row, line in zip(axes, lines, strict=True):
+            for axis, block in zip(row, blocks, strict=True):
+                chosen = (shown["line"] == line) & (shown["block"] == block)
+                own = shown[chosen].set_index("parameter").reindex(names)
+                at = np.arange(len(names))
+                known = own["total"].where(own["total"] > own["total_error95"])
+                axis.barh(at, known, color=colours[block], height=0.62)
+                axis.errorbar(own["total"], at, xerr=own["total_error95"], fmt="none", ecolor="#333333", lw=1)
+                axis.set_title(f"{block}, {line}", fontsize=SMALL_PT + 1, loc="left")
+                if not chosen.any():
+                    style = {"transform": axis.transAxes, "ha": "center", "fontsize": SMALL_PT}
+                    axis.text(0.5, 0.5, "not known, or does not vary", **style)
+                axis.set_yticks(at, [_shortened(name) for name in names])
+        axes[0, 0].set_xlim(0.0, 1.05 * max(1.0, (shown["total"] + shown["total_error95"]).max()))
+        for axis in axes[-1]:
+            axis.set_xlabel("share of the variance (total)")
+        return finish(figure, "What the spread of the passing frequency comes from")
 
     def view(self) -> Path:
         """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""
         from rock2d.design.report import PAGE
         from rock2d.design.report_sections import certainty_section, tornado_words
-        from rock2d.graphics.pages import Section, drawn, page
-        from rock2d.graphics.viewing import view
+        from rock2d.graphics.pages import Section, drawn, page, view
 
         def write(folder: Path) -> None:
             pictures = [drawn(self.plot(), tornado_words(self))] if len(self.told_apart) else []
@@ -97,9 +126,9 @@ class Assessment:
         )
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import embedded_figure, table_html
+        from rock2d.graphics.pages import notebook_figure, notebook_table
 
-        return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.told_apart) else "")
+        return notebook_table(self.uncertain) + (notebook_figure(self.plot()) if len(self.told_apart) else "")
 
     def text(self) -> str:
         """Passing frequencies with their intervals as text."""
@@ -107,19 +136,19 @@ class Assessment:
         tables = []
         for key, words in SHARES.items():
             rows = known[known["quantity"] == key]
+            if not len(rows):
+                continue
             records: list[Any] = list(rows.itertuples())
-            cells = rows.assign(
-                cell=[
-                    f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
-                    for r in records
-                ]
+            cells = [
+                f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
+                for r in records
+            ]
+            table = rows.assign(cell=cells).pivot(index="line", columns="block", values="cell")
+            table = table.loc[rows["line"].unique()]
+            tables.append(
+                f"{words}, in % over {rows['sites'].iloc[0]} possible sites: median [95 % interval], share of the "
+                f"variance that is not known rather than sampling\n{table.fillna('-').to_string()}"
             )
-            table = cells.pivot(index="line", columns="block", values="cell").loc[rows["line"].unique()]
-            if len(rows):
-                tables.append(
-                    f"{words}, in % over {rows['sites'].iloc[0]} possible sites: median [95 % interval], share of the "
-                    f"variance that is not known rather than sampling\n{table.fillna('-').to_string()}"
-                )
         return "\n".join([*tables, *self.remarks()])
 
     def remarks(self) -> list[str]:
@@ -153,3 +182,10 @@ def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -
         uncertain_table(sites, results, seed), sensitivity_table(sites, results, seed),
         pd.DataFrame(sites.values, columns=list(sites.places)),
     )  # fmt: skip
+
+
+def _shortened(name: str) -> str:
+    """A short form of a key of the scenario file; for a law parameter, its name and where it applies."""
+    parts = name.split(".")
+    text = f"{parts[-1]} ({', '.join(parts[2:-1])})" if parts[0] == "model" else name
+    return text if len(text) <= LONGEST_LABEL else "..." + text[3 - LONGEST_LABEL :]

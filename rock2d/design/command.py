@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import THIS_PROCESS, Workers, crew_of
-from rock2d.design.design_values import norm_remarks
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.design.least_volume import (
     TABLE,
@@ -21,13 +20,14 @@ from rock2d.design.least_volume import (
     least_volume,
     volume_text,
 )
+from rock2d.design.norms import norm_remarks
 from rock2d.files.folders import atomic_folder, check_output_folder, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
-from rock2d.graphics.printing import check_printer
+from rock2d.graphics.pages import check_printer
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
@@ -123,9 +123,8 @@ class KeptSizes:
             shutil.rmtree(self._folder, ignore_errors=True)
         elif kind is KeyboardInterrupt:
             done = len(list(self._folder.glob(f"{self._key}_*.json")))
-            raise KeyboardInterrupt(
-                f"{done} sizes are judged, the same command continues from there"
-            ) from None
+            message = f"{done} sizes are judged, the same command continues from there"
+            raise KeyboardInterrupt(message) from None
 
     def judged(self, size: float, bar: Bar, others: Mapping[str, float] = MappingProxyType({})) -> Judgement:
         """The judgement of a size with these values of `Search.over`, read from the folder or computed."""
@@ -150,6 +149,8 @@ def _write_results(
 ) -> str:
     """Write design.json, design.csv, combinations.csv, least.yaml and the page of an answer. Returns the answer as
     text. If several numbers were varied, the answer must be that of the first of the `combinations`."""
+    from rock2d.version import __version__
+
     volume = []
     if combinations:
         table = combination_table(combinations)
@@ -158,61 +159,12 @@ def _write_results(
         volume = [f"{volume_text(combinations)}\n{rows}\n"]
         best = variant(search.scenario, combinations[0].values, uncertain=True)
         search = replace(search, scenario=best, over={})
-    about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
-    _write(folder, search.scenario, answer, about)
-    with bars.stage(PAGE, 1, "step") as bar:
-        demands = _write_page(folder, search, answer, command, combinations, pdf)
-        bar.update()
-    return "\n".join([*volume, answer_text(answer, search), *demands, *norm_remarks(search.scenario)])
-
-
-def answer_text(answer: Answer, search: Search) -> str:
-    """The answer as text."""
-    target, worst = answer.target, []
-    for judged in answer.judgements:
-        block = max(judged.high, key=lambda name: judged.high[name])
-        worst.append(
-            f"  {judged.size:10.4g}  {round(100 * judged.median[block], 3):8.3g}  {100 * judged.high[block]:8.3g}"
-            f"  {'yes' if judged.meets else 'no':5s}  {block}"
-        )
-    if answer.least is None:
-        head = f"no {answer.place} up to {answer.judgements[-1].size:.4g} meets the target: {target.text}"
-    else:
-        head = f"least {answer.place}: {answer.least_text}: {target.text}"
-    notes = (
-        [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
-    )
-    shown = next((j for j in answer.judgements if j.size == answer.least), answer.judgements[-1])
-    notes += [
-        f"{100 * share:.2g} % of the releases of {block} were cut short or buried; the bounds count them as passed"
-        for block, share in shown.unresolved.items()
-        if share > 0.0
-    ]
-    largest = answer.judgements[-1]
-    floor = max(largest.high.values())
-    if not any(largest.median.values()) and floor > FLOOR_OF_TARGET * target.frequency:
-        notes.append(
-            f"with so few releases, the bound is at least {100 * floor:.3g} % although hardly any block passes: more "
-            "releases (uncertainty.releases) may allow a smaller size"
-        )
-    known = "" if search.scenario.uncertainty else " (no uncertainty in the scenario: sampling only)"
-    note = table_note(search.scenario)
-    left_out = f"; {note}" if note else ""
-    return "\n".join(
-        [
-            head,
-            f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each{left_out}",
-            f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block",
-            *worst, *notes,
-        ]
-    )  # fmt: skip
-
-
-def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
-    from rock2d.version import __version__
-
+    scenario = search.scenario
     answer.to_pandas().to_csv(folder / "design.csv", index=False, lineterminator="\n")
-    facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}
+    facts = {
+        "scenario": scenario.name, "engine": search.engine, "seed": search.seed, "sites": len(search.sites),
+        **asdict(answer), "rock2d": __version__,
+    }  # fmt: skip
     (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     if answer.least is not None:
         chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
@@ -222,6 +174,43 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
                 copied = path_inside(folder, named.given)
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(named.file, copied)
+    with bars.stage(PAGE, 1, "step") as bar:
+        demands = _write_page(folder, search, answer, command, combinations, pdf)
+        bar.update()
+    return "\n".join([*volume, answer_text(answer, search), *demands, *norm_remarks(search.scenario)])
+
+
+def answer_text(answer: Answer, search: Search) -> str:
+    """The answer as text."""
+    target = answer.target
+    worst = [
+        f"  {each.size:10.4g}  {round(100 * each.median[each.worst], 3):8.3g}  {100 * each.high[each.worst]:8.3g}"
+        f"  {'yes' if each.meets else 'no':5s}  {each.worst}"
+        for each in answer.judgements
+    ]
+    if answer.least is None:
+        head = f"no {answer.place} up to {answer.shown.size:.4g} meets the target: {target.text}"
+    else:
+        head = f"least {answer.place}: {answer.least_text}: {target.text}"
+    warning = "a larger size fails above one that meets the target: look at design.png"
+    notes = [] if answer.monotone else [warning]
+    notes += [
+        f"{100 * share:.2g} % of the releases of {block} were cut short or buried; the bounds count them as passed"
+        for block, share in answer.shown.unresolved.items()
+        if share > 0.0
+    ]
+    largest = answer.judgements[-1]
+    floor = largest.high[largest.worst]
+    if not any(largest.median.values()) and floor > FLOOR_OF_TARGET * target.frequency:
+        notes.append(
+            f"with so few releases, the bound is at least {100 * floor:.3g} % although hardly any block passes: more "
+            "releases (uncertainty.releases) may allow a smaller size"
+        )
+    known = "" if search.scenario.uncertainty else " (no uncertainty in the scenario: sampling only)"
+    left_out = f"; {note}" if (note := table_note(search.scenario)) else ""
+    of = f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each{left_out}"
+    columns = f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block"
+    return "\n".join([head, of, columns, *worst, *notes])
 
 
 def _write_page(
@@ -239,7 +228,7 @@ def _write_page(
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
-    size = answer.judgements[-1].size if answer.least is None else answer.least
+    size = answer.shown.size
     engine, releases = compiled_engine(search.engine).name, min(search.scenario.releases, MOST_SHOWN)
 
     def simulated(size: float, releases: int) -> RunResult:
@@ -253,7 +242,7 @@ def _write_page(
         View(
             f"{judged.size:.4g}",
             sample if judged.size == size else simulated(judged.size, min(releases, SHOWN_OF_OTHERS)),
-            f"judged bound {bound_text(max(judged.high.values()), answer.target.frequency)} %, the target is "
+            f"judged bound {bound_text(judged.high[judged.worst], answer.target.frequency)} %, the target is "
             f"{'met' if judged.meets else 'not met'}",
         )
         for judged in answer.judgements

@@ -38,6 +38,7 @@ Array = np.ndarray
 DEFAULT_RELEASES = 1000  # per block and site, for a scenario without the key `uncertainty`
 STEPS_OF_RANGE = 50  # range over the default tolerance
 LARGEST, SMALLER = "largest size", "smaller sizes"  # stages of a search
+TICKS_PERCENT = (0, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 LATER_SHARE = 0.13  # time for a later size over the time for the first one, if they share descents
 
 
@@ -104,6 +105,11 @@ class Judgement:
     meets: bool
     unresolved: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def worst(self) -> str:
+        """The block with the largest upper bound."""
+        return max(self.high, key=lambda block: self.high[block])
+
 
 @dataclass(frozen=True, repr=False)
 class Answer:
@@ -127,6 +133,11 @@ class Answer:
     def __repr__(self) -> str:
         least = "no size meets" if self.least is None else f"{self.least_text} meets"
         return f"<Answer for {self.place}: {least}: {self.target.text}; {len(self.judgements)} sizes tried>"
+
+    @property
+    def shown(self) -> Judgement:
+        """The judgement of the least size, or of the largest if none meets the target."""
+        return next((judged for judged in self.judgements if judged.size == self.least), self.judgements[-1])
 
     @property
     def is_bound(self) -> bool:
@@ -154,29 +165,59 @@ class Answer:
         import pandas as pd
 
         rows = [
-            (
-                j.size,
-                block,
-                j.median[block],
-                j.low[block],
-                j.high[block],
-                j.high[block] <= self.target.frequency,
-            )
+            (j.size, block, median, j.low[block], j.high[block], j.high[block] <= self.target.frequency)
             for j in self.judgements
-            for block in j.median
+            for block, median in j.median.items()
         ]
         return pd.DataFrame(rows, columns=["size", "block", "median", "low", "high", "meets"])
 
     def plot(self) -> Figure:
-        """The share of blocks that pass, against the size, with the target and the least size."""
-        from rock2d.design.design_curve import design_figure
+        """Median and band of the share of each block that passes at every judged size, the target, and the least size
+        that meets it."""
+        from matplotlib.ticker import FuncFormatter, NullLocator
 
-        return design_figure(self)
+        from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
+        from rock2d.graphics.palette import INK, LINE_INK, block_colours
+
+        figure = blank_figure(6.4, 4.0)
+        axis = figure.subplots()
+        sizes = [judged.size for judged in self.judgements]
+        for block, colour in block_colours(self.judgements[0].median).items():
+            low, median, high = (
+                [100.0 * getattr(judged, bound)[block] for judged in self.judgements]
+                for bound in ("low", "median", "high")
+            )
+            axis.fill_between(sizes, low, high, color=colour, alpha=0.18, lw=0)
+            axis.plot(sizes, median, "o-", color=colour, ms=3.5, lw=1.4, label=block)
+        target, confidence = 100.0 * self.target.frequency, 100.0 * self.target.confidence
+        axis.axhline(target, color=INK, lw=1.0, ls=(0, (5, 2)))
+        label: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "fontsize": SMALL_PT}
+        axis.annotate(f"target {target:.3g} %", (sizes[0], target), **label)
+        linear = max(target, 0.1)
+        axis.set_yscale("symlog", linthresh=linear)
+        axis.set_ylim(0)
+        top = axis.get_ylim()[1]
+        axis.set_yticks(
+            [tick for tick in TICKS_PERCENT if tick == 0 or 0.2 * linear <= tick <= top], minor=False
+        )
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.yaxis.set_minor_locator(NullLocator())
+        if self.least is not None:
+            axis.axvline(self.least, color=LINE_INK, lw=1.4)
+            shown = f" {'≤ ' if self.is_bound else ''}{self.least:.4g}"
+            at = (self.least, axis.get_ylim()[1])
+            axis.annotate(shown, at, color=LINE_INK, va="top", fontsize=SMALL_PT + 1)
+        axis.set_xlabel(self.place)
+        band = f"{100.0 - confidence:.3g} to {confidence:.3g} %"
+        axis.set_ylabel(f"passes {self.target.line} in % (median, {band})")
+        axis.grid(color="#e4e4e4", lw=0.6)
+        axis.legend(frameon=False, fontsize=SMALL_PT + 0.5)
+        return finish(figure, "Share of blocks that pass")
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import embedded_figure, table_html
+        from rock2d.graphics.pages import notebook_figure, notebook_table
 
-        return table_html(self.to_pandas()) + embedded_figure(self.plot())
+        return notebook_table(self.to_pandas()) + notebook_figure(self.plot())
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ import numpy as np
 from rock2d.design.least_size import Answer, Judgement, Search, least_size, most_sizes
 from rock2d.design.shared_descents import EARTHWORKS
 from rock2d.errors import InputError, listed
-from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.scene.earthworks import earth_moved_m2
 
@@ -91,15 +90,10 @@ def least_volume(
 
         def found(values: Mapping[str, float]) -> Combination:
             answer = least_size(search, lambda size: judged(size, bar, values), tolerance)
-            return _combination(search.scenario, values, answer)
+            built = variant(search.scenario, {**values, answer.place: answer.shown.size}).make_cross_section()
+            return Combination(values, answer, *earth_moved_m2(search.scenario.natural_ground(), built))
 
         return minimised(found, search.over)
-
-
-def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer) -> Combination:
-    size = answer.judgements[-1].size if answer.least is None else answer.least
-    built = variant(scenario, {**values, answer.place: size}).make_cross_section()
-    return Combination(values, answer, *earth_moved_m2(scenario.natural_ground(), built))
 
 
 def minimised(
@@ -199,5 +193,4 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
         axis.plot(best.values[x], best.values[y], "o", ms=8, mfc="none", mec=LINE_INK)
         axis.set_xlabel(x, fontsize=SMALL_PT)
         axis.set_ylabel(y, fontsize=SMALL_PT)
-    finish(figure, "Least volume that meets the target")
-    return figure
+    return finish(figure, "Least volume that meets the target")

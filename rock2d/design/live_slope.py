@@ -1,5 +1,6 @@
 """The live view of a page: the slope with paths and data collector, as data for live_slope.js.
 
+The data collector gives number, height, speed and energy of the passing blocks at many stations along the slope.
 Everything is computed here; the script only computes positions on the screen.
 """
 
@@ -8,42 +9,40 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from rock2d.design.collector import Station, collector_stations
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
 from rock2d.graphics.palette import block_colours
-from rock2d.graphics.slope_figures import energy_unit
-from rock2d.graphics.thinned_paths import largest_energies_J, thinned_paths
+from rock2d.graphics.thinned_paths import thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
-from rock2d.records.columns import INSTANT_Y
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_Y, UNRESOLVED_STOPS
 from rock2d.records.track import Track
-from rock2d.runs.indicators.envelopes import PERCENTILES, QUANTITIES
+from rock2d.runs.indicators.envelopes import PERCENTILES, QUANTITIES, STATIONS, evenly_spaced, passing_values
+from rock2d.runs.indicators.passing import passing_share
 from rock2d.runs.simulation import Simulation
-from rock2d.statistics import least_count
-from rock2d.wording import listed, spoken, with_interval
+from rock2d.scene.cross_section import CrossSection
+from rock2d.statistics import Estimate, least_count, percentile_estimate
+from rock2d.wording import energy_unit, listed, spoken, with_interval
 
 Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # largest size of the data in a page
 # for up to FEW paths, the tolerance is the width of the view over FINE, else over COARSE
 FEW, FINE, COARSE = 2000, 1000, 250
-SHOWN_SHARE = (
-    0.5  # share of these bytes for the paths of the run that is shown first, if there are several runs
-)
+SHOWN_SHARE = 0.5  # share of these bytes for the paths of the run that is shown first, if there are several
 SHOWN_OF_OTHERS = 100  # releases of each block of the other runs
 BINS = 20  # bins of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
-BELOW_SHARE, ABOVE_SHARE = (
-    0.1,
-    0.02,
-)  # margin below the lowest and above the highest point, as shares of the height
+BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # margins below the lowest and above the highest point, in heights
 WORST_SHARE = 0.01  # share of the releases of each block, those with the largest energies
+BETWEEN = 2  # stations of the collector for each station of the envelopes
+AT_LINES = {"height_m": "passing_height_m"}  # quantity of the envelopes -> its name at a measure line
 BYTES_OF_A_RELEASE = 22  # for number, block, stop and energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
 # head of a column -> its value in an impact of a track
@@ -73,30 +72,10 @@ class View:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class LiveSlope:
-    """Input of the template live_slope.html.j2.
-
-    Attributes
-    ----------
-    data : JSON without the character "<"
-    blocks, stops, quantities : labels of the check boxes and of the curves
-    views : names of the runs
-    sizes : place of the number in which the runs differ, which a slider chooses; empty if they differ otherwise
-    notes : notes to the reader, for example on paths that are left out
-    """
-
-    data: str
-    blocks: Sequence[str]
-    stops: Sequence[str]
-    quantities: Sequence[str]
-    views: Sequence[str]
-    sizes: str
-    notes: Sequence[str]
-
-
-def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str = "") -> LiveSlope | None:
-    """The live view of runs of the same blocks; None if nothing was released.
+def live_slope(
+    views: Sequence[View], released: int, shown: int = 0, sizes: str = ""
+) -> dict[str, Any] | None:
+    """What live_slope.html.j2 shows of runs of the same blocks; None if nothing was released.
 
     Parameters
     ----------
@@ -142,22 +121,22 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
             int(room * share),
         )  # fmt: skip
         own["notes"] = of_paths + own["notes"]
-    return LiveSlope(
-        in_page(data), list(map(spoken, names)), data["stops"],
-        ["passing frequency", *data["quantities"]], [view.name for view in views], sizes,
-        _notes(run, released, len(views)),
-    )  # fmt: skip
+    return {
+        "data": in_page(data), "blocks": list(map(spoken, names)), "stops": data["stops"],
+        "quantities": ["passing frequency", *data["quantities"]], "views": [view.name for view in views],
+        "sizes": sizes, "notes": _notes(run, released, len(views)),
+    }  # fmt: skip
 
 
 def _notes(run: Simulation, released: int, views: int) -> list[str]:
     """Notes to the reader that hold for all runs."""
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
-    first = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
-    others = (
+    few = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
+    same = (
         "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
     )
     return [
-        *([first] if len(run.tracks) < released else []), *([others] if views > 1 else []),
+        *[few] * (len(run.tracks) < released), *[same] * (views > 1),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; these need {counts} passing "
         "blocks. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
         "that cross it; elsewhere they count the first passing of a vertical line, in the direction of x. Heights are "
@@ -181,9 +160,12 @@ def _limits(runs: Sequence[Simulation]) -> Limits:
 
 
 def largest_energies(run: Simulation) -> Array:
-    """(tracks,) the largest kinetic energy of each track in J."""
-    bodies = (run.own_blocks.get(track.release, run.blocks[track.block]) for track in run.tracks)
-    return largest_energies_J(run.tracks, ((body.mass_kg, body.inertia_kg_m2) for body in bodies))
+    """(tracks,) the largest kinetic energy of each track at its knots, in J."""
+    found = []
+    for track in run.tracks:
+        body, (vx, vy, omega) = run.block_of(track), track.knots[:, INSTANT_VX : INSTANT_OMEGA + 1].T
+        found.append((0.5 * body.mass_kg * (vx**2 + vy**2) + 0.5 * body.inertia_kg_m2 * omega**2).max())
+    return np.array(found)
 
 
 def worst_releases(run: Simulation, energy_J: Array) -> list[int]:
@@ -320,3 +302,86 @@ def _impacts(run: Simulation, worst: Sequence[int], most: int) -> tuple[dict[str
     }  # fmt: skip
     few = [f"Impacts are listed for {len(chosen)} of {len(tracks)} releases."]
     return data, few if len(chosen) < len(tracks) else []
+
+
+# --- data collector ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Passings:
+    """The blocks of one kind that pass one station.
+
+    Attributes
+    ----------
+    passed : number of these blocks
+    frequency : their share of the releases
+    values : quantity of the envelopes -> values of these blocks, in ascending order
+    """
+
+    passed: int
+    frequency: Estimate
+    values: Mapping[str, Array]
+
+    @cached_property
+    def estimates(self) -> Mapping[str, list[Estimate]]:
+        """Quantity of the envelopes -> an estimate for each of PERCENTILES; NaN if too few blocks pass."""
+        return {
+            name: [percentile_estimate(ranked, len(ranked), percentile) for percentile in PERCENTILES]
+            for name, ranked in self.values.items()
+        }
+
+
+@dataclass(frozen=True)
+class Station:
+    """A station of the collector: a vertical line at `x_m`, or the measure line `line` with its foot there."""
+
+    x_m: float
+    zone: str
+    line: str = ""
+    of_block: dict[str, Passings] = field(default_factory=dict)
+
+
+def collector_stations(run: Simulation) -> list[Station]:
+    """The stations of a run from left to right: those of the envelopes, some between them, and the measure lines.
+
+    At a measure line the numbers are those of the tables `passing` and `crossings`, elsewhere those of `envelopes`.
+    """
+    x = evenly_spaced(run.cross_section, BETWEEN * (STATIONS - 1) + 1)
+    found = [Station(at, zone) for at, zone in zip(x.tolist(), zones_at(run.cross_section, x), strict=True)]
+    for block, values in passing_values(run.tracks, x, run.cross_section, run.blocks, run.own_blocks).items():
+        tracks = [track for track in run.tracks if track.block == block]
+        cut = np.array([track.stop in UNRESOLVED_STOPS for track in tracks])
+        seen = np.isfinite(values[:, :, 0])
+        ranked = np.sort(values, axis=0)  # NaN last
+        for s, station in enumerate(found):
+            passed = int(seen[:, s].sum())
+            share = Estimate(*passing_share(passed, int((cut & ~seen[:, s]).sum()), len(tracks)))
+            by_quantity = {name: ranked[:passed, s, q] for q, name in enumerate(QUANTITIES)}
+            station.of_block[block] = Passings(passed, share, by_quantity)
+    return sorted([*found, *_line_stations(run)], key=lambda station: station.x_m)
+
+
+def _line_stations(run: Simulation) -> list[Station]:
+    ground, crossings = run.cross_section, run.to_pandas("crossings")
+    found = {}
+    for name, ends in ground.measure_lines.items():
+        foot = ground.foot_and_head(ends)[0][:1]
+        found[name] = Station(float(foot[0]), zones_at(ground, foot)[0], name)
+    rows: list[Any] = list(run.to_pandas("passing").itertuples())
+    for row in rows:
+        crossed = crossings[(crossings["line"] == row.line) & (crossings["block"] == row.block)]
+        values = {name: np.sort(crossed[AT_LINES.get(name, name)].to_numpy(float)) for name in QUANTITIES}
+        share = Estimate(row.frequency, row.low95, row.high95)
+        found[row.line].of_block[row.block] = Passings(int(row.passed), share, values)
+    return list(found.values())
+
+
+def zones_at(ground: CrossSection, x_m: Array) -> list[str]:
+    """The zone of the surface at each station; of overlapping facets, the zone of the highest one."""
+    (x0, y0), (x1, y1) = ground.points_m[:-1].T, ground.points_m[1:].T
+    found = []
+    for x in x_m:
+        over = np.flatnonzero((np.minimum(x0, x1) <= x) & (x <= np.maximum(x0, x1)) & (x0 != x1))
+        height = y0[over] + (x - x0[over]) / (x1[over] - x0[over]) * (y1[over] - y0[over])
+        found.append(ground.zones[over[np.argmax(height)]] if len(over) else "")
+    return found

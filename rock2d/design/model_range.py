@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import with_data
-from rock2d.runs.before_after import Model, model_table
+from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE, Model, model_table
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line, number_of_line
 from rock2d.scene.soils import SOIL_CLASSES, rough_zones
@@ -32,12 +32,11 @@ SHAPES = ("circle", "square", "rectangle")
 RECTANGLE_ASPECT = 2.0
 PANELS_IN_A_ROW = 4
 SHOWN = {
-    "frequency": ("frequency", "low95", "high95", 100.0, "passes, % of released"),
-    "per_arriving": ("per_arriving", "per_arriving_low95", "per_arriving_high95", 100.0, "passes, % of arriving"),
-    "kinetic": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J", 1e-3, "energy, 95 %, kJ"),
-    "height": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m", 1.0,
-               "passing height, 95 %, m"),
-}  # fmt: skip
+    "frequency": (*COLUMNS_OF_SHARE["frequency"], 100.0, "passes, % of released"),
+    "per_arriving": (*COLUMNS_OF_SHARE["per_arriving"], 100.0, "passes, % of arriving"),
+    "kinetic": (*COLUMNS_OF_QUANTITY["kinetic_J"], 1e-3, "energy, 95 %, kJ"),
+    "height": (*COLUMNS_OF_QUANTITY["passing_height_m"], 1.0, "passing height, 95 %, m"),
+}
 
 
 def compared(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
@@ -50,11 +49,8 @@ def alternatives(scenario: Scenario, engine: str) -> Iterator[Model]:
     blocks of other profiles of the same mass and area, as far as these make sense for the file."""
     own = compiled_engine(engine)
     for other in ENGINES.values():
-        if (
-            other.law != own.law
-            and other.name == compiled_engine(other.name).name
-            and _has_law(scenario, other.name)
-        ):
+        compiled = other.name == compiled_engine(other.name).name
+        if other.law != own.law and compiled and _has_law(scenario, other.name):
             yield Model(f"{other.law} law", scenario, other.name)
     for name, change in _changes(scenario, own.law):
         yield Model(name, with_data(scenario, change), engine)
@@ -72,9 +68,6 @@ def _has_law(scenario: Scenario, engine: str) -> bool:
 def _changes(scenario: Scenario, law: str) -> Iterator[tuple[str, Callable[[Data], None]]]:
     """Name of each model, and function that changes the data of the file."""
 
-    def without_roughness(data: Data) -> None:
-        del data["roughness"]
-
     def shift(step: int) -> Callable[[Data], None]:
         return lambda data: data["model"].update(soils=_shifted(data["model"]["soils"], step))
 
@@ -85,7 +78,7 @@ def _changes(scenario: Scenario, law: str) -> Iterator[tuple[str, Callable[[Data
     if law == "deterministic":
         rough = _roughness(scenario)
         if scenario.roughness:
-            yield "smooth ground", without_roughness
+            yield "smooth ground", lambda data: data.pop("roughness")
         elif rough:
             yield "rough ground", lambda data: data.update(roughness=rough)
     for name, step in (("softer soil", -1), ("harder soil", 1)):
@@ -160,10 +153,11 @@ def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
 def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
     """(line, key of SHOWN) -> range over the models in words, of the block with the largest value in each."""
     found = {}
-    for line, quantities in shown_lines(table):
-        for key in quantities:
+    for line, keys in shown_lines(table):
+        by_model = table[table["line"] == line].groupby("model")
+        for key in keys:
             column, *_, factor, words = SHOWN[key]
-            largest = factor * table[table["line"] == line].groupby("model")[column].max().dropna()
+            largest = factor * by_model[column].max().dropna()
             if len(largest) > 1:
                 unit = words.rpartition(", ")[2].split()[0]
                 least, most = three_digits(largest.min()), three_digits(largest.max())
@@ -174,16 +168,14 @@ def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
 def range_remarks(table: pd.DataFrame) -> list[str]:
     """A sentence on each block and quantity: smallest and largest value over the models, and their models."""
     found = []
-    for line, quantities in shown_lines(table):
+    for line, keys in shown_lines(table):
         for block, own in table[table["line"] == line].groupby("block", sort=False):
-            for key in quantities:
+            for key in keys:
                 column, *_, factor, words = SHOWN[key]
-                values = own.set_index("model")[column].dropna()
+                values = factor * own.set_index("model")[column].dropna()
                 if len(values) > 1:
-                    least, most = (
-                        f"{three_digits(factor * value)} ({name})"
-                        for value, name in ((values.min(), values.idxmin()), (values.max(), values.idxmax()))
-                    )
+                    least = f"{three_digits(values.min())} ({values.idxmin()})"
+                    most = f"{three_digits(values.max())} ({values.idxmax()})"
                     found.append(f"{block} at {line}, {words}: {least} to {most}")
     return found
 
@@ -218,5 +210,4 @@ def range_figure(table: pd.DataFrame) -> Figure:
         axis.set_xlabel(f"{line}: {words}", fontsize=SMALL_PT)
         axis.grid(axis="x", color="#e4e4e4", lw=0.6)
     axes[0].legend(frameon=False, fontsize=SMALL_PT)
-    finish(figure, "How much depends on the model")
-    return figure
+    return finish(figure, "How much depends on the model")

@@ -1,4 +1,4 @@
-"""Design values by two norms: characteristic percentiles at a measure line times partial factors.
+"""Design values of a scenario at its measure lines by two norms: characteristic percentiles times partial factors.
 
 UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4, after D. Peila and C. Ronco, Nat. Hazards Earth Syst. Sci.
 9 (2009) 1291; ONR 24810:2017, Technischer Steinschlagschutz. The numbers were not compared with the texts of the norms,
@@ -8,13 +8,24 @@ number; a number is verified if two independent sources agree.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_keys import OnrKeys, UniKeys
-from rock2d.statistics import Estimate
+from rock2d.runs.indicators.percentiles import QUANTITIES
+from rock2d.scene.earthworks import ARRIVAL_LINE, is_line, number_of_line
+from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
-CHARACTERISTIC_PERCENTILE = 95.0
+if TYPE_CHECKING:
+    import pandas as pd
+
+DESIGN_COLUMNS = (
+    "block", "line", "norm", "quantity", "characteristic", "characteristic_low95", "characteristic_high95", "factors",
+    "design", "low95", "high95", "not_verified",
+)  # fmt: skip
 LEAST_FREEBOARD_M = 0.5
 
 
@@ -84,11 +95,6 @@ NORM_NUMBERS = (
 )
 
 
-def not_verified(norm: str, given: Collection[str] = ()) -> list[str]:
-    """Names of the numbers of a norm with fewer than FEWEST_SOURCES sources, without those that a scenario gives."""
-    return [n.name for n in NORM_NUMBERS if n.norm == norm and not n.verified and n.name not in given]
-
-
 def uni_11211_4(
     at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniKeys
 ) -> list[DesignValue]:
@@ -140,3 +146,102 @@ def onr_24810(at_line: Mapping[str, Estimate], factors: OnrKeys) -> list[DesignV
         DesignValue(norm, "height_m", height, f"gamma_H {factors.gamma_h:g}", height.times(factors.gamma_h),
                     (PERCENTILE, "gamma_h")),
     ]  # fmt: skip
+
+
+def design_table(
+    scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Design values of every block at every line that it passes; DESIGN_COLUMNS.
+
+    `percentiles` is the table of a run or a campaign, with intervals of sampling. If there is a table over the possible
+    sites (`uncertain`), its values and intervals are used instead. The mass is that of `Scenario.design_block`.
+    `not_verified` names the numbers of the norm that too few sources confirm.
+    """
+    import pandas as pd
+
+    uni, onr = scenario.design_values.uni_11211_4, scenario.design_values.onr_24810
+    open_numbers, rows = not_verified(scenario), []
+    for (name, line), at_line in characteristic_values(percentiles, uncertain).items():
+        block = scenario.design_block(name)
+        values = [*uni_11211_4(at_line, block.mass_kg, block.size_m, uni), *onr_24810(at_line, onr)]
+        for found in values:
+            unsure = ", ".join(number for number in found.uses if number in open_numbers[found.norm])
+            rows.append(
+                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design,
+                 unsure)
+            )  # fmt: skip
+    return pd.DataFrame(rows, columns=list(DESIGN_COLUMNS))
+
+
+def norm_table(scenario: Scenario) -> list[tuple[str, ...]]:
+    """One row for each of NORM_NUMBERS: norm, number, value in the scenario, values of the norm according to the
+    sources, two sources, and whether it is verified."""
+    keys, rows = _keys(scenario), []
+    for number in NORM_NUMBERS:
+        found = getattr(keys[number.norm], number.name, None)
+        value = "" if found is None else f"{found:g}"
+        sources = (*number.sources, "none", "none")[:2]
+        state = "verified" if number.verified else "not verified"
+        state = "set in the scenario" if number.name in keys[number.norm].model_fields_set else state
+        rows.append((number.norm, number.name, value, number.values, *sources, state))
+    return rows
+
+
+def norm_remarks(scenario: Scenario) -> list[str]:
+    """One line on the numbers of the norms that are not verified; empty if there are none."""
+    text = "; ".join(f"{norm}: {', '.join(names)}" for norm, names in not_verified(scenario).items() if names)
+    if not text:
+        return []
+    return [
+        f"design values: not verified by two published sources: {text}. Compare them with the norm; numbers that are "
+        "set under design_values count as compared"
+    ]
+
+
+def not_verified(scenario: Scenario) -> dict[str, list[str]]:
+    """Norm -> names of its numbers with fewer than FEWEST_SOURCES sources, without those that the scenario gives."""
+    return {
+        norm: [
+            n.name for n in NORM_NUMBERS
+            if n.norm == norm and not n.verified and n.name not in own.model_fields_set
+        ]
+        for norm, own in _keys(scenario).items()
+    }  # fmt: skip
+
+
+def _keys(scenario: Scenario) -> dict[str, UniKeys | OnrKeys]:
+    return {UNI: scenario.design_values.uni_11211_4, ONR: scenario.design_values.onr_24810}
+
+
+def demands(
+    percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
+) -> dict[tuple[int | None, str], tuple[str, Estimate]]:
+    """What each embankment must withstand: (its number, or None if there is only one; "kinetic_J" or
+    "passing_height_m") -> (block with the largest 95th percentile at its arrival line, that percentile). Empty without
+    an arrival line."""
+    found = characteristic_values(percentiles, uncertain)
+    out: dict[tuple[int | None, str], tuple[str, Estimate]] = {}
+    for line in dict.fromkeys(line for _, line in found if is_line(line, ARRIVAL_LINE)):
+        for quantity in ("kinetic_J", "passing_height_m"):
+            arriving = {block: own[quantity] for (block, at), own in found.items() if at == line}
+            block = max(arriving, key=lambda name: np.nan_to_num(arriving[name].value, nan=-np.inf))
+            out[number_of_line(line), quantity] = block, arriving[block]
+    return out
+
+
+def characteristic_values(
+    percentiles: pd.DataFrame, uncertain: pd.DataFrame | None
+) -> dict[tuple[str, str], dict[str, Estimate]]:
+    """(block, line) -> quantity -> 95th percentile, if all quantities have one; see `design_table`."""
+    if uncertain is None:
+        rows = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE]
+    else:
+        suffix = f"_{DESIGN_PERCENTILE:g}"
+        characteristic = uncertain["quantity"].isin([f"{q}{suffix}" for q in QUANTITIES])
+        rows = uncertain[characteristic].dropna(subset="value")
+        rows = rows.assign(quantity=rows["quantity"].str.removesuffix(suffix))
+    found: dict[tuple[str, str], dict[str, Estimate]] = {}
+    columns = ("block", "line", "quantity", "value", "low95", "high95")
+    for name, line, quantity, *numbers in rows[list(columns)].itertuples(index=False):
+        found.setdefault((name, line), {})[quantity] = Estimate(*map(float, numbers))
+    return {key: values for key, values in found.items() if len(values) == len(QUANTITIES)}

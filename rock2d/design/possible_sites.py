@@ -60,9 +60,8 @@ class PossibleSites:
     def release_seed(self, i: int) -> int:
         """Seed of the releases of site i; all sites of a group have the same."""
         group = i // (len(self.places) + 2)
-        return int(
-            np.random.SeedSequence(self.seed, spawn_key=(RELEASES_OF_A_GROUP, group)).generate_state(1)[0]
-        )
+        own = np.random.SeedSequence(self.seed, spawn_key=(RELEASES_OF_A_GROUP, group))
+        return int(own.generate_state(1)[0])
 
     def __getitem__(self, i: int) -> dict[str, float]:
         """Place -> value of site i."""
@@ -84,9 +83,7 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     problem = {"num_vars": len(places), "names": list(places), "bounds": [[0.0, 1.0]] * len(places)}
     power = int(np.ceil(np.log2(count or scenario.uncertainty.sites)))
     u = sobol.sample(problem, 2**power, calc_second_order=False, seed=seed)
-    columns = []
-    for place, column in zip(places, u.T, strict=True):
-        columns.append(unknown[place](column.clip(1e-9, 1 - 1e-9)))
+    columns = [unknown[place](column.clip(1e-9, 1 - 1e-9)) for place, column in zip(places, u.T, strict=True)]
     return PossibleSites(places, np.column_stack(columns), seed, scenario.posterior)
 
 
@@ -134,7 +131,13 @@ def simulate_sites(
             if descents and new:
                 descents[s] = new
             on_progress(1)
-    return _joined([found[s] for s in range(len(scenarios))])
+    sites = [found[s] for s in range(len(scenarios))]
+    passed, unresolved, arrived = (
+        np.concatenate([getattr(site, name) for site in sites])
+        for name in ("passed", "unresolved", "arrived")
+    )
+    crossings = {name: np.concatenate([site.crossings[name] for site in sites]) for name in QUANTITIES}
+    return SiteResults(sites[0].blocks, sites[0].lines, passed, unresolved, arrived, crossings)
 
 
 def _simulated(
@@ -163,20 +166,6 @@ def _simulated(
                 table[0, b, k, passing[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
     results = SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
     return results, None if known else descents
-
-
-def _joined(results: Sequence[SiteResults]) -> SiteResults:
-    """Results of several sites, concatenated."""
-    first = results[0]
-    passed, unresolved, arrived = (
-        np.concatenate([getattr(site, name) for site in results])
-        for name in ("passed", "unresolved", "arrived")
-    )
-    crossings = {
-        quantity: np.concatenate([site.crossings[quantity] for site in results])
-        for quantity in first.crossings
-    }
-    return SiteResults(first.blocks, first.lines, passed, unresolved, arrived, crossings)
 
 
 def check_extremes(scenario: Scenario) -> None:

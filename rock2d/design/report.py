@@ -10,13 +10,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rock2d.design.design_values import demands, design_table
-from rock2d.design.live_slope import LiveSlope, View, live_slope
+from rock2d.design.assessment import Assessment
+from rock2d.design.least_size import Answer
+from rock2d.design.live_slope import View, live_slope
 from rock2d.design.model_range import short_ranges
+from rock2d.design.norms import demands, design_table
 from rock2d.design.report_sections import numbered_embankments, report_sections
-from rock2d.design.report_tables import (
-    quantity_text,
-)
+from rock2d.design.report_tables import quantity_text
 from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
@@ -24,7 +24,7 @@ from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
 from rock2d.graphics.live_data import live_assets
-from rock2d.graphics.printing import write_pdf
+from rock2d.graphics.pages import write_pdf
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
@@ -36,8 +36,6 @@ from rock2d.wording import three_digits, with_interval
 if TYPE_CHECKING:
     import pandas as pd
 
-    from rock2d.design.assessment import Assessment
-    from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import Combination
 
 PAGE, PRINTED = "report.html", "report.pdf"
@@ -89,11 +87,15 @@ class ReportContent:
         """Remarks on the diagnosis of the scenario."""
         return diagnosis_remarks(self.scenario)
 
+    @property
+    def uncertain(self) -> pd.DataFrame | None:
+        """The table over the possible sites."""
+        return self.assessment.uncertain if self.assessment is not None else None
+
     @cached_property
     def design_values(self) -> pd.DataFrame:
         """Table of design values at all lines. Needs the table percentiles."""
-        uncertain = self.assessment.uncertain if self.assessment is not None else None
-        return design_table(self.scenario, self.tables["percentiles"], uncertain)
+        return design_table(self.scenario, self.tables["percentiles"], self.uncertain)
 
 
 def write_report(
@@ -115,39 +117,36 @@ def write_report(
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
     """The HTML of the page; without figures it has no live view either."""
-    scenario = content.scenario
+    scenario, answer, sample = content.scenario, content.answer, content.sample
+    live = None
+    if figures:
+        views = content.views or [View("", sample)]
+        shown = next(i for i, view in enumerate(views) if view.run is sample)
+        live = live_slope(views, content.releases, shown, answer.place if answer else "")
     context = {
         "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
         "sentences": [text for text in (first_sentence(content), norm_sentence(content), scenario.about) if text],
-        "tiles": _tiles(content),
+        "key_figures": _tiles(content),
         "remarks": [
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
-            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, sample.engine)),
         ],
         "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
-        "sections": [section for section in report_sections(content, figures) if section is not None],
+        "sections": report_sections(content, figures),
         "scenario_text": scenario_text(scenario),
-        "live": _live(content) if figures else None,
+        "live": live,
         **live_assets("live_slope"),
     }  # fmt: skip
-    return rendered("rock2d.design", "report.html.j2", context, {})
-
-
-def _live(content: ReportContent) -> LiveSlope | None:
-    views = content.views or [View("", content.sample)]
-    shown = next(i for i, view in enumerate(views) if view.run is content.sample)
-    return live_slope(views, content.releases, shown, content.answer.place if content.answer else "")
+    return rendered("rock2d.design", "report.html.j2", context)
 
 
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     """Name of each figure -> the function that draws it, and its arguments."""
-    from rock2d.design.design_curve import design_figure
     from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
-    from rock2d.graphics.tornado import tornado_figure
     from rock2d.graphics.trajectories import trajectories_figure
 
     run = content.sample
@@ -160,9 +159,9 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     if lines:
         found["distributions"] = (distributions_figure, run.to_pandas("crossings"), lines, dict(run.blocks))
     if content.assessment is not None and len(content.assessment.told_apart):
-        found["tornado"] = (tornado_figure, content.assessment.told_apart)
+        found["tornado"] = (Assessment.plot, content.assessment)
     if content.answer is not None:
-        found["design"] = (design_figure, content.answer)
+        found["design"] = (Answer.plot, content.answer)
     if content.combinations:
         found["combinations"] = (volume_figure, content.combinations)
     if content.models is not None:
@@ -228,9 +227,9 @@ def demand_tiles(
         "kinetic_J": ("Energy that arrives (95 %)", "kinetic"),
         "passing_height_m": ("Height at which it arrives (95 %)", "height"),
     }
-    uncertain = content.assessment.uncertain if content.assessment is not None else None
     found = []
-    for (number, quantity), (block, estimate) in demands(content.tables["percentiles"], uncertain).items():
+    required = demands(content.tables["percentiles"], content.uncertain)
+    for (number, quantity), (block, estimate) in required.items():
         what, key = words[quantity]
         tile = (
             what + ("" if number is None else f", embankment {number}"), quantity_text(quantity, *estimate),

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.design.design_values import norm_remarks
+from rock2d.design.norms import norm_remarks
 from rock2d.design.report_tables import (
     block_rows,
     data_of,
@@ -53,24 +53,23 @@ def numbered_embankments(ground: CrossSection) -> list[tuple[str, str, Embankmen
     return [(f"embankment_{i}", f"embankment {i}", bank) for i, bank in enumerate(banks, start=1)]
 
 
-def report_sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section | None]:
-    def noted(section: Section | None) -> Section | None:
-        """The section with a note in its tables on the changes that the run leaves out."""
-        note = table_note(content.scenario)
-        if section is None or not note:
-            return section
+def report_sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section]:
+    """The sections of the page. Those with results have a note in their tables on the changes that the run leaves
+    out."""
+    note = table_note(content.scenario)
+    site = _site_section(content, figures)
+    found = [
+        _answer_section(content, figures), _volume_section(content, figures), _assumption_section(content), site,
+        _passing_section(content, figures), _slope_section(content, figures), _line_section(content, figures),
+        _design_section(content), _model_section(content, figures), _certainty_section(content, figures),
+        _diagnosis_section(content), Section("Limits", items=LIMITS),
+    ]  # fmt: skip
+
+    def noted(section: Section) -> Section:
         tables = [replace(table, note=f"{table.note} Simulated {note}.".strip()) for table in section.tables]
         return replace(section, tables=tables)
 
-    return [
-        noted(_answer_section(content, figures)), noted(_volume_section(content, figures)),
-        _assumption_section(content), _site_section(content, figures),
-        noted(_passing_section(content, figures)), noted(_slope_section(content, figures)),
-        noted(_line_section(content, figures)), noted(_design_section(content)),
-        noted(_model_section(content, figures)), noted(_certainty_section(content, figures)),
-        noted(_diagnosis_section(content)),
-        Section("Limits", items=LIMITS),
-    ]  # fmt: skip
+    return [noted(each) if note and each is not site else each for each in found if each is not None]
 
 
 def _picture(figures: Mapping[str, Path], name: str, alt: str, caption: str = "") -> list[Picture]:
@@ -81,13 +80,11 @@ def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
     if content.answer is None:
         return None
     answer = content.answer
-    shown = Table(
-        (answer.place, "block", "median %", "bound %", "meets"),
-        [
-            (f"{size:.4g}", block, _percent(median), _percent(high), "yes" if meets else "no")
-            for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
-        ],
-    )  # fmt: skip
+    rows = [
+        (f"{size:.4g}", block, _percent(median), _percent(high), "yes" if meets else "no")
+        for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
+    ]
+    shown = Table((answer.place, "block", "median %", "bound %", "meets"), rows)  # fmt: skip
     alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
 
@@ -163,28 +160,21 @@ def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Sec
         tables.append(passing_rows(content.tables["passing"]))
     if "stops" in content.tables:
         tables.append(stop_rows(content.tables["stops"]))
-    tables.append(
-        reach_rows(content.sample.to_pandas("reach"), content.sample.cross_section.embankment is not None)
-    )
+    held = content.sample.cross_section.embankment is not None
+    tables.append(reach_rows(content.sample.to_pandas("reach"), held))
     alt = "Histogram of the places at which releases ended, below the cross-section"
-    texts = [] if content.answer is None else [
-        "One sample, on the site as in the file. The verdict holds over all possible sites: see above."
-    ]  # fmt: skip
-    return Section(
-        "Do blocks pass, and where do they end",
-        texts,
-        pictures=_picture(figures, "stops", alt),
-        tables=tables,
-    )
+    one = "One sample, on the site as in the file. The verdict holds over all possible sites: see above."
+    texts = [] if content.answer is None else [one]
+    pictures = _picture(figures, "stops", alt)
+    return Section("Do blocks pass, and where do they end", texts, pictures=pictures, tables=tables)
 
 
 def _slope_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
     table: Any = content.sample.to_pandas("envelopes")
     top = table[(table["quantity"] == "kinetic_J") & (table["percentile"] == 95.0)]["value"]
     alt = "Height above the ground, speed and energy along the slope, exceeded by 50, 5 and 1 % of the blocks"
-    alt += (
-        f"; the 95th percentile of the energy reaches {three_digits(1e-3 * top.max())} kJ" if len(top) else ""
-    )
+    if len(top):
+        alt += f"; the 95th percentile of the energy reaches {three_digits(1e-3 * top.max())} kJ"
     caption = "Band: 95 % interval of the 95th percentile. Heights are those of the centroid, vertically."
     data = Table((), (), data=data_of("envelopes.csv", table))
     return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
@@ -194,11 +184,8 @@ def _line_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
     if "percentiles" not in content.tables:
         return None
     alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
-    return Section(
-        "How high and how hard",
-        pictures=_picture(figures, "distributions", alt),
-        tables=[percentile_rows(content.tables["percentiles"])],
-    )
+    tables = [percentile_rows(content.tables["percentiles"])]
+    return Section("How high and how hard", pictures=_picture(figures, "distributions", alt), tables=tables)
 
 
 def _design_section(content: ReportContent) -> Section | None:
@@ -206,8 +193,7 @@ def _design_section(content: ReportContent) -> Section | None:
         return None
     values = content.design_values
     arriving = [is_line(line, ARRIVAL_LINE) for line in values["line"]]
-    if any(arriving):
-        values = values[arriving]
+    values = values[arriving] if any(arriving) else values
     if not len(values):
         return None
     text = (
@@ -218,15 +204,6 @@ def _design_section(content: ReportContent) -> Section | None:
     tables = [design_value_rows(values), norm_rows(content.scenario)]
     texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
     return Section("Design values", texts=texts, tables=tables)
-
-
-def _without_assessment(content: ReportContent) -> str:
-    if content.scenario.uncertainty is None:
-        return "The scenario has no key uncertainty. All intervals cover only sampling."
-    return (
-        "The size holds over all that is listed as not known. The other intervals on this page cover only sampling: "
-        "`rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
-    )
 
 
 def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
@@ -255,10 +232,17 @@ def _diagnosis_section(content: ReportContent) -> Section | None:
 
 
 def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
-    if content.assessment is None:
-        return Section("How sure is that", texts=[_without_assessment(content)])
-    drawn = _picture(figures, "tornado", tornado_words(content.assessment))
-    return certainty_section(content.assessment, drawn)
+    if content.assessment is not None:
+        drawn = _picture(figures, "tornado", tornado_words(content.assessment))
+        return certainty_section(content.assessment, drawn)
+    text = "The scenario has no key uncertainty. All intervals cover only sampling."
+    if content.scenario.uncertainty is not None:
+        text = (
+            "The size holds over all that is listed as not known. The other intervals on this page cover only "
+            "sampling: `rock2d run least.yaml --report` gives them over the possible sites, and how much each value "
+            "matters."
+        )
+    return Section("How sure is that", texts=[text])
 
 
 def tornado_words(assessment: Assessment) -> str:
@@ -273,10 +257,7 @@ def tornado_words(assessment: Assessment) -> str:
 
 def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
     """The section of an assessment; `pictures`: its tornado figure, if it has one."""
-    remark = assessment.sampling_remark()
+    texts = [remark] if (remark := assessment.sampling_remark()) else []
     return Section(
-        "How sure is that",
-        [remark] if remark else [],
-        pictures=pictures,
-        tables=[uncertain_rows(assessment.uncertain)],
+        "How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)]
     )

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.design.design_values import norm_table
-from rock2d.design.norms import SOURCES
+from rock2d.design.norms import SOURCES, norm_table
 from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
-from rock2d.graphics.downloads import Download, download
-from rock2d.graphics.pages import Table
+from rock2d.graphics.pages import Download, Table, download
+from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
 from rock2d.runs.resolution import stop_counts
 from rock2d.runs.tables import PASSING_HEAD, passing_cells
 from rock2d.scene.soils import SOIL_CLASSES
-from rock2d.wording import three_digits, with_interval
+from rock2d.wording import energy_unit, three_digits, with_interval, without_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,20 +31,17 @@ USUAL_REACH = (
     "Of the blocks that fell in the Friuli earthquake of 1976, half stopped above 33.5°, 72 % above 32° and all above "
     "28.5° (Onofri and Candian 1979, from secondary sources)."
 )
-UNITS = {"_m_s": "m/s", "_J": "J", "_kg": "kg", "_m": "m"}
-LARGE_J = 1000.0
 
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
     """A value with its interval and its unit, which is the end of the name of the quantity."""
     if not np.isfinite(value):
         return "-"
-    unit = next((text for end, text in UNITS.items() if quantity.endswith(end)), "")
-    if unit == "J" and abs(value) >= LARGE_J:
-        return f"{with_interval(value, low, high, 1e-3)} kJ"
+    _, unit = without_unit(quantity)
     if unit == "kg" and low == high:
         return f"{three_digits(value)} kg"
-    return f"{with_interval(value, low, high)} {unit}"
+    factor, unit = energy_unit(abs(value)) if unit == "J" else (1.0, unit)
+    return f"{with_interval(value, low, high, factor)} {unit}"
 
 
 def _rows(table: pd.DataFrame) -> list[Any]:
@@ -156,15 +151,10 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
 def model_rows(compared: pd.DataFrame, name: str) -> Table:
     """Passing frequencies, energy and height with each of several models; `name`: file name of the full table."""
     rows = []
-    for r in _rows(compared):
-        energy = (r.kinetic_p95_J, r.kinetic_p95_low95_J, r.kinetic_p95_high95_J)
-        height = (r.passing_height_p95_m, r.passing_height_p95_low95_m, r.passing_height_p95_high95_m)
-        share = with_interval(r.frequency, r.low95, r.high95, 100.0)
-        arriving = with_interval(r.per_arriving, r.per_arriving_low95, r.per_arriving_high95, 100.0)
-        rows.append(
-            (r.line, r.block, r.model, share, arriving, quantity_text("kinetic_J", *energy),
-             quantity_text("passing_height_m", *height))
-        )  # fmt: skip
+    for row in compared.to_dict("records"):
+        shares = [with_interval(*(100.0 * row[n] for n in names)) for names in COLUMNS_OF_SHARE.values()]
+        loads = [quantity_text(name, *(row[n] for n in names)) for name, names in COLUMNS_OF_QUANTITY.items()]
+        rows.append((row["line"], row["block"], row["model"], *shares, *loads))
     return Table(
         ("line", "block", "model", "% of released", "% of arriving", "energy, 95 %", "passing height, 95 %"), rows,
         note="The same releases with every model. Intervals: sampling only. A dash: too few blocks pass.",
@@ -192,30 +182,26 @@ def block_rows(scenario: Scenario) -> Table:
          f"{three_digits(block.inertia_kg_m2)} kg m²")
         for name, block in scenario.make_blocks().items()
     ]  # fmt: skip
-    return Table(("block", "shape", "size", "mass", "moment of inertia"), rows, "Blocks",
-                     "Size: diameter of the circle of equal area.")  # fmt: skip
+    head = ("block", "shape", "size", "mass", "moment of inertia")
+    return Table(head, rows, "Blocks", "Size: diameter of the circle of equal area.")
 
 
 def parameter_tables(scenario: Scenario, engine: str) -> list[Table]:
     """Parameters of the law of the engine in every zone, one table for blocks with the same parameters; and the sources
     of soil classes."""
     zones = scenario.make_cross_section().zone_names
-    groups: list[tuple[Mapping[str, Any], list[str]]] = []  # parameters, and the blocks that have them
+    groups: dict[tuple[Any, ...], list[str]] = {}  # parameters in each zone, and the blocks that have them
     for block in scenario.make_blocks().values():
         of_zone = engine_named(engine).parameters(scenario, block)
-        same = next((blocks for other, blocks in groups if other == of_zone), None)
-        if same is None:
-            groups.append((of_zone, [block.name]))
-        else:
-            same.append(block.name)
-    tables: list[Table] = []
-    for of_zone, blocks in groups:
-        by_zone = {zone: asdict(of_zone.get(zone) or of_zone["default"]) for zone in zones}
-        names = list(next(iter(by_zone.values())))
-        rows = [(zone, *(_parameter(values[name]) for name in names)) for zone, values in by_zone.items()]
+        groups.setdefault(tuple(of_zone.get(zone) or of_zone["default"] for zone in zones), []).append(
+            block.name
+        )
+    tables = []
+    for own, blocks in groups.items():
+        rows = [(zone, *map(_parameter, astuple(values))) for zone, values in zip(zones, own, strict=True)]
         title = f"Parameters of the {engine_named(engine).law} law"
         title += f": {', '.join(blocks)}" if len(groups) > 1 else ""
-        tables.append(Table(("zone", *names), rows, title))
+        tables.append(Table(("zone", *(field.name for field in fields(own[0]))), rows, title))
     if scenario.model.soils:
         tables.append(_soil_sources(scenario))
     return tables

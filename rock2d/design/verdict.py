@@ -12,7 +12,7 @@ from rock2d.statistics import Estimate
 from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
-    from rock2d.design.least_size import Answer, Judgement
+    from rock2d.design.least_size import Answer
     from rock2d.design.report import ReportContent
     from rock2d.files.scenario import Scenario
 
@@ -29,53 +29,39 @@ def worst_blocks(content: ReportContent) -> list[Worst]:
     """The block with the largest upper bound, at the crest of each embankment from uphill to downhill, or at the last
     line; for a search at the line of its target, by the judged bounds. Empty without a measure line."""
     if content.answer is not None:
-        shown = shown_judgement(content.answer)
-        block = max(shown.high, key=lambda name: shown.high[name])
-        found = Estimate(shown.median[block], shown.low[block], shown.high[block])
-        return [Worst(block, content.answer.target.line, found)]
+        shown = content.answer.shown
+        found = Estimate(*(of_block[shown.worst] for of_block in (shown.median, shown.low, shown.high)))
+        return [Worst(shown.worst, content.answer.target.line, found)]
     table: Any = content.tables.get("passing")
-    if content.assessment is not None:
-        uncertain = content.assessment.uncertain
+    if (uncertain := content.uncertain) is not None:
         table = uncertain[uncertain["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
     if table is None or not len(table):
         return []
     lines = list(map(str, table["line"].unique()))
-    rows = [
-        table.loc[table[table["line"] == line]["high95"].idxmax()]
-        for line in [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]
-    ]
-    return [
-        Worst(
-            str(row["block"]), str(row["line"]), Estimate(*map(float, row[["frequency", "low95", "high95"]]))
-        )
-        for row in rows
-    ]
-
-
-def shown_judgement(answer: Answer) -> Judgement:
-    """The judgement of the least size, or of the largest if none meets the target."""
-    size = answer.judgements[-1].size if answer.least is None else answer.least
-    return next(judged for judged in answer.judgements if judged.size == size)
+    worst = []
+    for line in [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]:
+        row = table.loc[table[table["line"] == line]["high95"].idxmax()]
+        share = Estimate(*map(float, row[["frequency", "low95", "high95"]]))
+        worst.append(Worst(str(row["block"]), line, share))
+    return worst
 
 
 def headline(content: ReportContent) -> str:
     """The verdict in a few words."""
-    worst = worst_blocks(content)
     if content.answer is not None:
         return f"{_subject(content.answer, content.scenario)} {_verb(content.answer)} the target"
     if content.remarks:
         return "Not resolved"
-    if not worst:
+    if not (worst := worst_blocks(content)):
         return "Where blocks go"
     return f"{with_interval(*worst[-1].frequency, 100.0)} % of {worst[-1].block} pass {worst[-1].line}"
 
 
 def first_sentence(content: ReportContent) -> str:
     """The answer and its uncertainty in one sentence; empty without a measure line."""
-    found = worst_blocks(content)
     if content.answer is not None:
         return answer_sentence(content.answer, content.scenario)
-    if not found:
+    if not (found := worst_blocks(content)):
         return ""
     worst = found[-1]
     over = "sampling" if content.assessment is None else "sampling and what is not known"
@@ -93,14 +79,13 @@ def first_sentence(content: ReportContent) -> str:
 
 def answer_sentence(answer: Answer, scenario: Scenario) -> str:
     """The verdict of a search with its target and the judged upper bound."""
-    target, high = answer.target, shown_judgement(answer).high
-    block = max(high, key=lambda name: high[name])
+    target, shown = answer.target, answer.shown
     asked = target.text.rpartition(", at ")[0]
-    others = ", and no more of the others" if len(high) > 1 else ""
+    others = ", and no more of the others" if len(shown.high) > 1 else ""
     return (
         f"{_subject(answer, scenario)} {_verb(answer)} the target that {asked}: at {100 * target.confidence:.3g} % "
-        f"confidence, up to {bound_text(high[block], target.frequency)} % of the {target.per} blocks of {block} do"
-        f"{others}."
+        f"confidence, up to {bound_text(shown.high[shown.worst], target.frequency)} % of the {target.per} blocks of "
+        f"{shown.worst} do{others}."
     )
 
 
@@ -116,25 +101,23 @@ def norm_sentence(content: ReportContent) -> str:
     answer, height = content.answer, _largest(content, "height_m")
     if answer is None or height is None or not _is_height(answer):
         return ""
-    norm, asked = f"{height.norm} requires {_estimate_text(height)}", height.design
-    most = answer.judgements[-1].size
+    asked, shown = height.design, answer.shown.size
     if answer.least is None:
-        own, governs = (
-            f"more than {most:.4g} m",
-            "the target" if asked <= most else "not known: enlarge the range",
-        )
-    elif asked > answer.least:
-        own, governs = answer.least_text.replace(" (", " m (", 1), "the norm"
+        own = f"more than {shown:.4g} m"
+        governs = "the target" if asked <= shown else "not known: enlarge the range"
     else:
         own = answer.least_text.replace(" (", " m (", 1)
         governs = "not known: begin the range lower" if answer.is_bound else "the target"
-    where = f"above the ground at the line {height.line}"
-    return f"Height: the target requires {own}, {norm} {where}. What governs: {governs}."
+        governs = "the norm" if asked > shown else governs
+    return (
+        f"Height: the target requires {own}, {height.norm} requires {_estimate_text(height)} above the ground at the "
+        f"line {height.line}. What governs: {governs}."
+    )
 
 
 def _subject(answer: Answer, scenario: Scenario) -> str:
     """The shown size as the subject of a sentence."""
-    size = shown_judgement(answer).size
+    size = answer.shown.size
     text = f"{answer.place} = {size:.4g}"
     if _is_height(answer) and scenario.document is not None:
         x_m = number_at(scenario.document.data, f"{answer.place.removesuffix('height_m')}x_m")

@@ -82,6 +82,17 @@ class Mark:
     kind: str = "point"
 
 
+def bar(model: str, value: float, label: str) -> Mark:
+    """A bar without an interval."""
+    return Mark(model, value, value, value, label, "bar")
+
+
+def share_mark(model: str, share: float, ci95: Sequence[float], label: str, kind: str = "point") -> Mark:
+    """A share with its 95 % interval, in %."""
+    low, high = ci95
+    return Mark(model, 100.0 * share, 100.0 * low, 100.0 * high, label, kind)
+
+
 def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
     """A chart with one row for each mark, from the top down."""
     from markupsafe import Markup, escape

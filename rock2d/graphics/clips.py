@@ -96,17 +96,9 @@ def clip_from_measured(rows: pd.DataFrame) -> Clip:
         raise InputError("a clip shows one release of one block; the rows given hold several")
     seen = rows[["t_s", "x_m", "y_m", "theta_rad"]].dropna().sort_values("t_s").to_numpy(float)
     if len(seen) < 2:
-        raise InputError(
-            f"release {_release_text(rows)} has {len(seen)} measured frames, at least 2 are needed"
-        )
+        name = rows["release"].iloc[0] if len(rows) and "release" in rows else "(no rows)"
+        raise InputError(f"release {name} has {len(seen)} measured frames, at least 2 are needed")
     frame_s = float(np.median(np.diff(seen[:, 0])))
-    block, theta, gap = (
-        str(rows["block"].iloc[0]),
-        np.unwrap(seen[:, 3]),
-        (MOST_BRIDGED_FRAMES + 1e-3) * frame_s,
-    )
-    return Clip(block, seen[:, 0], seen[:, 1], seen[:, 2], theta, "measured", MEASURED_COLOUR, gap)
-
-
-def _release_text(rows: pd.DataFrame) -> str:
-    return f"{rows['release'].iloc[0]}" if len(rows) and "release" in rows else "(no rows)"
+    t, x, y, theta = seen.T
+    block, gap = str(rows["block"].iloc[0]), (MOST_BRIDGED_FRAMES + 1e-3) * frame_s
+    return Clip(block, t, x, y, np.unwrap(theta), "measured", MEASURED_COLOUR, gap)

@@ -54,8 +54,7 @@ def stops_figure(
     handles: list[Any] = [handle("measured stops", marker="|", ls="", color=MEASURED_COLOUR, ms=10)]
     handles += [handle(name, color=BLOCK_COLOURS[i], lw=5, alpha=0.6) for i, name in enumerate(names)]
     figure.legend(handles=handles, fontsize=SMALL_PT, loc="outside lower center", ncols=4, frameon=False)
-    finish(figure, "Stops, and forecasts (median, 50, 80 and 90 %)")
-    return figure
+    return finish(figure, "Stops, and forecasts (median, 50, 80 and 90 %)")
 
 
 def passing_figure(table: pd.DataFrame, names: Mapping[str, str]) -> Figure:
@@ -82,5 +81,4 @@ def passing_figure(table: pd.DataFrame, names: Mapping[str, str]) -> Figure:
     handles: list[Any] = [handle("measured, 95 %", color=MEASURED_COLOUR, marker="o", ms=3)]
     handles += [handle(label, color=BLOCK_COLOURS[i]) for i, label in enumerate(names.values())]
     axes[0].legend(handles=handles, fontsize=SMALL_PT - 0.5, loc="lower left", frameon=False)
-    finish(figure)
-    return figure
+    return finish(figure)

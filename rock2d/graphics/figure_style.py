@@ -45,8 +45,8 @@ def blank_figure(wide_in: float, high_in: float) -> Figure:
     return figure
 
 
-def finish(figure: Figure, title: str = "") -> None:
-    """Apply the common style: title, label sizes, no frame line at the top and on the right."""
+def finish(figure: Figure, title: str = "") -> Figure:
+    """The figure in the common style: title, label sizes, no frame line at the top and on the right."""
     if title:
         figure.suptitle(title, fontsize=TEXT_PT + 2, fontweight="bold")
     for axis in figure.axes:
@@ -55,6 +55,7 @@ def finish(figure: Figure, title: str = "") -> None:
         axis.yaxis.label.set_fontsize(TEXT_PT)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
+    return figure
 
 
 def handle(label: str, **style: Any) -> Any:

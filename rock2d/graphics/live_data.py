@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY
+from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, zone_tones
 from rock2d.graphics.rendering import asset
-from rock2d.graphics.scenery import zone_tones
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
@@ -59,7 +58,7 @@ def packed_columns(values: Array) -> tuple[bytes, list[list[float]]]:
 
 def live_scene(ground: CrossSection) -> dict[str, Any]:
     """The fixed parts of a live view: ground, zones, measure lines and colours."""
-    tones = zone_tones(ground)
+    tones = zone_tones(ground.zone_names)
     return {
         "ground": ground.points_m.tolist(), "tones": [tones[zone] for zone in ground.zones],
         "lines": [ends.tolist() for ends in ground.measure_lines.values()],

@@ -1,4 +1,4 @@
-"""Figures that compare measured releases with their simulation."""
+"""Figures that compare measured releases with their simulation: laid over each other, and their residuals."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rock2d.errors import InputError
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
-from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
+from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
+from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, block_colours, mixed
 from rock2d.graphics.trajectories import positions_of
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.wording import length
 
 Array = np.ndarray
+
+OUTLINE_POINTS = 64  # of a smooth block
+MOST_SHOWN = 6  # releases in a figure
 
 
 def overlay_figure(
@@ -44,7 +48,7 @@ def overlay_figure(
     frames = []
     for both, (_, track) in zip(points, shown, strict=True):
         every, radius = np.vstack(both), blocks[track.block].radius_m
-        floor = min(every[:, 1].min(), *_heights_at(cross_section, every))
+        floor = np.nanmin([every[:, 1], cross_section.height_m(every[:, 0])])
         frames.append((every[:, 0].min() - 1.3 * radius, every[:, 0].max() + 1.3 * radius,
                        floor - 0.9 * radius, every[:, 1].max() + 1.4 * radius))  # fmt: skip
     wide = max(f[1] - f[0] for f in frames)
@@ -57,10 +61,7 @@ def overlay_figure(
         zip(shown, points, frames, notes, strict=True)
     ):
         top, height, angle = axes[:, column]
-        ground = cross_section.points_m * factor
-        deep = ground[:, 1].min() - 10 * high * factor
-        top.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
-        top.plot(*ground.T, color=INK, lw=1.2)
+        draw_ground(top, cross_section, factor, high)
         top.plot(*(way * factor).T, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
         top.plot(*(dots * factor).T, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
         _draw_outlines(top, blocks[track.block], rows, track, factor)
@@ -75,17 +76,16 @@ def overlay_figure(
             if column == 0:
                 axis.set_ylabel(label)
     _draw_legend(figure, columns)
-    finish(figure, title)
-    return figure
+    return finish(figure, title)
 
 
 def _draw_outlines(axis: Any, block: Block, rows: pd.DataFrame, track: Track, factor: float) -> None:
     """The block at the measured start and end, and where the simulation ends."""
     first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
     final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
-    _outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
-    _outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
-    _outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)), 0.0)
+    draw_outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
+    draw_outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
+    draw_outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)))
 
 
 def _draw_histories(height: Any, angle: Any, rows: pd.DataFrame, track: Track, factor: float) -> None:
@@ -114,12 +114,9 @@ def _draw_legend(figure: Figure, columns: int) -> None:
         handle("simulated end", color=SIMULATED_COLOUR, marker="s", ms=7, ls="none",
                 mfc=mixed(SIMULATED_COLOUR, "#ffffff", 0.7)),
     ]  # fmt: skip
+    ncols = 5 if columns > 2 else 3
     figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=5 if columns > 2 else 3,
-        frameon=False,
-        fontsize=SMALL_PT + 0.5,
+        handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=SMALL_PT + 0.5
     )
 
 
@@ -149,9 +146,8 @@ def _selected(
     if releases is not None:
         picks = {i: "" for r in releases for i, p in enumerate(pairs) if p[1].release == r}
         if not picks:
-            raise InputError(
-                f"none of the releases {', '.join(map(str, releases))} is measured and simulated"
-            )
+            given = ", ".join(map(str, releases))
+            raise InputError(f"none of the releases {given} is measured and simulated")
     else:
         ranks = {0.0: "closest", 1.0: "farthest", 0.5: "median", 0.9: "90th percentile"}
         picks = {}
@@ -160,26 +156,112 @@ def _selected(
         picks = {i: picks[i] for i in sorted(picks, key=lambda i: rms[i])}
     several = len({p[1].block for p in pairs}) > 1
     notes = []
-    for i, word in list(picks.items())[:6]:
+    for i, word in list(picks.items())[:MOST_SHOWN]:
         track = pairs[i][1]
         name = f"{track.block} {track.release}" if several else f"release {track.release}"
-        size = f"{1e3 * rms[i]:.1f} mm" if rms[i] < 1 else f"{rms[i]:.2f} m"
-        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {size}")
-    return [pairs[i] for i in list(picks)[:6]], notes
+        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {length(rms[i])}")
+    return [pairs[i] for i in list(picks)[:MOST_SHOWN]], notes
 
 
-def _outline(
-    axis: Any, block: Block, pose: Array, factor: float, colour: str, style: Any, alpha: float
-) -> None:
+def draw_ground(axis: Any, cross_section: CrossSection, factor: float, high_m: float) -> None:
+    """Fill the ground far below a view that is `high_m` high, and draw its surface; in m times `factor`."""
+    ground = cross_section.points_m * factor
+    deep = ground[:, 1].min() - 10 * high_m * factor
+    axis.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
+    axis.plot(*ground.T, color=INK, lw=1.2)
+
+
+def draw_outline(
+    axis: Any, block: Block, pose: Array, factor: float, colour: str, style: Any, alpha: float = 0.0
+) -> Array:
+    """Draw the outline of a block at a pose (x_m, y_m, theta_rad), in m times `factor`, filled if `alpha` is not 0;
+    returns its points (n, 2)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    edge = (block.outline(64) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
-    closed = np.vstack([edge, edge[:1]])
+    edge = np.asarray((block.outline(OUTLINE_POINTS) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor)
     if alpha:
         axis.fill(*edge.T, color=colour, alpha=alpha, lw=0, zorder=1.5)
-    axis.plot(*closed.T, color=colour, ls=style, lw=1.1, zorder=2)
+    axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=style, lw=1.1, zorder=2)
+    return edge
 
 
-def _heights_at(cross_section: CrossSection, points: Array) -> Array:
-    heights = cross_section.height_m(points[:, 0])
-    heights = heights[np.isfinite(heights)]
-    return heights if len(heights) else points[:, 1]
+def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
+    """Simulated minus measured, a column for each channel: median and 10-90 % band against the time since the start
+    of the release, and the distribution at the end of the releases.
+
+    `residuals` has the columns release, block, t_s, dx_m, dy_m, dtheta_rad. Raises InputError if no row is complete.
+    """
+    channels = ["dx_m", "dy_m", "dtheta_rad"]
+    rows = residuals.dropna(subset=[*channels, "t_s"])
+    if rows.empty:
+        raise InputError("no residuals to draw: nothing measured has a simulated counterpart")
+    group = rows.groupby(["block", "release"], sort=False)["t_s"]
+    step = float(np.median(group.diff().dropna())) if (group.size() > 1).any() else 1e-3
+    since = rows["t_s"] - group.transform("min")
+    rows = rows.assign(since_s=(since / step).round() * step)
+    millimetres = float(rows[["dx_m", "dy_m"]].abs().quantile(0.9).max()) < 0.5
+    factors = {"dx_m": 1e3, "dy_m": 1e3, "dtheta_rad": 1.0} if millimetres else dict.fromkeys(channels, 1.0)
+    unit = "mm" if millimetres else "m"
+    labels = {"dx_m": f"x ({unit})", "dy_m": f"y ({unit})", "dtheta_rad": "orientation (rad)"}
+
+    figure = blank_figure(8.4, 5.2)
+    axes = figure.subplots(2, 3)
+    names = list(dict.fromkeys(rows["block"]))
+    colours = block_colours(names)
+    for column, channel in enumerate(channels):
+        over, end = axes[:, column]
+        finals = {}
+        for i, name in enumerate(names):
+            own = rows[rows["block"] == name]
+            values = own[channel] * factors[channel]
+            finals[name] = values.groupby(own["release"]).last().to_numpy(float)
+            quantiles = values.groupby(own["since_s"]).quantile([0.1, 0.5, 0.9]).unstack()
+            count = values.groupby(own["since_s"]).size()
+            quantiles = quantiles[count >= min(5, count.max())]  # a few long releases give no band
+            t, colour = quantiles.index.to_numpy(float), colours[name]
+            over.fill_between(t, quantiles[0.1], quantiles[0.9], color=colour, alpha=0.22, lw=0)
+            style = LINESTYLES[i % len(LINESTYLES)]
+            over.plot(t, quantiles[0.5], color=colour, ls=style, lw=1.5, label=name.replace("_", " "))
+            over.set_xlim(0, max(t.max(), over.get_xlim()[1] if i else 0.0))
+        over.axhline(0, color="#555555", lw=0.7)
+        over.grid(color="#e4e4e4", lw=0.6)
+        over.set_title("Δ " + labels[channel], fontsize=TEXT_PT)
+        over.set_xlabel("time since the start (s)")
+        _histogram(end, finals, colours)
+        end.set_xlabel(f"Δ {labels[channel]} at the end")
+    axes[0, 0].set_ylabel("simulated − measured")
+    axes[1, 0].set_ylabel("releases")
+    grey = colours[names[0]] if len(names) == 1 else "#777777"
+    handles = [
+        handle(n.replace("_", " "), color=colours[n], ls=LINESTYLES[i % len(LINESTYLES)], lw=1.6)
+        for i, n in enumerate(names)
+        if len(names) > 1
+    ]
+    handles += [handle("median", color=grey, lw=1.5)] if len(names) == 1 else []
+    handles.append(handle("10-90 % of releases", color=grey, alpha=0.3, lw=7))
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=SMALL_PT + 0.5
+    )
+    return finish(figure, title)
+
+
+def _histogram(axis: Any, values: Mapping[str, Array], colours: Mapping[str, str]) -> None:
+    """Counts in common bins over the middle 98 %, as outlines if there are several blocks; a note gives the number
+    beyond the bins."""
+    every = np.concatenate(list(values.values()))
+    low, high = np.quantile(every, [0.01, 0.99]) if len(every) >= 50 else (every.min(), every.max())
+    if high - low < 1e-12 * max(1.0, abs(high)):
+        low, high = low - 0.5e-3, high + 0.5e-3
+    bins = np.linspace(low, high, int(np.clip(2 * np.sqrt(len(every)), 6, 40)) + 1)
+    for i, (name, own) in enumerate(values.items()):
+        if len(values) == 1:
+            axis.hist(own, bins, color=colours[name], alpha=0.75, edgecolor="white", lw=0.4)
+        else:
+            style = LINESTYLES[i % len(LINESTYLES)]
+            axis.hist(own, bins, color=colours[name], histtype="step", ls=style, lw=1.4)
+    axis.axvline(0, color="#555555", lw=0.7)
+    beyond = int(((every < low) | (every > high)).sum())
+    notes = [f"{beyond} beyond the bins"] if beyond else []
+    if len(values) == 1:
+        axis.axvline(np.median(every), color=INK, lw=1.1, ls=(0, (4, 2)))
+        notes.insert(0, f"median {np.median(every):.3g}")
+    axis.set_title(", ".join(notes), loc="right", fontsize=SMALL_PT, pad=2)

@@ -1,27 +1,34 @@
-"""HTML pages of results: one file each that contains its figures and needs no network."""
+"""HTML of results: pages, one file each that contains its figures and data and needs no network; and parts of
+notebooks."""
 
 from __future__ import annotations
 
 import base64
+import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.graphics.downloads import Download
+from rock2d.errors import InputError
+from rock2d.files.folders import atomic_file
 from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.rendering import rendered
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PAGE_INK, PAGE_ACCENT, PAGE_WARM, PAGE_RULE = "#2b2b2b", "#0072b2", "#d55e00", "#bbbbbb"
 PAGE_FIGURE_DPI = 110  # resolution of embedded PNG pictures
 SVG_DPI = 150  # resolution of pixel images inside an SVG
+SIGNIFICANT_DIGITS = 6  # of the numbers of a download
+# a spreadsheet takes a text that begins with one of these as a formula
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,15 @@ class Picture:
     source: str
     alt: str
     caption: str = ""
+
+
+@dataclass(frozen=True)
+class Download:
+    """A link to a CSV whose data are inside the page: file name, data URI and the number of rows without the header."""
+
+    name: str
+    href: str
+    rows: int
 
 
 @dataclass(frozen=True)
@@ -65,7 +81,7 @@ class Section:
 
 def page(title: str, sections: Sequence[Section]) -> str:
     """A complete HTML page."""
-    return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections}, {})
+    return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections})
 
 
 def live_page(title: str, above: Sequence[Section], name: str, live: object, below: Sequence[Section]) -> str:
@@ -75,7 +91,44 @@ def live_page(title: str, above: Sequence[Section], name: str, live: object, bel
     """
     view = {"live": live, "view": f"{name}.html.j2", **live_assets(name)}
     context = {"title": title, "sections": above, "below": below, **view}
-    return rendered("rock2d.graphics", "live_sections.html.j2", context, {})
+    return rendered("rock2d.graphics", "sections.html.j2", context)
+
+
+def view(write: Callable[[Path], object], name: str) -> Path:
+    """Call `write` with a new temporary folder, open its page `name` in the browser and return the path of the page.
+
+    The folder is not deleted, because the browser reads it later.
+    """
+    import shutil
+    import tempfile
+    import webbrowser
+
+    folder = Path(tempfile.mkdtemp(prefix="rock2d_"))
+    try:
+        write(folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    webbrowser.open((folder / name).as_uri())
+    return folder / name
+
+
+def download(name: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Download:
+    """A CSV with a header. Numbers have SIGNIFICANT_DIGITS; missing numbers are empty cells."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    cells = [[_cell(value) for value in row] for row in rows]
+    writer.writerows(cells)
+    return Download(name, data_uri("text/csv;charset=utf-8", buffer.getvalue().encode()), len(cells))
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.{SIGNIFICANT_DIGITS}g}" if np.isfinite(value) else ""
+    if isinstance(value, str) and value.startswith(FORMULA_SIGNS):
+        return f"'{value}"
+    return "" if value is None else str(value)
 
 
 def drawn(figure: Figure, alt: str, image_format: str = "png") -> Picture:
@@ -93,10 +146,10 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
     buffer = io.BytesIO()
     if image_format == "png":
         figure.savefig(buffer, format="png", dpi=PAGE_FIGURE_DPI)
-        return _data_uri(buffer, "png")
+        return data_uri("image/png", buffer.getvalue())
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
         figure.savefig(buffer, format="svg", dpi=SVG_DPI, metadata={"Date": None})
-    return _data_uri(buffer, "svg+xml")
+    return data_uri("image/svg+xml", buffer.getvalue())
 
 
 def embedded_picture(path: Path) -> str:
@@ -110,11 +163,12 @@ def embedded_picture(path: Path) -> str:
     with Image.open(path) as picture:
         size = [round(pixels * PAGE_FIGURE_DPI / FILE_DPI) for pixels in picture.size]
         picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(buffer, format="png")
-    return _data_uri(buffer, "png")
+    return data_uri("image/png", buffer.getvalue())
 
 
-def _data_uri(buffer: io.BytesIO, kind: str) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode()}"
+def data_uri(kind: str, raw: bytes) -> str:
+    """Bytes of a media type as an address that contains them."""
+    return f"data:{kind};base64,{base64.b64encode(raw).decode()}"
 
 
 def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, list[Axes]]:
@@ -126,3 +180,36 @@ def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Fig
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def notebook_table(table: pd.DataFrame) -> str:
+    """A small table as HTML; numbers with three significant digits."""
+    return str(table.to_html(index=False, border=0, na_rep="", float_format=lambda value: f"{value:.3g}"))
+
+
+def notebook_figure(figure: Figure) -> str:
+    """An img element that holds the figure itself."""
+    return f'<img src="{embedded(figure)}">'
+
+
+def check_printer() -> None:
+    """Raise InputError if WeasyPrint, or a system library that it needs, is missing."""
+    try:
+        import weasyprint  # noqa: F401
+    except ImportError:
+        message = "a PDF needs WeasyPrint: pip install 'rock2d[pdf]'"
+        raise InputError(message, code="missing_package", package="weasyprint") from None
+    except OSError as error:  # pip does not install Pango
+        message = f"WeasyPrint does not find a library that it needs: {str(error).splitlines()[0]}"
+        raise InputError(message, code="missing_package", package="weasyprint") from None
+
+
+def write_pdf(page: str, path: Path) -> None:
+    """Write a page as PDF, without access to files or the network. Raises InputError as `check_printer` does."""
+    check_printer()
+    from weasyprint import HTML
+    from weasyprint.urls import URLFetcher
+
+    fetcher = URLFetcher(allowed_protocols={"data"})
+    with atomic_file(path) as part:
+        HTML(string=page, url_fetcher=fetcher).write_pdf(part)

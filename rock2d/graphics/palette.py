@@ -21,6 +21,11 @@ def block_colours(names: Iterable[str]) -> dict[str, str]:
     return {name: BLOCK_COLOURS[i % len(BLOCK_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
+def zone_tones(names: Iterable[str]) -> dict[str, str]:
+    """A muted tone for each zone."""
+    return {name: ZONE_TONES[i % len(ZONE_TONES)] for i, name in enumerate(names)}
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     """ "#rrggbb" as three integers 0-255."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

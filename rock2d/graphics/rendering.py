@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
+from rock2d.wording import percent, spoken
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -87,9 +88,7 @@ def source_hash(script: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
-def rendered(
-    package: str, template: str, context: Mapping[str, Any], filters: Mapping[str, Callable[..., Any]]
-) -> str:
+def rendered(package: str, template: str, context: Mapping[str, Any]) -> str:
     """A page from a template in the folder of a package; it can use `style` and the templates of `rock2d.graphics`."""
     import jinja2
 
@@ -103,11 +102,6 @@ def rendered(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
         loader=jinja2.FunctionLoader(source),
     )  # fmt: skip
-    environment.filters |= {
-        "breakable": breakable,
-        "coded": coded,
-        "css_text": css_text,
-        "source_hash": source_hash,
-    }
-    environment.filters |= filters
-    return environment.get_template(template).render({"style": source("style.css"), **context})
+    filters = (breakable, coded, css_text, percent, source_hash, spoken)
+    environment.filters |= {own.__name__: own for own in filters}
+    return environment.get_template(template).render({"style": source("style.css"), "live": None, **context})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -21,7 +20,7 @@ from rock2d.graphics.canvas import (
     polyline,
     text_size,
 )  # fmt: skip
-from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, ZONE_TONES, mixed
+from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, mixed, zone_tones
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -32,11 +31,6 @@ SHADES = 64  # shades of a tone, from the surface to the deep ground
 BUSY_PX = 3  # paths this near to the name of a measure line count as crossing it
 LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the direction of the line
 LABEL_LEVELS = 4
-
-
-def zone_tones(cross_section: CrossSection) -> dict[str, str]:
-    """A muted tone for each zone."""
-    return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(cross_section.zone_names)}
 
 
 def ground_image(
@@ -51,7 +45,7 @@ def ground_image(
     surface = view.pixels(cross_section.points_m) + pad
     canvas = (view.height_px + 2 * pad, view.width_px + 2 * pad)
     seen = np.s_[pad : pad + view.height_px, pad : pad + view.width_px]
-    zones = zone_tones(cross_section)
+    zones = zone_tones(cross_section.zone_names)
     ids = np.full(canvas, len(zones), np.int32)
     for i, zone in enumerate(cross_section.zone_ids):
         cv2.polylines(
@@ -202,26 +196,16 @@ def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
 
 def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -> list[tuple[str, Array]]:
     """Zone name and anchor (middle of the visible part, px) of each run of facets of one zone."""
-    runs: list[tuple[str, list[Array]]] = []
-    for i, zone in enumerate(cross_section.zones):
-        a, b = surface[i], surface[i + 1]
-        ends = [0.0, 1.0]
-        for axis, limit in ((0, view.width_px), (1, view.height_px)):
-            slope = b[axis] - a[axis]
-            if abs(slope) < 1e-12:
-                inside = 0 <= a[axis] <= limit
-                ends = ends if inside else [1.0, 0.0]
-                continue
-            cut = sorted([-a[axis] / slope, (limit - a[axis]) / slope])
-            ends = [max(ends[0], cut[0]), min(ends[1], cut[1])]
-        if not runs or runs[-1][0] != zone:
-            runs.append((zone, []))
-        if ends[0] < ends[1]:
-            runs[-1][1].extend([a + ends[0] * (b - a), a + ends[1] * (b - a)])
+    import shapely
+
+    facets = shapely.linestrings(np.stack([surface[:-1], surface[1:]], axis=1))
+    seen = shapely.clip_by_rect(facets, 0.0, 0.0, view.width_px, view.height_px)
     found = []
-    for zone, points in runs:
-        if points:
-            path = np.array(points)
+    for zone, run in itertools.groupby(
+        zip(cross_section.zones, seen, strict=True), key=lambda facet: facet[0]
+    ):
+        path = shapely.get_coordinates([part for _, part in run])
+        if len(path) > 1:
             along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
             middle = np.array([np.interp(0.5 * along[-1], along, path[:, k]) for k in (0, 1)])
             found.append((zone, middle))
@@ -230,16 +214,11 @@ def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -
 
 def _lowest(surface: Array, left: float, right: float, default: float) -> float:
     """Lowest point (largest row) of the surface between two columns."""
-    rows = [default]
-    for a, b in pairwise(surface):
-        x0, x1 = sorted([a[0], b[0]])
-        if x1 < left or x0 > right:
-            continue
-        for x in (max(left, x0), min(right, x1)):
-            rows.append(a[1] if x1 == x0 else a[1] + (x - a[0]) / (b[0] - a[0]) * (b[1] - a[1]))
-            if x1 == x0:
-                rows.append(b[1])
-    return float(max(rows))
+    import shapely
+
+    low, high = surface[:, 1].min() - 1.0, surface[:, 1].max() + 1.0
+    between = shapely.clip_by_rect(shapely.linestrings(surface), left, low, right, high)
+    return float(shapely.get_coordinates(between)[:, 1].max(initial=default))
 
 
 def _line_names(cross_section: CrossSection, view: Viewport, near_px: float) -> list[tuple[str, Array]]:
@@ -297,8 +276,7 @@ def _measure_line_box(
     return best
 
 
-def _distance(surface: Array, point: Array) -> float:
-    a, b = surface[:-1], surface[1:]
-    edge = b - a
-    t = np.clip(((point - a) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
-    return float(np.hypot(*(a + t[:, None] * edge - point).T).min())
+def _distance(line: Array, point: Array) -> float:
+    import shapely
+
+    return float(shapely.distance(shapely.linestrings(line), shapely.points(point)))

@@ -6,13 +6,13 @@ are nearly straight, are simplified as polylines in time (Douglas and Peucker 19
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d.graphics.live_data import packed, packed_columns
-from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_X, INSTANT_Y, TIME
+from rock2d.records.columns import INSTANT_X, INSTANT_Y, TIME
 from rock2d.records.track import Track
 
 Array = np.ndarray
@@ -97,13 +97,3 @@ def _polyline_vertices(instants: Array, run: Array, tolerance_m: float) -> Array
         remain = shapely.simplify(lines, tolerance_m, preserve_topology=False)
         kept[shapely.get_coordinates(remain, include_z=True)[:, 2].astype(np.int64)] = True
     return kept
-
-
-def largest_energies_J(tracks: Iterable[Track], masses: Iterable[tuple[float, float]]) -> Array:
-    """The largest kinetic energy of each track at its knots, (n,) J; `masses`: mass (kg) and moment of inertia (kg m²)
-    of its block."""
-    found = []
-    for track, (mass_kg, inertia_kg_m2) in zip(tracks, masses, strict=True):
-        vx, vy, omega = track.knots[:, INSTANT_VX : INSTANT_OMEGA + 1].T
-        found.append((0.5 * mass_kg * (vx**2 + vy**2) + 0.5 * inertia_kg_m2 * omega**2).max())
-    return np.array(found)

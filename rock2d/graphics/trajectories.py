@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.errors import InputError
-from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
+from rock2d.errors import InputError, counted
+from rock2d.graphics.canvas import Limits, fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
-from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SKY, block_colours
+from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SIMULATED_COLOUR, SKY, block_colours
 from rock2d.graphics.scenery import ground_image, placed_names
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.wording import spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,9 +33,8 @@ STOP_MARKERS = {
     "reached": ("P", "suspended on its way"),
     "buried": ("v", "sank into the ground"),
 }
-
-
 MOST_PATHS = 200  # paths per block in a figure
+WIDE_IN, AXIS_IN, PAGE_IN = 7.5, 6.85, 9.6  # width of a figure and of its axes, height of a page
 
 
 def shown_tracks(tracks: Sequence[Track]) -> tuple[list[Track], Counter[str]]:
@@ -77,16 +77,13 @@ def trajectories_figure(
         cross_section = _lines_within(cross_section, window)
     limits = window or motion_limits(cross_section, every[:, 0], every[:, 1], radius)
 
-    wide_in, axis_in, page_in = 7.5, 6.85, 9.6
-    high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
-    high_in = float(np.clip(high_in, 1.6, min(4.2, page_in / len(names))))
-    figure = blank_figure(wide_in, len(names) * (high_in + 0.32) + 0.65 + (0.3 if title else 0.0))
+    high_in = float(np.clip(_to_scale_in(limits), 1.6, min(4.2, PAGE_IN / len(names))))
+    figure = blank_figure(WIDE_IN, len(names) * (high_in + 0.32) + 0.65 + (0.3 if title else 0.0))
     axes = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
-    view = fitted_view(limits, 1500, round(1500 * high_in / axis_in))
     colours = block_colours(blocks)
     stops: set[str] = set()
-    for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        draw_cross_section(axis, cross_section, view, np.vstack(paths[name]), axis_in)
+    for name, axis in zip(names, axes, strict=True):
+        unit = draw_cross_section(axis, cross_section, limits, (AXIS_IN, high_in), np.vstack(paths[name]))
         own = of_block[name]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
         lines = LineCollection(paths[name], colors=colours[name], linewidths=0.9, alpha=alpha, zorder=3)
@@ -94,7 +91,8 @@ def trajectories_figure(
         ends: dict[str, list[Array]] = {}
         for track, path in zip(own, paths[name], strict=True):
             stops.add(track.stop)
-            if window is None or _within(path[-1], window):
+            x, y = path[-1]
+            if window is None or (window[0] <= x <= window[1] and window[2] <= y <= window[3]):
                 ends.setdefault(track.stop, []).append(path[-1])
         for stop, points in ends.items():
             axis.plot(
@@ -102,25 +100,19 @@ def trajectories_figure(
                 mew=0.5, ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
         total = (releases or count)[name]
-        releases_text = f"{total} release{'s' if total > 1 else ''}"
+        releases_text = counted(total, "release")
         if total > MOST_PATHS:
             releases_text = f"the first {MOST_PATHS} of {releases_text}"
-        axis.set_title(f"{name.replace('_', ' ')}, {releases_text}", loc="left", fontsize=TEXT_PT)
-        axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
-        if i == len(names) - 1:
-            axis.set_xlabel(f"x ({length_unit(view.limits_m)[0]})")
+        axis.set_title(f"{spoken(name)}, {releases_text}", loc="left", fontsize=TEXT_PT)
+        axis.set_ylabel(f"y ({unit})")
+    axes[-1].set_xlabel(f"x ({unit})")
     handles = [
         handle(STOP_MARKERS[s][1], marker=STOP_MARKERS[s][0], ls="none", ms=4.5, mfc="#777777", mec="white")
         for s in STOP_MARKERS
         if s in stops
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=SMALL_PT)
-    finish(figure, title)
-    return figure
-
-
-def _within(point: Array, window: Limits) -> bool:
-    return bool(window[0] <= point[0] <= window[1] and window[2] <= point[1] <= window[3])
+    return finish(figure, title)
 
 
 def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
@@ -136,15 +128,51 @@ def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
     return CrossSection(cross_section.points_m, cross_section.zones, shown)
 
 
+def cross_section_figure(
+    cross_section: CrossSection, title: str = "", release_m: tuple[float, float] | None = None
+) -> Figure:
+    """The cross-section with its zones and measure lines, drawn to scale.
+
+    `release_m`: the stations (m) between which blocks start; this part is marked.
+    """
+    points = cross_section.points_m
+    limits = motion_limits(cross_section, points[:, 0], points[:, 1], 0.0)
+    high_in = float(np.clip(_to_scale_in(limits), 1.6, 6.0))
+    figure = blank_figure(WIDE_IN, high_in + 0.6)
+    axis = figure.subplots()
+    unit = draw_cross_section(axis, cross_section, limits, (AXIS_IN, high_in), points)
+    if release_m is not None:
+        x = np.linspace(*release_m, 50)
+        y = cross_section.height_m(x)
+        axis.plot(x, y, color=SIMULATED_COLOUR, linewidth=3.0, label="start of blocks")
+        axis.legend(loc="upper right", frameon=False)
+    axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+    return finish(figure, title)
+
+
+def _to_scale_in(limits: Limits) -> float:
+    """The height of an axis AXIS_IN wide that shows `limits` to scale, with room for names."""
+    return AXIS_IN * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
+
+
 def draw_cross_section(
-    axis: Any, cross_section: CrossSection, view: Viewport, avoid: Array, axis_in: float
-) -> None:
-    """Draw the ground with zones, measure lines and their names on an axis `axis_in` inches wide; names avoid the
-    points `avoid` (n, 2) in m."""
+    axis: Any,
+    cross_section: CrossSection,
+    limits: Limits,
+    size_in: tuple[float, float],
+    avoid: Array,
+    wide_px: int = 1500,
+) -> str:
+    """Draw the ground with zones, measure lines and their names on an axis of `size_in` (width, height), with equal
+    scales and so that it shows `limits`; names avoid the points `avoid` (n, 2) in m. The ground is an image `wide_px`
+    wide. Returns the unit of the ticks, cm or m."""
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    limits, (_, factor) = view.limits_m, length_unit(view.limits_m)
+    axis_in, high_in = size_in
+    view = fitted_view(limits, wide_px, round(wide_px * high_in / axis_in))
+    limits = view.limits_m
+    unit, factor = ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)
     image = ground_image(cross_section, view, 42, surface_px=0)[..., ::-1]
     axis.imshow(image, extent=limits, aspect="equal", zorder=0)
     axis.plot(*cross_section.points_m.T, color=INK, lw=1.3, zorder=2, solid_joinstyle="round")
@@ -169,6 +197,7 @@ def draw_cross_section(
         text.set_in_layout(False)
         if name.colour == LINE_INK:
             text.set_path_effects([withStroke(linewidth=2.5, foreground=SKY)])
+    return unit
 
 
 def positions_of(track: Track, until_s: float | None = None) -> Array:
@@ -178,8 +207,3 @@ def positions_of(track: Track, until_s: float | None = None) -> Array:
         np.linspace(track.knots[0, TIME], end, 600), track.knots[track.knots[:, TIME] <= end, TIME]
     )
     return track.states(t)[:, :2]
-
-
-def length_unit(limits: Limits) -> tuple[str, float]:
-    """The unit of length for a figure that shows `limits`, cm or m, and its number per metre."""
-    return ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)

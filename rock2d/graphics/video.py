@@ -6,7 +6,7 @@ after another in the same view.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,12 @@ from rock2d.graphics.canvas import Limits, Viewport, exact_view, fitted_view, mo
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR, block_colours
 from rock2d.graphics.video_file import Progress, write_video
-from rock2d.graphics.video_frames import Frames
-from rock2d.graphics.video_options import DEFAULT_OPTIONS, VideoOptions
-from rock2d.graphics.video_panel import Layout, Panel
+from rock2d.graphics.video_frames import Frames, Layout, Panel, VideoOptions
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.wording import spoken
+
+DEFAULT_OPTIONS = VideoOptions()
 
 
 def render_video(
@@ -41,13 +42,8 @@ def render_video(
     The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4, there are
     no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid.
     """
-    scenes = _with_labels(_scenes(series), blocks)
-    layout = Layout(options.size_px, 1)
-    view = _common_view(cross_section, blocks, scenes, layout, options.view)
-    frames = Frames(layout, options)
-    for scene in scenes:
-        frames.add([Panel(cross_section, blocks, scene, (), view, "", scene)], scene)
-    return _write(path, frames, options, progress)
+    scenes = [[scene] for scene in _scenes(series)]
+    return compare_video(path, cross_section, blocks, scenes, ("",), options, progress)
 
 
 def side_by_side(
@@ -89,7 +85,7 @@ def compare_video(
     if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
         raise InputError("side by side needs at least one clip on each side")
     layout = Layout(options.size_px, len(labels))
-    labelled = [[_with_labels([panel], blocks)[0] for panel in scene] for scene in scenes]
+    labelled = [[_with_labels(panel, blocks) for panel in scene] for scene in scenes]
     together = [[clip for panel in scene for clip in panel] for scene in labelled]
     view = _common_view(cross_section, blocks, together, layout, options.view)
     frames = Frames(layout, options)
@@ -99,23 +95,6 @@ def compare_video(
             for k, (own, label) in enumerate(zip(scene, labels, strict=True))
         ]
         frames.add(panels, clips)
-    return _write(path, frames, options, progress)
-
-
-def panel_views(
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
-    series: Sequence[Clip] | Sequence[Sequence[Clip]],
-    options: VideoOptions = DEFAULT_OPTIONS,
-    panels: int = 1,
-) -> list[tuple[int, int, Viewport]]:
-    """The left and top pixel of each panel, and its `Viewport` relative to that corner."""
-    layout = Layout(options.size_px, panels)
-    view = _common_view(cross_section, blocks, _with_labels(_scenes(series), blocks), layout, options.view)
-    return [(left, layout.top, view) for left in layout.lefts]
-
-
-def _write(path: str | Path, frames: Frames, options: VideoOptions, progress: Progress | None) -> Path:
     return write_video(path, frames, len(frames), options.fps_video, options.size_px, progress)
 
 
@@ -127,21 +106,13 @@ def _scenes(series: Sequence[Clip] | Sequence[Sequence[Clip]]) -> list[list[Clip
     return scenes
 
 
-def _with_labels(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> list[list[Clip]]:
+def _with_labels(clips: Sequence[Clip], blocks: Mapping[str, Block]) -> list[Clip]:
     """Clips, with the name and the colour of their block where they have no label or colour."""
     colours = block_colours(blocks)
-    out = []
-    for scene in scenes:
-        for clip in scene:
-            if clip.block not in blocks:
-                raise InputError(f"a clip shows block {clip.block}, the blocks are {', '.join(blocks)}")
-        out.append(
-            [
-                replace(c, label=c.label or c.block.replace("_", " "), colour=c.colour or colours[c.block])
-                for c in scene
-            ]
-        )
-    return out
+    for clip in clips:
+        if clip.block not in blocks:
+            raise InputError(f"a clip shows block {clip.block}, the blocks are {', '.join(blocks)}")
+    return [replace(c, label=c.label or spoken(c.block), colour=c.colour or colours[c.block]) for c in clips]
 
 
 def _common_view(

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_RELEASES = 10_000  # largest number of releases of each block with each model
+COLUMNS_OF_SHARE = {
+    "frequency": ("frequency", "low95", "high95"),
+    "per_arriving": ("per_arriving", "per_arriving_low95", "per_arriving_high95"),
+}
 COLUMNS_OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),
     "passing_height_m": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m"),

@@ -91,10 +91,9 @@ def write_comparison(
     """The residual tables of a film and its restarted releases by name. If figures are wanted, also writes overlay and
     residual figures and a side-by-side video into `folder`."""
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
-    from rock2d.graphics.overlays import overlay_figure
-    from rock2d.graphics.residuals import residuals_figure
+    from rock2d.graphics.overlays import overlay_figure, residuals_figure
     from rock2d.graphics.video import side_by_side
-    from rock2d.graphics.video_options import VideoOptions
+    from rock2d.graphics.video_frames import VideoOptions
     from rock2d.progress import Bars
 
     assert film.trajectories is not None and simulated.trajectories is not None

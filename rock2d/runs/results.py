@@ -149,11 +149,11 @@ class RunResult(Simulation):
         releases, slow_motion : optional
             Replace `video_releases` and `slow_motion` of the key `outputs` of the scenario.
         options
-            Fields of `rock2d.graphics.video_options.VideoOptions`, for example `size_px`.
+            Fields of `rock2d.graphics.video_frames.VideoOptions`, for example `size_px`.
         """
         from rock2d.graphics.clips import clip_from_track
         from rock2d.graphics.video import render_video
-        from rock2d.graphics.video_options import VideoOptions
+        from rock2d.graphics.video_frames import VideoOptions
 
         outputs = self.scenario.outputs
         of_block = [[t for t in self.tracks if t.block == name] for name in self.blocks]

@@ -132,7 +132,7 @@ class Simulation:
         )
 
     def _repr_html_(self) -> str:
-        from rock2d.graphics.notebook import embedded_figure, table_html
+        from rock2d.graphics.pages import notebook_figure, notebook_table
 
         stops = self.to_pandas("stops").groupby("block", sort=False)
         summary = stops.agg(releases=("release", "size"), runout_m=("runout_m", "median"))
@@ -140,7 +140,7 @@ class Simulation:
             lambda stop: ", ".join(f"{n} {s}" for s, n in stop.value_counts().items())
         )
         summary = summary.rename(columns={"runout_m": "median runout_m"})
-        return table_html(summary.reset_index()) + embedded_figure(self.plot())
+        return notebook_table(summary.reset_index()) + notebook_figure(self.plot())
 
 
 def simulate(

@@ -79,7 +79,7 @@ def test_without_a_script_the_view_is_hidden_and_only_its_own_script_may_run(rep
 def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
     def live(released=2 * RELEASES):
         found = live_slope.live_slope([View("run", result), View("higher", higher)], released)
-        return found, json.loads(found.data)["runs"]
+        return found, json.loads(found["data"])["runs"]
 
     _, (whole, other) = live()
     paths, impacts = (json.dumps(whole[name]) for name in ("paths", "impacts"))
@@ -89,7 +89,7 @@ def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
     less, runs = live()
     assert 0.2 * len(impacts) > len(json.dumps(runs[0]["impacts"]))
     assert runs[0]["notes"][1].startswith("Impacts are listed for ")
-    monkeypatch.setattr(live_slope, "MOST_BYTES", len(less.data) - len(paths) // 2)
+    monkeypatch.setattr(live_slope, "MOST_BYTES", len(less["data"]) - len(paths) // 2)
     least, (run, other) = live(6 * RELEASES)
     assert 0.3 * len(paths) < len(json.dumps(run["paths"])) < 0.7 * len(paths)
     assert sum(run["paths"]["worst"]) == 2 and set(run["paths"]["release"]) > set(range(10))
@@ -97,8 +97,8 @@ def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
         f"{len(run['paths']['release'])} of {2 * RELEASES} paths, the first ones and the worst"
         in run["notes"][0]
     )
-    assert f"the first {2 * RELEASES} of {6 * RELEASES} releases" in least.notes[0]
-    assert len(least.data) < live_slope.MOST_BYTES + 2000
+    assert f"the first {2 * RELEASES} of {6 * RELEASES} releases" in least["notes"][0]
+    assert len(least["data"]) < live_slope.MOST_BYTES + 2000
 
 
 def test_the_worst_have_the_largest_energies_of_their_block(result):

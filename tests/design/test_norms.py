@@ -4,9 +4,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.design.design_values import characteristic_values, demands, design_table, norm_remarks, norm_table
-from rock2d.design.norms import NORM_NUMBERS, ONR, SOURCES, UNI, Estimate, onr_24810, uni_11211_4
+from rock2d.design.norms import (
+    NORM_NUMBERS,
+    ONR,
+    SOURCES,
+    UNI,
+    characteristic_values,
+    demands,
+    design_table,
+    norm_remarks,
+    norm_table,
+    onr_24810,
+    uni_11211_4,
+)  # fmt: skip
 from rock2d.files.scenario_keys import OnrKeys, UniKeys
+from rock2d.statistics import Estimate
 from tests.scenarios_of_tests import small_site
 
 AT_LINE = {

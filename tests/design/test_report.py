@@ -93,17 +93,18 @@ def test_the_page_has_the_angle_of_reach(folder):
 def test_a_tornado_is_drawn_only_where_the_errors_are_smaller_than_the_bars(folder):
     import pandas as pd
 
-    from rock2d.graphics.tornado import told_apart, tornado_figure
+    from rock2d.design.assessment import Assessment
 
     columns = ("block", "line", "parameter", "total", "total_error95")
     rows = [("a", "crest", "k", 1.2, 0.3), ("a", "crest", "f", 0.1, 0.2), ("b", "crest", "k", 0.5, 0.1),
             ("b", "crest", "f", 0.4, 0.6)]  # fmt: skip
-    table = told_apart(pd.DataFrame(rows, columns=list(columns)))
-    assert table["block"].unique().tolist() == ["a"]
-    axis = tornado_figure(table).axes[0]
+    found = Assessment(pd.DataFrame(), pd.DataFrame(rows, columns=list(columns)), pd.DataFrame())
+    assert found.told_apart["block"].unique().tolist() == ["a"]
+    axis = found.plot().axes[0]
     assert axis.get_xlim()[1] > 1.5  # no index is cut off
     assert sorted(bar.get_width() for bar in axis.patches if bar.get_width() == bar.get_width()) == [1.2]
-    known = len(told_apart(pd.read_csv(folder / "sensitivity.csv"))) > 0
+    written = Assessment(pd.DataFrame(), pd.read_csv(folder / "sensitivity.csv"), pd.DataFrame())
+    known = len(written.told_apart) > 0
     assert (folder / "tornado.png").is_file() is known
     assert known or "Increase <code>uncertainty.sites</code>" in (folder / "report.html").read_text()
 
@@ -120,7 +121,7 @@ def test_without_weasyprint_the_command_stops_before_it_runs_anything(tmp_path, 
 
 def test_the_page_is_printed_with_its_footer(folder, tmp_path):
     pytest.importorskip("weasyprint")
-    from rock2d.graphics.printing import write_pdf
+    from rock2d.graphics.pages import write_pdf
 
     write_pdf((folder / "report.html").read_text(), tmp_path / "report.pdf")
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF-")

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from rock2d.commands.run import RunRequest, run_scenarios
-from rock2d.design.design_values import demands
 from rock2d.design.least_size import line_of_place
+from rock2d.design.norms import demands
 from rock2d.design.report_tables import quantity_text
 from rock2d.effects.geometry_error import as_built
 from rock2d.files.scenario import load_scenario

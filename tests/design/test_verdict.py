@@ -75,7 +75,13 @@ def content(found: Answer | None, height: float):
                             "low95": [0.0, 0.01], "high95": [0.05, 0.04]})  # fmt: skip
     tables = {"percentiles": values, "passing": passing}
     return SimpleNamespace(
-        answer=found, scenario=SITE, tables=tables, design_values=values, assessment=None, remarks=[]
+        answer=found,
+        scenario=SITE,
+        tables=tables,
+        design_values=values,
+        assessment=None,
+        uncertain=None,
+        remarks=[],
     )
 
 

@@ -462,15 +462,18 @@ def test_names_stay_text_and_nothing_is_loaded(watched, report):  # all others h
 def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
     content, found = diagnosis_json(diagnosed), diagnosed.found
     whole = live_gap.live_gap(diagnosed, content, [], {})
-    monkeypatch.setattr(live_gap, "MOST_BYTES", len(whole.data) // 2)
+    monkeypatch.setattr(live_gap, "MOST_BYTES", len(whole["data"]) // 2)
     less = live_gap.live_gap(diagnosed, content, [], {})
-    assert len(less.data) < 0.55 * len(whole.data)
-    held, every = json.loads(less.data)["frames"]["release"], json.loads(whole.data)["frames"]["release"]
-    assert f"holds {len(held)} of {len(every)} releases" in less.notes[0] and len(whole.notes) == 1
+    assert len(less["data"]) < 0.55 * len(whole["data"])
+    held, every = (
+        json.loads(less["data"])["frames"]["release"],
+        json.loads(whole["data"])["frames"]["release"],
+    )
+    assert f"holds {len(held)} of {len(every)} releases" in less["notes"][0] and len(whole["notes"]) == 1
     sizes = impact_misses(diagnosed, found.base_held_out).sigma
     monkeypatch.setattr(live_gap, "MOST_NUMBERS", 8000)
     least = live_gap.live_gap(diagnosed, content, [], {})
-    assert len(json.loads(least.data)["frames"]["release"]) < len(held)
+    assert len(json.loads(least["data"])["frames"]["release"]) < len(held)
     assert diagnosed.data.impact_release[np.argmax(sizes)] in held and 0 in held
 
 

@@ -19,13 +19,13 @@ from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.report import page
-from rock2d.diagnosis.report.downloads import download
 from rock2d.diagnosis.report.text import share_closed, size
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, tick_labels
+from rock2d.graphics.pages import download
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world

@@ -6,8 +6,7 @@ import pytest
 from rock2d.diagnosis.report.figures import Misses, section_figure
 from rock2d.errors import InputError
 from rock2d.graphics.figure_style import save_figure
-from rock2d.graphics.overlays import overlay_figure
-from rock2d.graphics.residuals import residuals_figure
+from rock2d.graphics.overlays import overlay_figure, residuals_figure
 from rock2d.graphics.trajectories import trajectories_figure
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection

@@ -8,7 +8,7 @@ import pytest
 
 import rock2d
 from rock2d.graphics.live_data import STEPS
-from rock2d.graphics.thinned_paths import ThinnedPaths, largest_energies_J, thinned_paths
+from rock2d.graphics.thinned_paths import ThinnedPaths, thinned_paths
 from tests.scenarios_of_tests import small_site
 
 
@@ -51,11 +51,3 @@ def test_packed_points_are_those_that_were_packed(run):
         steps = np.cumsum(256 * high_byte + low_byte) % (STEPS + 1)
         assert low + span * steps / STEPS == pytest.approx(column, abs=span / STEPS)
     assert (rows[6] == thinned.arc).all()
-
-
-def test_the_largest_energy_is_that_of_the_fastest_knot(run):
-    ball, track = run.blocks["ball"], run.tracks[0]
-    vx, vy, omega = track.knots[:, 4:7].T
-    energy = 0.5 * ball.mass_kg * (vx**2 + vy**2) + 0.5 * ball.inertia_kg_m2 * omega**2
-    found = largest_energies_J([track], [(ball.mass_kg, ball.inertia_kg_m2)])
-    assert found == pytest.approx([energy.max()]) and energy.max() > 0

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.graphics.canvas import Viewport, bgr
+from rock2d.graphics.canvas import Viewport, bgr, exact_view
 from rock2d.graphics.clips import Clip, clip_from_measured, clip_from_track
-from rock2d.graphics.palette import SKY
-from rock2d.graphics.scenery import ground_image, zone_tones
-from rock2d.graphics.video import panel_views, render_video, side_by_side
-from rock2d.graphics.video_options import VideoOptions
+from rock2d.graphics.palette import SKY, zone_tones
+from rock2d.graphics.scenery import ground_image
+from rock2d.graphics.video import render_video, side_by_side
+from rock2d.graphics.video_frames import Layout, VideoOptions
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -44,6 +44,13 @@ def pictures(path) -> np.ndarray:
         if not there:
             return np.array(frames)
         frames.append(frame)
+
+
+def panel_views(options: VideoOptions, panels: int = 1) -> list[tuple[int, int, Viewport]]:
+    """The left and top pixel of each panel, and its view relative to that corner."""
+    layout = Layout(options.size_px, panels)
+    view = exact_view(VIEW, layout.panel_width, layout.panel_height)
+    return [(left, layout.top, view) for left in layout.lefts]
 
 
 def like(image: np.ndarray, colour: str, within: float = 60.0) -> np.ndarray:
@@ -77,7 +84,7 @@ def test_scenes_are_shown_one_after_another_each_on_its_own_clock(tmp_path):
     path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, scenes, options)
     frames = pictures(path)
     assert len(frames) == 22
-    left, top, view = panel_views(FLOOR, BLOCKS, scenes, options)[0]
+    left, top, view = panel_views(options)[0]
     x, y = np.rint(view.pixels(np.array([0.2 + 0.04, 0.2 + 0.04]))[0]).astype(int) + np.array([left, top])
     assert len(like(frames[11][y - 2 : y + 3, x - 2 : x + 3], BLUE)) > 10  # the cube starts at the left again
     assert not len(like(frames[10][y - 2 : y + 3, x - 2 : x + 3], BLUE))
@@ -90,7 +97,7 @@ def test_block_is_drawn_where_it_is(tmp_path, block):
     path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, motion, options)
     frames = pictures(path).astype(int)
     empty = np.median(frames, axis=0)
-    left, top, view = panel_views(FLOOR, BLOCKS, motion, options)[0]
+    left, top, view = panel_views(options)[0]
     px_per_m = min(view.width_px / (VIEW[1] - VIEW[0]), view.height_px / (VIEW[3] - VIEW[2]))
     for k in (0, 3, 10):
         changed = np.abs(frames[k] - empty).sum(axis=2) > 90
@@ -110,7 +117,7 @@ def test_mark_turns_with_the_block_counter_clockwise(tmp_path, block, mark_rad, 
     options = VideoOptions(slow_motion=0.5, size_px=SIZE, hold_s=0, view=VIEW)
     path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, motion, options)
     frame = pictures(path)[0]
-    left, top, view = panel_views(FLOOR, BLOCKS, motion, options)[0]
+    left, top, view = panel_views(options)[0]
     centre = view.pixels(np.array([0.5, 0.3]))[0] + np.array([left, top])
     pale = like(frame, "#e7bfbf", 80)
     pale = pale[np.hypot(*(pale - centre).T) < 0.04 * view.px_per_m]
@@ -126,7 +133,7 @@ def test_side_by_side_shows_both_and_the_measured_ghost(tmp_path):
     options = VideoOptions(slow_motion=0.5, size_px=(640, 320), view=VIEW, hold_s=0)
     path = side_by_side(tmp_path / "a.webm", FLOOR, BLOCKS, [measured], [simulated], options)
     frame = pictures(path)[0]
-    panels = panel_views(FLOOR, BLOCKS, [measured, simulated], options, panels=2)
+    panels = panel_views(options, panels=2)
 
     def seen(panel: int, x_m: float) -> np.ndarray:
         left, top, view = panels[panel]
@@ -237,7 +244,7 @@ def test_ground_under_an_overhang_is_air_and_a_vertical_facing_has_its_own_tone(
         return image[y, x].tolist()
 
     assert tone(0.8, 0.9) == list(bgr(SKY))
-    tones = {zone: list(bgr(colour)) for zone, colour in zone_tones(cross_section).items()}
+    tones = {zone: list(bgr(colour)) for zone, colour in zone_tones(cross_section.zone_names).items()}
     assert np.abs(np.subtract(tone(1.05, 0.5), tones["wall"])).max() <= 2
     assert np.abs(np.subtract(tone(0.5, -0.05), tones["floor"])).max() <= 2
     assert np.abs(np.subtract(tone(1.5, 1.15), tones["top"])).max() <= 2

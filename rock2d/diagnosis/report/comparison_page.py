@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
-from rock2d.graphics.downloads import Download, download
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, bar, chart, share_mark, tick_labels
+from rock2d.graphics.pages import Download, download
 from rock2d.graphics.rendering import Made, rendered
-from rock2d.wording import interval, number, percent, spoken
+from rock2d.wording import aligned, interval, number, percent, spoken
 
 SIDES = {"a": "base", "b": "effect"}  # side -> its mark and colour in charts
 FOLDED_PROBABILITY = 0.005  # answers with a smaller probability in both are folded away
@@ -29,10 +29,16 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         [v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0]
     )
     parameters = [_parameter_row(row) for row in content["parameters"]]
+    verdicts = {side: _verdict_text(content, side) for side in SIDES}
+    gaps = {side: _gap_texts(content["gap"][side]) for side in SIDES}
     return rendered("rock2d.diagnosis.report", "comparison.html.j2", {
-        "content": content, "files": files, "made": made, "shapes": SHAPES, "sides": SIDES,
-        "verdicts": {side: _verdict_text(content, side) for side in SIDES},
-        "gaps": {side: _gap_texts(content["gap"][side]) for side in SIDES},
+        "content": content, "made": made, "sides": SIDES, "verdicts": verdicts, "gaps": gaps,
+        "shapes": SHAPES, "marks": [(side.upper(), mark) for side, mark in SIDES.items()],
+        "key_figures": [
+            (f"{side.upper()}: {content['experiment'][side]}", verdicts[side],
+             f"gap closed: {gaps[side]['closed']}; schema {content['diagnosis_schema'][side]}; {files[side]}")
+            for side in SIDES
+        ],
         "bars": [_probability_row(axis, p) for p in shown],
         "folded": [_probability_row(axis, p) for p in folded],
         "probability_scale": tick_labels(Axis(0.0, 100.0)),
@@ -40,14 +46,11 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "closure_scale": tick_labels(closure_axis),
         "wanted": [row for row in parameters if row["of_interest"]],
         "others": [row for row in parameters if not row["of_interest"]],
-        "base": [
-            (pair["name"], _number_text(pair["a"]), _number_text(pair["b"]), _ratio_text(pair))
-            for pair in content["base"]
-        ],
+        "base": list(map(_law_row, content["base"])),
         "places": content["where"][:SHOWN_PLACES],
         "more_places": content["where"][SHOWN_PLACES:],
         "data": _downloads(content),
-    }, text.FILTERS)  # fmt: skip
+    })  # fmt: skip
 
 
 def comparison_lines(content: Mapping[str, Any]) -> list[str]:
@@ -61,7 +64,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
     ]
     for pair in content["probabilities"]:
         if _largest(pair) >= TERMINAL_PROBABILITY:
-            rows.append((f"p({pair['name']})", *(_probability_text(pair[side]) for side in SIDES)))
+            rows.append((f"p({pair['name']})", *(_known(pair[side], percent) for side in SIDES)))
     for row in content["parameters"]:
         if row["of_interest"]:
             shown = _parameter_row(row)
@@ -69,12 +72,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
     for place in content["where"][:TERMINAL_PLACES]:
         name = ", ".join(place[key] for key in ("phase", "zone", "block", "channel"))
         rows.append((name, *(f"{100 * place[side]:.0f} %" for side in SIDES)))
-    cells = [[_printable(cell) for cell in row] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(3)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=False)).rstrip()
-        for row in cells
-    ]
+    lines = aligned([[_printable(cell) for cell in row] for row in rows])
     return [*lines, *(_printable(f"note: {note}") for note in content["notes"])]
 
 
@@ -87,8 +85,9 @@ def _largest(pair: Mapping[str, Any]) -> float:
     return max(pair["a"] or 0.0, pair["b"] or 0.0)
 
 
-def _probability_text(value: float | None) -> str:
-    return NOTHING if value is None else percent(value)
+def _known(value: Any, words: Callable[[Any], str]) -> str:
+    """A value in words; a dash if it is not known."""
+    return NOTHING if value is None else words(value)
 
 
 def _verdict_text(content: Mapping[str, Any], side: str) -> str:
@@ -101,21 +100,19 @@ def _verdict_text(content: Mapping[str, Any], side: str) -> str:
 
 def _gap_texts(gap: Mapping[str, Any]) -> dict[str, str]:
     """Base, with the effect, floor, and the share closed, as text."""
-    numbers = {
-        key: NOTHING if gap[key] is None else f"{gap[key]:.3g}"
-        for key in ("base", "augmented", "noise_floor")
-    }
+    keys = ("base", "augmented", "noise_floor")
+    numbers = {key: _known(gap[key], "{:.3g}".format) for key in keys}
     known = gap["closure"] is not None and gap["closure_ci95"] is not None
     return numbers | {"closed": text.share_closed(gap["closure"], gap["closure_ci95"]) if known else NOTHING}
 
 
 def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str, str]:
     marks = [
-        Mark(mark, p, p, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}", "bar")
+        bar(mark, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}")
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
-    return pair["name"], chart(axis, marks), _probability_text(pair["a"]), _probability_text(pair["b"])
+    return pair["name"], chart(axis, marks), *(_known(pair[side], percent) for side in SIDES)
 
 
 def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,8 +121,7 @@ def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
         own = row[side]
         said.append(NOTHING if own is None else text.share_closed(own["closure"], own["ci95"]))
         if own is not None:
-            value, low, high = (100 * v for v in (own["closure"], *own["ci95"]))
-            marks.append(Mark(mark, value, low, high, f"{side.upper()}: {said[-1]}"))
+            marks.append(share_mark(mark, own["closure"], own["ci95"], f"{side.upper()}: {said[-1]}"))
     return {"name": row["effect"], "marks": marks, "text": said}
 
 
@@ -139,25 +135,22 @@ def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:
     ]
     units = {own["unit"] for own in known.values()}
     return {
-        **row, "a": _value_text(row["a"]), "b": _value_text(row["b"]), "chart": chart(axis, marks),
+        **row, **{side: _known(row[side], _value_text) for side in SIDES}, "chart": chart(axis, marks),
         "judged": JUDGED[row["agree"]], "unit": " / ".join(sorted(units - {"1", "choice"})),
     }  # fmt: skip
 
 
-def _value_text(own: Mapping[str, Any] | None) -> str:
-    if own is None:
-        return NOTHING
+def _value_text(own: Mapping[str, Any]) -> str:
     low, high = own["ci95"]
     half = 0.5 * abs(high - low)
     return f"{number(own['value'], half or None)}" + (f" ({interval(low, high)})" if half else "")
 
 
-def _number_text(value: float | None) -> str:
-    return NOTHING if value is None else f"{value:.4g}"
-
-
-def _ratio_text(pair: Mapping[str, Any]) -> str:
-    return f"{pair['b'] / pair['a']:.3g}" if pair["a"] and pair["b"] is not None else NOTHING
+def _law_row(pair: Mapping[str, Any]) -> tuple[str, ...]:
+    """Name, both values, and their ratio."""
+    a, b = pair["a"], pair["b"]
+    ratio = f"{b / a:.3g}" if a and b is not None else NOTHING
+    return pair["name"], _known(a, "{:.4g}".format), _known(b, "{:.4g}".format), ratio
 
 
 def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:

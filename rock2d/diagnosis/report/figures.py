@@ -1,38 +1,74 @@
-"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts; and their
-descriptions for readers who cannot see them."""
+"""Figures of a diagnosis: the cross-section with the residuals of all impacts, single impacts, and learnt changes as
+curves; and their descriptions for readers who cannot see them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.diagnosis.report.text import length
-from rock2d.graphics.canvas import fitted_view, motion_limits
-from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, PROFILE, SLOPE, STATE
+from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, PLACE_M, ZONE, Curve
+from rock2d.graphics.canvas import motion_limits
+from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
+from rock2d.graphics.overlays import draw_ground, draw_outline
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.trajectories import draw_cross_section
+from rock2d.records.columns import X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.wording import spoken
+from rock2d.wording import length, spoken, without_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from rock2d.diagnosis.diagnose import Diagnosis
+    from rock2d.diagnosis.learnt import Change
 
 Array = np.ndarray
 
-EFFECT_COLOUR = BLOCK_COLOURS[0]
-# colour, line and marker of each model, distinguishable without colour
-MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
-    "measured": (MEASURED_COLOUR, "-", "o"),
-    "base": (SIMULATED_COLOUR, (0, (5, 1.6)), "D"),
-    "effect": (EFFECT_COLOUR, "-", "^"),
+# colour and line of each model, distinguishable without colour
+MODEL_STYLES: dict[str, tuple[str, Any]] = {
+    "measured": (MEASURED_COLOUR, "-"),
+    "base": (SIMULATED_COLOUR, (0, (5, 1.6))),
+    "effect": (BLOCK_COLOURS[0], "-"),
 }
 # smallest residual in standard deviations, fill, area in pt²
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
 MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
 OTHER_MARKER = "p"  # for all other shapes
+# lever -> its components: name, unit, and a typical size, because angles and lengths differ by orders of magnitude
+COMPONENTS = {
+    LAW: (
+        ("k_l", "factor", 1.0), ("k_ul / k_l", "factor", 1.0), ("k_t", "factor", 1.0), ("tan φ", "factor", 1.0),
+        ("k_r", "factor", 1.0),
+    ),
+    STATE: (
+        ("x", "m", 0.001), ("y", "m", 0.001), ("θ", "rad", 0.05), ("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1),
+        ("ω", "rad/s", 5.0),
+    ),
+    OUTCOME: (  # a table of impacts has only the last three
+        ("tangential", "m", 0.001), ("normal", "m", 0.001), ("θ", "rad", 0.05), ("tangential", "m/s", 0.1),
+        ("normal", "m/s", 0.1), ("ω", "rad/s", 5.0),
+    ),
+    SLOPE: (("slope of the ground", "rad", 1.0),),
+    PROFILE: (("height of the ground above the stated one", "m", 1.0),),
+    FRAME: (("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1), ("ω", "rad/s", 5.0), ("θ", "rad", 0.05)),
+    FLIGHT: (("along x", "m/s²", 1.0), ("along y", "m/s²", 1.0), ("angular", "rad/s²", 100.0)),
+}  # fmt: skip
+LEVER_WORDS = {
+    LAW: "parameters of the law", STATE: "measured state before the impact", OUTCOME: "outcome of the impact",
+    FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", PROFILE: "profile of the ground",
+    FRAME: "motion of the camera or the ground",
+}  # fmt: skip
+POINTS = 200  # points of a curve
+LEAST_SWING = 0.2  # share of the largest change, in typical sizes; components that change less are left out
+MOST_DRAWN = 3  # drawn components of a lever
+WIDE_IN, HIGH_IN = 4.6, 2.6
 
 
 @dataclass
@@ -67,32 +103,22 @@ def section_figure(
     ways = np.vstack([*flights, misses.place_m])
     radius = max(b.radius_m for b in blocks.values())
     limits = motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
-    wide_in, axis_in = (3.7, 3.1) if narrow else (6.6, 6.0)
-    high_in = float(
-        np.clip(
-            axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 1.6 if narrow else 2.0, 4.6
-        )
-    )
+    wide_in, axis_in, least_in = (3.7, 3.1, 1.6) if narrow else (6.6, 6.0, 2.0)
+    high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18
+    high_in = float(np.clip(high_in, least_in, 4.6))
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
-    view = fitted_view(limits, 1400, round(1400 * high_in / axis_in))
     labels = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
     names = [labels.get(zone, zone) for zone in cross_section.zones]
     labelled = CrossSection(cross_section.points_m, names, cross_section.measure_lines)
-    draw_cross_section(axis, labelled, view, ways, axis_in)
+    unit = draw_cross_section(axis, labelled, limits, (axis_in, high_in), ways, 1400)
     for text in axis.texts:
         if text.get_text().endswith("%"):
             text.set(weight="bold", color=INK)
     if flights:
         alpha = float(np.clip(60.0 / len(flights), 0.12, 0.5))
-        style: dict[str, Any] = {
-            "colors": "#5a6a78",
-            "linewidths": 0.6,
-            "alpha": alpha,
-            "zorder": 2.4,
-            "rasterized": True,
-        }
-        axis.add_collection(LineCollection(flights, **style))
+        style: dict[str, Any] = {"colors": "#5a6a78", "linewidths": 0.6, "zorder": 2.4, "rasterized": True}
+        axis.add_collection(LineCollection(flights, alpha=alpha, **style))
     names_of = list(blocks)
     for k, (least, fill, area) in enumerate(MISS_CLASSES):
         most = MISS_CLASSES[k + 1][0] if k + 1 < len(MISS_CLASSES) else np.inf
@@ -104,10 +130,8 @@ def section_figure(
                 edgecolors=mixed(fill, "#000000", 0.45), zorder=3 + k,
             )  # fmt: skip
     _section_legend(figure, blocks)
-    axis.set_xlabel("x (cm)" if limits[1] - limits[0] < 2.0 else "x (m)")
-    axis.set_ylabel("y (cm)" if limits[1] - limits[0] < 2.0 else "y (m)")
-    finish(figure)
-    return figure
+    axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+    return finish(figure)
 
 
 def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> str:
@@ -127,34 +151,24 @@ def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> st
 
 
 def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
-    bounds = [c[0] for c in MISS_CLASSES[1:]]
-    words = [f"residual < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
+    low, high = (least for least, _, _ in MISS_CLASSES[1:])
+    words = (f"residual < {low:g} σ", f"{low:g} to {high:g} σ", f"> {high:g} σ")
+    dot = {"marker": "o", "ls": "none", "mew": 0.5}
     sizes = [
-        handle(
-            word, marker="o", ls="none", ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), mew=0.5
-        )
+        handle(word, ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), **dot)
         for word, (_, fill, area) in zip(words, MISS_CLASSES, strict=True)
     ]
+    style = {"ls": "none", "ms": 5, "mfc": "white", "mec": "#555555"}
     shapes = [
-        handle(
-            name.replace("_", " "),
-            marker=MARKERS.get(b.shape, OTHER_MARKER),
-            ls="none",
-            ms=5,
-            mfc="white",
-            mec="#555555",
-        )
-        for name, b in blocks.items()
+        handle(spoken(name), marker=MARKERS.get(block.shape, OTHER_MARKER), **style)
+        for name, block in blocks.items()
         if len(blocks) > 1
     ]
     blank = handle("", ls="none")
-    columns = [
-        handle or blank for pair in zip_longest(sizes, shapes) for handle in pair
-    ]  # filled column by column
-    if not shapes:
-        columns = sizes
+    pairs = [own or blank for pair in zip_longest(sizes, shapes) for own in pair]  # filled column by column
     wide = max(len(sizes), len(shapes))
-    figure.legend(handles=columns, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
+    handles = pairs if shapes else sizes
+    figure.legend(handles=handles, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
 
 
 @dataclass
@@ -173,6 +187,11 @@ class Segment:
     measured: Array
     models: dict[str, Array]
 
+    def rows(self, labels: Mapping[str, str]) -> list[tuple[Any, ...]]:
+        """(name of the film or of the model, t_s, x_m, y_m, theta_rad), one row for each frame and each prediction."""
+        series = {"measured": self.measured, **self.models}
+        return [(labels[name], *row) for name, own in series.items() for row in own]
+
 
 def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     """The path x-y with the block at its end, above the angle over time."""
@@ -183,21 +202,16 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     factor, unit = (1e3, "mm") if small else (1.0, "m")
     radius = segment.block.radius_m
     low, high = every[:, 1:3].min(axis=0) - 1.3 * radius, every[:, 1:3].max(axis=0) + 1.3 * radius
-    ground = cross_section.points_m * factor
-    deep = ground[:, 1].min() - 10 * factor * (high - low).max()
-    way.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
-    way.plot(*ground.T, color=INK, lw=1.2)
+    draw_ground(way, cross_section, factor, (high - low).max())
     start = segment.measured[0, 0]
     instants = segment.measured[:, 0] - start
     clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
-    for name, rows in reversed(
-        segment.models.items()
-    ):  # base last: its dashes show both lines where they agree
-        colour, line, _ = MODEL_STYLES[name]
-        way.plot(*(rows[:, 1:3] * factor).T, color=colour, ls=line, lw=1.6, zorder=3)
-        angle.plot(
-            (rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), color=colour, ls=line, lw=1.6, zorder=3
-        )
+    # base last: its dashes show both lines where they agree
+    for name, rows in reversed(segment.models.items()):
+        colour, line = MODEL_STYLES[name]
+        style = {"color": colour, "ls": line, "lw": 1.6, "zorder": 3}
+        way.plot(*(rows[:, 1:3] * factor).T, **style)
+        angle.plot((rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), **style)
         _outline(way, segment.block, rows[-1, 1:], factor, colour, line)
     dots = {"color": MEASURED_COLOUR, "ms": 3.0, "mew": 0, "zorder": 2.5}
     way.plot(*(segment.measured[:, 1:3] * factor).T, ".", **dots)
@@ -213,8 +227,7 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     angle.set_xlabel(f"time ({tick})", labelpad=1)
     angle.set_ylabel("angle (°)")
     angle.grid(color="#e4e4e4", lw=0.6)
-    finish(figure)
-    return figure
+    return finish(figure)
 
 
 def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
@@ -235,10 +248,83 @@ def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
 def _outline(
     axis: Any, block: Block, pose: Array, factor: float, colour: str, line: Any, fill: float = 0.0
 ) -> None:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    edge = (block.outline(48) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
-    if fill:
-        axis.fill(*edge.T, color=colour, alpha=fill, lw=0, zorder=1.5)
-    axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=line, lw=1.1, zorder=2)
-    # a spoke, so that a round block shows its angle
+    """The outline of a block with a spoke, so that a round block shows its angle."""
+    edge = draw_outline(axis, block, pose, factor, colour, line, fill)
     axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)
+
+
+# --- learnt changes -----------------------------------------------------------------------------------
+
+
+def described(change: Change) -> str:
+    """A change in words."""
+    depends = (
+        "the same everywhere" if change.basis.name == CONSTANT else f"depending on the {change.basis.name}"
+    )
+    return f"{LEVER_WORDS[change.lever]}, {depends}"
+
+
+def learnt_figure(result: Diagnosis, change: Change) -> Figure:
+    """One panel for each quantity that the change depends on."""
+    panels = max(len(change.basis.curves), 1)
+    figure = blank_figure(WIDE_IN * min(panels, 2), HIGH_IN * -(-panels // 2))
+    axes = figure.subplots(-(-panels // 2), min(panels, 2), squeeze=False).ravel()
+    first = 0
+    for axis, curve in zip(axes, change.basis.curves, strict=False):
+        width = curve.features(np.array([0.0, 1.0])).shape[1]
+        _draw_curves(axis, result, change.lever, curve, change.coefficients[:, first : first + width])
+        first += width
+    return finish(figure)
+
+
+def _draw_curves(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients: Array) -> None:
+    """Draw the components of a lever that change most, over one quantity."""
+    at = _points(curve)
+    values = curve.features(at) @ coefficients.T
+    numbers = COMPONENTS[lever][-len(coefficients) :]
+    values = np.exp(values - values.mean(axis=0)) if lever == LAW else values
+    swing = np.ptp(values, axis=0) / [typical for _, _, typical in numbers]
+    drawn = [k for k in np.argsort(-swing)[:MOST_DRAWN] if swing[k] >= LEAST_SWING * swing.max()]
+    for i, k in enumerate(drawn):
+        name, unit, _ = numbers[k]
+        style: dict[str, Any] = {"color": BLOCK_COLOURS[i % len(BLOCK_COLOURS)], "label": f"{name} ({unit})"}
+        if curve.kind == KINDS:
+            axis.plot(np.arange(len(at)), values[:, k], linestyle="none", marker="os^"[i], **style)
+        else:
+            axis.plot(at, values[:, k], linestyle=LINESTYLES[i], **style)
+    if curve.kind == KINDS:
+        axis.set_xticks(np.arange(len(at)), _kind_labels(result, curve))
+    elif curve.quantity == PLACE_M:
+        points = result.experiment.cross_section.points_m
+        ground = axis.twinx()
+        ground.plot(points[:, X], points[:, Y], color="#bbbbbb", linewidth=1.0, zorder=0)
+        ground.set_yticks([])
+        axis.set_xlim(at[0], at[-1])
+    axis.axhline(1.0 if lever == LAW else 0.0, color="#999999", linewidth=0.8)
+    name, unit = without_unit(curve.quantity)
+    axis.set_xlabel(f"{spoken(name)} ({unit})" if unit else name)
+    axis.legend(fontsize=SMALL_PT, frameon=False)
+
+
+def _points(curve: Curve) -> Array:
+    """Values of a quantity at which its curve is drawn."""
+    if curve.kind == KINDS:
+        return np.array(curve.numbers)
+    if curve.kind == "spline":
+        return np.linspace(curve.numbers[0], curve.numbers[-1], POINTS)
+    if curve.kind == "line":
+        return np.linspace(-2.0, 2.0, POINTS) * curve.numbers[0]
+    if curve.kind == "waves":
+        return np.linspace(0.0, 2.0 * np.pi / curve.numbers[0], POINTS)
+    return np.linspace(-np.pi, np.pi, POINTS)
+
+
+def _kind_labels(result: Diagnosis, curve: Curve) -> list[str]:
+    """Labels of blocks, zones or other kinds."""
+    if curve.quantity == BLOCK:
+        names = list(result.experiment.blocks)
+        return [names[int(k)] for k in curve.numbers]
+    if curve.quantity == ZONE:
+        zones = result.experiment.cross_section.zone_names
+        return [zones[int(k)] for k in curve.numbers]
+    return [f"{k:g}" for k in curve.numbers]

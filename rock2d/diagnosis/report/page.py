@@ -13,17 +13,26 @@ from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
-from rock2d.diagnosis.report import downloads, parameters, tables, text
-from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
-from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
+from rock2d.diagnosis.report import tables, text
+from rock2d.diagnosis.report.figures import (
+    described,
+    learnt_figure,
+    section_alt,
+    section_figure,
+    segment_alt,
+    segment_figure,
+)
 from rock2d.diagnosis.report.live_gap import live_gap
+from rock2d.diagnosis.report.parameters import parameters_section
 from rock2d.diagnosis.report.practical_indicators import (
     PASSING,
     Quantity,
+    Row,
     film_quantities,
     measure_lines,
+    quantity_data,
     table_quantities,
-)
+)  # fmt: skip
 from rock2d.diagnosis.report.sections import budget_section, checks_section, limits_section
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do
@@ -31,12 +40,12 @@ from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
-from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, bar, chart, share_mark, tick_labels
 from rock2d.graphics.live_data import live_assets
-from rock2d.graphics.pages import embedded
+from rock2d.graphics.pages import download, embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
-from rock2d.wording import interval, listed, number, percent, plus_minus, spoken
+from rock2d.wording import interval, length, listed, number, percent, plus_minus, spoken
 
 Array = np.ndarray
 Progress = Callable[[str], None]
@@ -77,8 +86,6 @@ def report_page(
     on_progress: Progress = lambda part: None,
 ) -> str:
     """The page as text; the video is written into `folder` and into the page."""
-    import matplotlib
-
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
     context |= live_assets("live_gap") | {"replicates": REPLICATES}
     models = tables.compared_models(result) if result.found is not None else None
@@ -88,28 +95,20 @@ def report_page(
         _verdict_section(result, content, chain) | budget_section(content) | checks_section(result.checks)
     )
     if models is not None:
-        with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
-            context |= _sections(result, content, models, chain, folder, on_progress)
+        context |= _sections(result, content, models, chain, folder, on_progress)
         context["key_figures"] += context["passing_tile"]
-    return rendered("rock2d.diagnosis.report", "page.html.j2", context, text.FILTERS)
+    return rendered("rock2d.diagnosis.report", "page.html.j2", context)
 
 
 def _verdict_section(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
-    effects = catalogue()
-    name, sentence = text.verdict_sentence(content, effects)
-    faulty = result.found is None
-    kind = (
-        "faults" if faulty else content["verdict"] if content["verdict"] in ("none", "unknown") else "effect"
-    )
+    name, sentence = text.verdict_sentence(content)
+    diagnosed = result.found is not None
+    kind = content["verdict"] if content["verdict"] in ("none", "unknown") else "effect"
     return {
-        "verdict": name,
-        "sentence": sentence,
-        "kind": kind,
-        "key_figures": [] if faulty else text.key_figures(content, effects, chain),
-        "material": _counts_sentence(result),
-        "advice": what_to_do(content, result.experiment),
-        "diagnosed": not faulty,
-    }
+        "verdict": name, "sentence": sentence, "kind": kind if diagnosed else "faults", "diagnosed": diagnosed,
+        "key_figures": text.key_figures(content, chain) if diagnosed else [],
+        "material": _counts_sentence(result), "advice": what_to_do(content, result.experiment),
+    }  # fmt: skip
 
 
 def _counts_sentence(result: Diagnosis) -> str:
@@ -124,9 +123,8 @@ def _counts_sentence(result: Diagnosis) -> str:
         material += f", {counted(len(result.data.impact_release), 'impact')}"
     if isinstance(result.data, FilmData):
         material += f", {counted(len(result.data.segmentation.flights), 'flight')}"
-    return material + (
-        f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
-    )
+    filmed = f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
+    return material + filmed
 
 
 def _sections(
@@ -140,34 +138,20 @@ def _sections(
     """All sections below the verdict."""
     assert result.found is not None and result.data is not None
     labels = {"measured": "measured", "base": "base law", "effect": f"with {listed(chain)}"}
-    context: dict[str, Any] = {
-        "labels": labels,
-        "chain": chain,
-        "models": list(models.fits),
-        "shapes": SHAPES,
-    }
-    context |= _where_section(result, content, models)
+    context = {
+        "labels": labels, "chain": chain, "models": list(models.fits), "shapes": SHAPES,
+        "marks": [(labels[model], model) for model in ("measured", *models.fits)],
+        "segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": [], "practice": [],
+        "assumptions": text.assumptions(result, content, chain), **_where_section(result, content, models),
+    }  # fmt: skip
     context["learnt"] = [
         {"name": described(change), "image": embedded(learnt_figure(result, change), "svg"),
          "gain": plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
     on_progress("where")
-    context |= _which_section(content) | _gap_section(content, chain or [reported_effect(result.found)]) | {
-        "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
-        "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
-        "assumptions": text.assumptions(result, content, chain),
-        "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
-    }  # fmt: skip
-    context |= {
-        "segments": [],
-        "video": "",
-        "repetitions": 0,
-        "line_note": "",
-        "passing_tile": [],
-        "practice": [],
-    }
-    context |= limits_section(content, result.setup)
+    context |= _which_section(content) | _gap_section(content, chain or [reported_effect(result.found)])
+    context |= parameters_section(result, content, models) | limits_section(content, result.setup)
     if not len(result.data.impact_release):
         return context
     if isinstance(result.data, FilmData):
@@ -193,54 +177,51 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Mo
         flights = tables.flight_paths(result.data, tables.signs_of(result))
     misses = tables.impact_misses(result, models.held_out["base"])
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
+    blocks, keys = list(experiment.blocks), ("share", "z", "phase", "zone", "block", "channel")
+    impacts = [
+        (blocks[b], *place, sigma)
+        for b, place, sigma in zip(misses.block, misses.place_m, misses.sigma, strict=True)
+    ]
+    points = [(i, *place) for i, path in enumerate(flights) for place in path]
     return {
         "section": embedded(section_figure(*parts), "svg"),
         "narrow_section": embedded(section_figure(*parts, narrow=True), "svg"),
         "section_alt": section_alt(misses, len(flights), shares),
-        "section_data": downloads.section_data(misses, list(experiment.blocks)),
-        "flights_data": downloads.flights_data(flights) if flights else None,
+        "section_data": download("impacts.csv", ("block", "x_m", "y_m", "residual_sigma"), impacts),
+        "flights_data": download("flights.csv", ("flight", "x_m", "y_m"), points) if flights else None,
         "where_sentence": text.where_sentence(content),
-        "cells": shown_cells if shares else [],
-        "few_cells": SHOWN_CELLS,
-    }
+        "cells": shown_cells if shares else [], "few_cells": SHOWN_CELLS,
+        "where_data": download("where.csv", keys, [[cell[key] for key in keys] for cell in content["where"]]),
+    }  # fmt: skip
 
 
 def _which_section(content: dict[str, Any]) -> dict[str, Any]:
     chances = sorted(content["probabilities"].items(), key=lambda item: -item[1])
     axis = Axis(0.0, 1.0)
-    bars = [
-        (
-            name,
-            chart(axis, [Mark("plain", p, p, p, f"{spoken(name)}: {percent(p)}", "bar")]),
-            p,
-        )
-        for name, p in chances
-    ]
+    bars = [(name, chart(axis, [bar("plain", p, f"{spoken(name)}: {percent(p)}")]), p) for name, p in chances]
     effects = catalogue()
-    gains = sorted(content["effects"].items(), key=lambda item: -item[1]["heldout_score_gain"])
-    ends = [
-        g["heldout_score_gain"] + s * 1.96 * g["heldout_score_gain_se"] for _, g in gains for s in (-1, 1)
+    gains = [
+        (name, e["heldout_score_gain"], e["heldout_score_gain_se"]) for name, e in content["effects"].items()
     ]
+    columns = ("effect", "heldout_score_gain", "heldout_score_gain_se")
+    ends = [gain + s * 1.96 * error for _, gain, error in gains for s in (-1, 1)]
     low, high = min([*ends, 0.0]), max([*ends, LINEAR_GAIN])
     gain_axis = Axis(low - 0.1 * abs(low) - 1.0, 1.1 * high, LINEAR_GAIN)
     forest = []
-    for name, g in gains:
-        value, half = g["heldout_score_gain"], 1.96 * g["heldout_score_gain_se"]
-        shown = plus_minus(value, g["heldout_score_gain_se"])
-        mark = Mark("plain", value, value - half, value + half, f"{spoken(name)}: {shown}")
+    for name, gain, error in sorted(gains, key=lambda own: -own[1]):
+        half, shown = 1.96 * error, plus_minus(gain, error)
+        mark = Mark("plain", gain, gain - half, gain + half, f"{spoken(name)}: {shown}")
         forest.append({
             "name": name, "strip": chart(gain_axis, [mark]), "gain": shown,
             "summary": effects[name].summary if name in effects else "",
         })  # fmt: skip
     return {
-        "bars": [bar for bar in bars if bar[2] >= FOLDED_PROBABILITY],
-        "folded": [bar for bar in bars if bar[2] < FOLDED_PROBABILITY],
-        "forest": forest,
-        "gain_scale": tick_labels(gain_axis),
-        "group": content["group"],
-        "unseen": text.unseen_words(content),
-        "next_release": content["next_release"],
-    }
+        "bars": [own for own in bars if own[2] >= FOLDED_PROBABILITY],
+        "folded": [own for own in bars if own[2] < FOLDED_PROBABILITY],
+        "chances_data": download("probabilities.csv", ("answer", "probability"), chances),
+        "forest": forest, "gain_scale": tick_labels(gain_axis), "gains_data": download("gains.csv", columns, gains),
+        "group": content["group"], "unseen": text.unseen_words(content), "next_release": content["next_release"],
+    }  # fmt: skip
 
 
 def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
@@ -249,22 +230,30 @@ def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     low, high = (base - share * (base - floor) for share in reversed(gap["closure_ci95"]))
     axis = axis_over([base, augmented, floor, low, high])
     bars = (
-        ("base law", Mark("base", base, base, base, f"base law: {base:.2f}", "bar")),
-        (
-            f"with {text.best_model(content, chain)}",
-            Mark("effect", augmented, low, high, f"with it: {augmented:.2f}", "bar"),
-        ),
-        ("noise floor", Mark("measured", floor, floor, floor, f"noise floor: {floor:.2f}", "bar")),
-    )
-    tried, open_gap = content["effects"], any(gap["closure_ci95"])
-    ranked = [name for name in text.ranking(content, effects) if not effects[name].scatter][:5]
-    closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked if open_gap]
-    closure_axis = axis_over([100 * v for _, c, ci in closures for v in (c, *ci)] + [100.0])
+        ("base law", bar("base", base, f"base law: {base:.2f}")),
+        (f"with {text.best_model(content, chain)}",
+         Mark("effect", augmented, low, high, f"with it: {augmented:.2f}", "bar")),
+        ("noise floor", bar("measured", floor, f"noise floor: {floor:.2f}")),
+    )  # fmt: skip
+    open_gap = any(gap["closure_ci95"])
+    closures = [(name, e["closure"], e["closure_ci95"]) for name, e in content["effects"].items()]
+    ranked = [name for name in text.ranking(content) if not effects[name].scatter][:5] if open_gap else []
     marks = {
-        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.share_closed(c, ci))
-        for name, c, ci in closures
+        name: share_mark("plain", share, ci95, text.share_closed(share, ci95))
+        for name, share, ci95 in closures
     }
+    closure_axis = axis_over(
+        [v for n in ranked for v in (marks[n].value, marks[n].low, marks[n].high)] + [100.0]
+    )
+    bounds, keys = ("closure_low95", "closure_high95"), ("base", "augmented", "noise_floor", "closure")
+    numbers = [*(gap[key] for key in keys), *gap["closure_ci95"]]
     return {
+        "gap_data": download("gap.csv", (*keys, *bounds), [numbers]),
+        "closures_data": download(
+            "closures.csv",
+            ("effect", "closure", *bounds),
+            [(name, own, *ci95) for name, own, ci95 in closures],
+        ),
         "gap_rows": [(label, chart(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
         "gap_scale": tick_labels(axis),
         "gap_unit": gap["unit"],
@@ -272,7 +261,7 @@ def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
         "closure_text": text.share_closed(gap["closure"], gap["closure_ci95"]),
-        "closures": [(name, chart(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
+        "closures": [(name, chart(closure_axis, [marks[name]]), marks[name].label) for name in ranked],
         "closure_scale": tick_labels(closure_axis),
     }
 
@@ -298,38 +287,30 @@ def _film_section(
     segments = tables.impact_segments(result, models, improves)
     on_progress("practice")
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
+    passing = [row for q in quantities if q.title == PASSING for row in q.rows]
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
-        "passing_tile": _passing_tile(quantities, labels) if improves else [],
-        "live": live_gap(
-            result, content, [r for q in quantities if q.title == PASSING for r in q.rows], models.fits
-        ),
-        "line_note": line_note,
-        "repetitions": repetitions,
+        "passing_tile": _passing_tile(passing, labels) if improves else [],
+        "live": live_gap(result, content, passing, models.fits),
+        "line_note": line_note, "repetitions": repetitions, "improves": improves, "releases": len(film),
         "segments": [
-            {
-                "image": embedded(segment_figure(experiment.cross_section, s), "svg"),
-                "alt": segment_alt(s, labels),
-                "data": downloads.segment_data(s, i, labels),
-            }
+            {"image": embedded(segment_figure(experiment.cross_section, s), "svg"), "alt": segment_alt(s, labels),
+             "data": download(f"impact_{i}.csv", ("series", "t_s", "x_m", "y_m", "theta_rad"), s.rows(labels))}
             for i, s in enumerate(segments, 1)
         ],
-        "improves": improves,
-        "apart": {name: text.length(v) for name, v in apart.items()},
-        "releases": len(film),
-    }
+        "apart": {name: length(v) for name, v in apart.items()},
+    }  # fmt: skip
     on_progress("impacts")
     return context | video_section(result, film, plain, labels, improves, folder)
 
 
-def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> list[text.Tile]:
+def _passing_tile(rows: Sequence[Row], labels: Mapping[str, str]) -> list[text.Tile]:
     """The passing frequency with the largest error of the base law, in the film and of the models, in %."""
-    rows = [row for q in quantities if q.title == PASSING for row in q.rows]
     if not rows:
         return []
     row = max(rows, key=lambda r: abs(r.models["base"][0].value - r.models["measured"][0].value))
     words = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
-    return [text.Tile(PASSING, ", ".join(words), f"{spoken(row.block)} at {spoken(row.place)}")]
+    return [(PASSING, ", ".join(words), f"{spoken(row.block)} at {spoken(row.place)}")]
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
@@ -350,9 +331,8 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
                 marks.append(Mark(model, own[1].value, own[0].value, own[2].value, tip, "span"))
             else:
                 marks.append(Mark(model, own[0].value, own[0].low, own[0].high, tip))
-            table.append((label, labels[model], [
-                (number(e.value), interval(e.low, e.high)) for e in own
-            ], own[0].count))  # fmt: skip
+            numbers = [(number(e.value), interval(e.low, e.high)) for e in own]
+            table.append((label, labels[model], numbers, own[0].count))
         if marks:
             head = spoken(row.block) if row.place and row.block not in named_blocks else ""
             named_blocks.add(row.block)
@@ -360,5 +340,5 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
     return {
         "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": tick_labels(axis), "table": table,
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
-        "data": downloads.quantity_data(quantity, labels),
+        "data": quantity_data(quantity, labels),
     }  # fmt: skip

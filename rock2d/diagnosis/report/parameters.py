@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models
 from rock2d.diagnosis.report.text import in_degrees
+from rock2d.graphics.pages import download
 from rock2d.wording import interval, number, spoken
 
 Array = np.ndarray
@@ -27,46 +29,36 @@ LAW = (
     ("k<sub>r</sub>", "rolling stiffness", "N m/rad"),
 )
 SCATTER = ("k<sub>l</sub>", "k<sub>ul</sub> / k<sub>l</sub>", "k<sub>t</sub>", "tan φ", "k<sub>r</sub>")
+PARAMETER_COLUMNS = ("model", "parameter", "value", "low95", "high95", "unit")
 UNDETERMINED_TEXT = "not determined by these data"
 
 
-@dataclass(frozen=True)
-class Value:
-    """A number as text, with its interval or another text in its place."""
-
-    text: str
-    interval: str
-
-
-@dataclass(frozen=True)
-class LawRow:
-    """A parameter of the base law; `values`: model -> value."""
-
-    symbol: str
-    meaning: str
-    unit: str
-    values: dict[str, Value]
+def parameters_section(result: Diagnosis, content: Mapping[str, Any], models: Models) -> dict[str, Any]:
+    """Template variables of the parameters. For each model: `law`, the base law's five parameters, and `scatter`, their
+    scatter from impact to impact (1 sigma) in %."""
+    values = [_law_values(fit) for fit in models.fits.values()]
+    return {
+        "law": [(*about, [own[i] for own in values]) for i, about in enumerate(LAW)],
+        "scatter": [
+            (symbol, [f"{100 * fit.scatter[i]:.2g} %" for fit in models.fits.values()])
+            for i, symbol in enumerate(SCATTER)
+        ],
+        "effect_rows": _effect_rows(models), "noise": _noise_rows(result, models),
+        "parameters_data": download("parameters.csv", PARAMETER_COLUMNS, _every_parameter(content)),
+    }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class EffectRow:
-    """A parameter of an effect."""
-
-    effect: str
-    meaning: str
-    unit: str
-    value: Value
-    plausible: str
-    remark: str
+def _every_parameter(content: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    """PARAMETER_COLUMNS of the base law, and of every effect with the law fitted together with it."""
+    rows = [("base", key, value, None, None, "") for key, value in content["base"].items()]
+    for name, effect in content["effects"].items():
+        rows += [(name, key, p["value"], *p["ci95"], p["unit"]) for key, p in effect["parameters"].items()]
+        rows += [(name, key, value, None, None, "") for key, value in effect.get("base", {}).items()]
+    return rows
 
 
-def law_rows(models: Models) -> list[LawRow]:
-    """The base law's five parameters, alone and with the effect."""
-    values = {name: _law_values(fit) for name, fit in models.fits.items()}
-    return [LawRow(*LAW[i], {name: own[i] for name, own in values.items()}) for i in range(len(LAW))]
-
-
-def _law_values(fit: Fit) -> list[Value]:
+def _law_values(fit: Fit) -> list[tuple[str, str]]:
+    """Value and 95 % interval of each parameter, as texts."""
     law, covariance = fit.model.law(fit.p), fit.p_covariance
     sd = np.sqrt(np.diagonal(covariance)[: len(LAW)])
     undetermined = sd > UNDETERMINED_WIDTH * BASE_WIDTH
@@ -77,24 +69,21 @@ def _law_values(fit: Fit) -> list[Value]:
         low, high = value * np.exp([-1.96 * sd[i], 1.96 * sd[i]])
         if i == BASE_MU:
             value, low, high = np.rad2deg(np.arctan([value, low, high]))
-        text = number(float(value), None if undetermined[i] else 0.5 * float(high - low))
-        out.append(Value(text, UNDETERMINED_TEXT if undetermined[i] else interval(float(low), float(high))))
+        value, low, high = float(value), float(low), float(high)
+        if undetermined[i]:
+            out.append((number(value), UNDETERMINED_TEXT))
+        else:
+            out.append((number(value, 0.5 * (high - low)), interval(low, high)))
     return out
 
 
-def scatter_rows(models: Models) -> list[tuple[str, dict[str, str]]]:
-    """Symbol of each parameter, and model -> its scatter from impact to impact (1 sigma) in %."""
-    return [
-        (symbol, {name: f"{100 * fit.scatter[i]:.2g} %" for name, fit in models.fits.items()})
-        for i, symbol in enumerate(SCATTER)
-    ]
-
-
-def effect_rows(models: Models) -> list[EffectRow]:
-    """Parameters of the effects in the model."""
+def _effect_rows(models: Models) -> list[tuple[str, ...]]:
+    """(effect, meaning, unit, value, 95 % interval, plausible range, remark) of each parameter of the effects in the
+    model."""
     if (fit := models.fits.get("effect")) is None:
         return []
-    rows, model, values = [], fit.model, effect_values(fit)
+    rows: list[tuple[str, ...]] = []
+    model, values = fit.model, effect_values(fit)
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
         for k, parameter in enumerate(parameters):
             own, meaning, remark = values[effect.name][parameter.name], parameter.meaning, ""
@@ -107,22 +96,21 @@ def effect_rows(models: Models) -> list[EffectRow]:
             low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
             least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))
             if parameter.choices:
-                shown, plausible = Value(parameter.called(value) or number(value), ""), ""
+                shown, between, plausible = parameter.called(value) or number(value), "", ""
             else:
-                shown = Value(number(value, 0.5 * (high - low)), interval(low, high) if high > low else "")
+                shown, between = number(value, 0.5 * (high - low)), interval(low, high) if high > low else ""
                 plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")
                 if high - low > UNDETERMINED_WIDTH * 1.96 * (most - least):
                     remark = UNDETERMINED_TEXT
-                elif (
+                elif value != parameter.neutral and (
                     min(value - least, most - value) < EDGE_DISTANCE * (most - least)
-                    and value != parameter.neutral
                 ):
                     remark = "at the end of its plausible range"
-            rows.append(EffectRow(effect.name, meaning, unit, shown, plausible, remark))
+            rows.append((effect.name, meaning, unit, shown, between, plausible, remark))
     return rows
 
 
-def noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def _noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows of the noise: stated and estimated for a film, fitted for an impact table."""
     data = result.data
     if isinstance(data, FilmData):

@@ -15,6 +15,7 @@ import numpy as np
 from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
+from rock2d.graphics.pages import Download, download
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, crossing_values
@@ -26,6 +27,8 @@ Array = np.ndarray
 PASSING = "Passing frequency"
 COMPARED_PERCENTILES = (50.0, 75.0, 95.0)
 FEWEST_VALUES = 8  # for a percentile
+ENERGY_UNITS = ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ"))
+LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"))
 INDICATOR_BOOTSTRAPS = 400
 VELOCITY_WINDOW = 0.15  # half the time over which a velocity is fitted, in √(radius / g)
 ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # column of `crossing_values`
@@ -58,6 +61,21 @@ class Quantity:
     unit: str
     rows: list[Row]
     percentiles: tuple[float, ...] = COMPARED_PERCENTILES
+
+
+def quantity_data(quantity: Quantity, labels: Mapping[str, str]) -> Download:
+    """The numbers of a quantity as CSV; `labels`: model -> its name."""
+    rows = [
+        (row.block, row.place, labels[model], percentile, e.value, e.low, e.high, e.count)
+        for row in quantity.rows
+        for model, own in row.models.items()
+        for percentile, e in zip(
+            quantity.percentiles or (None,), own, strict=False
+        )  # few values: no estimates
+    ]
+    value = f"value ({quantity.unit})"
+    columns = ("block", "place", "model", "percentile", value, "low95", "high95", "count")
+    return download(f"{quantity.title.lower().replace(' ', '_')}.csv", columns, rows)
 
 
 def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
@@ -114,12 +132,14 @@ def film_quantities(
         passing = by_block([rows(f"energy {name}", name, as_frequency=True) for name in lines])
         quantities.append(Quantity(PASSING, "%", passing, ()))
         energy = by_block([rows(f"energy {name}", name) for name in lines])
-        quantities.append(Quantity("Kinetic energy at the lines", *_energy_unit(energy)))
+        quantities.append(Quantity("Kinetic energy at the lines", *_rescaled(energy, ENERGY_UNITS)))
     else:
         energy = rows("energy aloft", "")
-        quantities.append(Quantity("Kinetic energy at the top of the highest bounce", *_energy_unit(energy)))
-    quantities.append(Quantity("Bounce height", *_length_unit(rows("bounce", ""))))
-    quantities.append(Quantity("Runout", *_length_unit(rows("runout", ""))))
+        quantities.append(
+            Quantity("Kinetic energy at the top of the highest bounce", *_rescaled(energy, ENERGY_UNITS))
+        )
+    quantities.append(Quantity("Bounce height", *_rescaled(rows("bounce", ""), LENGTH_UNITS)))
+    quantities.append(Quantity("Runout", *_rescaled(rows("runout", ""), LENGTH_UNITS)))
     return [q for q in quantities if any(estimates for row in q.rows for estimates in row.models.values())]
 
 
@@ -145,7 +165,7 @@ def table_quantities(
             row[name] = _percentiles(energy[None], rng)
         if own.any():
             rows.append(Row(block.name, "", row))
-    return [Quantity("Kinetic energy after an impact", *_energy_unit(rows))]
+    return [Quantity("Kinetic energy after an impact", *_rescaled(rows, ENERGY_UNITS))]
 
 
 def _release_values(
@@ -248,10 +268,8 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[CountedEstimat
     spread = _quantiles(np.sort(draws, axis=1))
     middle = _quantiles(np.sort(values.reshape(1, -1), axis=1))[0]
     low, high = np.nanquantile(spread, [0.025, 0.975], axis=0)
-    return [
-        CountedEstimate(float(v), float(a), float(b), count)
-        for v, a, b in zip(middle, low, high, strict=True)
-    ]
+    bounds = zip(middle, low, high, strict=True)
+    return [CountedEstimate(float(v), float(a), float(b), count) for v, a, b in bounds]
 
 
 def _quantiles(ranked: Array) -> Array:
@@ -265,16 +283,8 @@ def _quantiles(ranked: Array) -> Array:
     return a + (at - below) * (b - a)
 
 
-def _energy_unit(rows: list[Row]) -> tuple[str, list[Row]]:
-    """A suitable unit, and the rows in this unit."""
-    return _rescaled(rows, ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")))
-
-
-def _length_unit(rows: list[Row]) -> tuple[str, list[Row]]:
-    return _rescaled(rows, ((1.0, "m"), (1e-3, "mm")))
-
-
 def _rescaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str, list[Row]]:
+    """The first unit that is not larger than the largest value, and the rows in this unit."""
     values = [e.value for row in rows for estimates in row.models.values() for e in estimates]
     largest = max(values, default=1.0)
     size, unit = next((u for u in units if largest >= u[0]), units[-1])

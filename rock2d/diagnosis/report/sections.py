@@ -3,7 +3,7 @@ the sizes of each effect that the film would have shown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rock2d.diagnosis.budget import TRUE_FLOOR_RATIO, TRUE_FLOOR_SD
@@ -13,18 +13,17 @@ from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
 from rock2d.graphics.bar_charts import Axis, Mark, axis_over, chart, tick_labels
-from rock2d.graphics.downloads import download
-from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, download, embedded
 from rock2d.scene.world import World
 from rock2d.wording import listed, number, spoken
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 Limits = Mapping[str, Mapping[str, Any]]
 
 LEAST_SHOWN = 0.005  # smallest share of the gap that is shown
+LEARNT_ORIGIN = "learnt from the film"
 LIMIT_COLUMNS = ("effect", "size", "seen in 5 of 10", "seen in 9 of 10", "at most (95 %)")
 
 
@@ -33,14 +32,15 @@ def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
     gap, outside = content["gap"], content.get("outside")
     if outside is None or content["verdict"] == "none" or gap["noise_floor"] >= gap["base"]:
         return {"budget_rows": []}
-    parts = _parts(content)
     axis, rows, at = Axis(0.0, 100.0), [], 0.0
-    table: list[tuple[str, str, float, float | None, float | None]] = []
-    for name, origin, share, ci95, model in parts:
-        end = at + share
-        rows.append((name, origin, _step(axis, at, end, model, name), _share_text(share, ci95)))
+    table: list[tuple[Any, ...]] = []
+    for name, origin, share, ci95, model in _parts(content):
+        start, at = at, at + share
+        label = f"{name}: {round(100 * (at - start))} %"
+        bar = chart(axis, [Mark(model, 100 * at, 100 * start, 100 * at, label, "step")])
+        shown = text.share_closed(share, ci95) if ci95 else f"{round(100 * share)} %".replace("-", "−")
+        rows.append((name, origin, bar, shown))
         table.append((name, origin, share, *(ci95 or (None, None))))
-        at = end
     return {
         "budget_rows": rows,
         "budget_scale": tick_labels(axis),
@@ -49,27 +49,20 @@ def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _parts(
-    content: Mapping[str, Any],
-) -> list[tuple[str, str, float, tuple[float, float] | None, str]]:
+def _parts(content: Mapping[str, Any]) -> list[tuple[str, str, float, Sequence[float] | None, str]]:
     """Parts of the gap in order: name, origin, share, 95 % interval, colour."""
     outside = content["outside"]
-    found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
-        (
-            cause_name(cause),
-            cause["origin"],
-            cause["closes"],
-            tuple(cause["closes_ci95"]),
-            "effect",
-        )
-        for cause in sorted(text.model_causes(content), key=lambda cause: -cause["closes"])
+    causes = sorted(text.model_causes(content), key=lambda cause: -cause["closes"])
+    found: list[tuple[str, str, float, Sequence[float] | None, str]] = [
+        (cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], "effect")
+        for cause in causes
     ]
-    learnt = outside["learnt"]
-    if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
-        beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
-        what = f"learnt: {listed(learnt['changes'])}{beside}"
-        found.append((what, "learnt from the film", learnt["closes"], _interval(learnt), "plain"))
-    unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
+    unlearnt, learnt = outside["share"], outside["learnt"]
+    if learnt is not None:
+        unlearnt -= learnt["closes"]
+        if learnt["closes"] >= LEAST_SHOWN:
+            closes = learnt["closes"], learnt["closes_ci95"]
+            found.append((learnt_name(learnt), LEARNT_ORIGIN, *closes, "plain"))
     if unlearnt >= LEAST_SHOWN:
         found.append(("dependence without a name", "not learnt", unlearnt, None, "plain"))
     rest = 1.0 - sum(part[2] for part in found)
@@ -78,32 +71,20 @@ def _parts(
     return found
 
 
+def learnt_name(learnt: Mapping[str, Any]) -> str:
+    """The learnt changes, and the effects that are not certain with which they were fitted."""
+    beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
+    return f"learnt: {listed(learnt['changes'])}{beside}"
+
+
 def cause_name(cause: Mapping[str, Any]) -> str:
-    """A cause with its size, and the effects that these data cannot distinguish from it."""
-    rivals = f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""
-    return spoken(cause["effect"]) + _size(cause) + rivals
-
-
-def _size(cause: Mapping[str, Any]) -> str:
-    """The first parameter of a cause in words; "" if it is a number without a unit."""
+    """A cause with its size, and the effects that these data cannot distinguish from it. The size is its first
+    parameter, unless this is a number without a unit."""
     first = catalogue()[cause["effect"]].parameters[0]
     pure = first.unit == "1" and not is_factor(first)
-    return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
-
-
-def _interval(part: Mapping[str, Any]) -> tuple[float, float]:
-    low, high = part["closes_ci95"]
-    return low, high
-
-
-def _step(axis: Axis, start: float, end: float, model: str, name: str) -> Markup:
-    """A bar from one share to the next."""
-    mark = Mark(model, 100 * end, 100 * start, 100 * end, f"{name}: {round(100 * (end - start))} %", "step")
-    return chart(axis, [mark])
-
-
-def _share_text(share: float, ci95: tuple[float, float] | None) -> str:
-    return f"{round(100 * share)} %".replace("-", "−") if ci95 is None else text.share_closed(share, ci95)
+    size = "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
+    rivals = f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""
+    return spoken(cause["effect"]) + size + rivals
 
 
 def _sentence(content: Mapping[str, Any]) -> str:
@@ -185,13 +166,8 @@ def limits_figure(limits: Limits, world: World) -> Figure:
         ends = [100.0 * limit[key] / largest_size(own) for key in ("seen50", "seen90")]
         axis.plot(ends, [row, row], color=PAGE_ACCENT, linewidth=6, solid_capstyle="butt")
         if limit["upper95"] is not None:
-            axis.plot(
-                [100.0 * limit["upper95"] / largest_size(own)],
-                [row],
-                marker="|",
-                color=PAGE_WARM,
-                markersize=10,
-            )
+            most = 100.0 * limit["upper95"] / largest_size(own)
+            axis.plot([most], [row], marker="|", color=PAGE_WARM, markersize=10)
     axis.set_yticks(range(len(limits)), [spoken(name) for name in limits], color=PAGE_INK)
     axis.invert_yaxis()
     axis.set_xscale("log")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,11 @@ import numpy as np
 
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.replay import Releases
-from rock2d.diagnosis.report import tables, text
-from rock2d.diagnosis.report.downloads import video_data
+from rock2d.diagnosis.report import tables
 from rock2d.errors import InputError
 from rock2d.graphics.clips import Clip
+from rock2d.graphics.pages import data_uri, download
+from rock2d.wording import length
 
 Array = np.ndarray
 
@@ -33,7 +33,7 @@ def video_section(
 ) -> dict[str, Any]:
     """Template variables of the video; the video is written into `folder`."""
     from rock2d.graphics.video import compare_video
-    from rock2d.graphics.video_options import VideoOptions
+    from rock2d.graphics.video_frames import VideoOptions
 
     scenes, titles = tables.video_scenes(result, film, poses, improves)
     spans_s = [float(np.ptp(scene[0][0].t_s)) for scene in scenes]
@@ -48,24 +48,30 @@ def video_section(
         VideoOptions(fps_video=VIDEO_FPS, slow_motion=slow_motion, size_px=VIDEO_SIZE, view=view, titles=titles,
                      hold_s=HOLD_S),
     )  # fmt: skip
+    motion = [
+        (title, clip.label, *pose)
+        for title, scene in zip(titles, scenes, strict=True)
+        for panel in scene
+        for clip in panel
+        for pose in np.column_stack([clip.t_s, clip.x_m, clip.y_m, clip.theta_rad])
+    ]
     first = scene_sentence(scenes[0], titles[0], shown)
-    chosen = (
-        "For each block it is the release that the effect brings nearest to the film"
-        if improves
-        else "For each block it is the release with the median distance to the base law"
+    improved, typical = (
+        "that the effect brings nearest to the film",
+        "with the median distance to the base law",
     )
     said = (
-        f"{len(shown)} pictures side by side, {slow_motion:g} times slower than the film: {', '.join(shown)}. "
-        f"{chosen}, simulated from its first measured flight to the end of the film with the mean soil. The grey "
-        "block beside a simulated one is that of the film. "
+        f"{len(shown)} pictures side by side, {slow_motion:g} times slower than the film: {', '.join(shown)}. For "
+        f"each block it is the release {improved if improves else typical}, simulated from its first measured flight "
+        "to the end of the film with the mean soil. The grey block beside a simulated one is that of the film. "
     )
     return {
-        "video": base64.b64encode(path.read_bytes()).decode(),
+        "video": data_uri("video/webm", path.read_bytes()),
         "video_name": VIDEO,
         "still": still(path, spans_s[0] * slow_motion + 0.5 * HOLD_S),
         "still_alt": f"Still of the video at the end of its first scene. {first}",
         "video_text": said + " ".join(scene_sentence(s, t, shown) for s, t in zip(scenes, titles, strict=True)),
-        "video_data": video_data(scenes, titles),
+        "video_data": download("video.csv", ("scene", "series", "t_s", "x_m", "y_m", "theta_rad"), motion),
     }  # fmt: skip
 
 
@@ -75,15 +81,14 @@ def scene_sentence(scene: Sequence[Sequence[Clip]], title: str, labels: Sequence
     parts = []
     for label, clip in zip(labels[1:], simulated, strict=True):
         distance_m = float(np.hypot(clip.x_m[-1] - measured.x_m[-1], clip.y_m[-1] - measured.y_m[-1]))
-        parts.append(
-            f"{text.length(distance_m)} from the film {label if label.startswith('with') else f'in the {label}'}"
-        )
+        model = label if label.startswith("with") else f"in the {label}"
+        parts.append(f"{length(distance_m)} from the film {model}")
     return f"{title[0].upper()}{title[1:]}: the block ends {', '.join(parts)}."
 
 
 def still(path: Path, at_s: float) -> str:
-    """The picture of a video at an instant, or its last picture, as PNG in base64. Raises InputError if the video
-    cannot be read."""
+    """The picture of a video at an instant, or its last picture, as the data URI of a PNG. Raises InputError if the
+    video cannot be read."""
     import cv2
 
     reader = cv2.VideoCapture(str(path))
@@ -98,4 +103,4 @@ def still(path: Path, at_s: float) -> str:
         reader.release()
     if picture is None:
         raise InputError("the video that was written cannot be read", path, code="unreadable")
-    return base64.b64encode(cv2.imencode(".png", picture)[1].tobytes()).decode()
+    return data_uri("image/png", cv2.imencode(".png", picture)[1].tobytes())

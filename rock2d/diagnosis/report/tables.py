@@ -14,11 +14,10 @@ from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
-from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
+from rock2d.diagnosis.report.figures import MODEL_STYLES, Misses, Segment
 from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD, clipped
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
-from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
@@ -32,7 +31,6 @@ SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `Impa
 FLIGHT_POINTS = 12
 MOST_FLIGHTS = 600
 MOST_SCENES = 3
-MODEL_COLOURS = {"measured": MEASURED_COLOUR, "base": SIMULATED_COLOUR, "effect": EFFECT_COLOUR}
 
 
 @dataclass
@@ -90,14 +88,16 @@ def impact_misses(result: Diagnosis, out: HeldOut) -> Misses:
 
 def touch_places(result: Diagnosis, data: FilmData) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
-    corrected = corrected_setup(result)
-    impacts = data.impacts
-    ends = (
-        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    )
-    leaves = data.states_at(corrected, impacts.before, ends)
-    arrives = data.states_at(corrected, impacts.after, impacts.begin_s)
-    return 0.5 * (leaves + arrives)[:, POSITION]
+    return 0.5 * np.add(*states_around(result, data))[:, POSITION]
+
+
+def states_around(result: Diagnosis, data: FilmData) -> tuple[Array, Array]:
+    """(n, 6) states at the end of the flight before each impact and at the beginning of the flight after it, with
+    mirrored axes corrected."""
+    setup, impacts = corrected_setup(result), data.impacts
+    ends = data.film.t_s[data.segmentation.flights.last[impacts.before] - 1]
+    before = data.states_at(setup, impacts.before, ends - data.basis.middle[impacts.before])
+    return before, data.states_at(setup, impacts.after, impacts.begin_s)
 
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
@@ -196,7 +196,7 @@ def video_scenes(
         for name, pose in {"measured": film.pose[i], **{m: p[i] for m, p in models.items()}}.items():
             gap = lost if name == "measured" else np.inf
             x, y, theta = pose[shown].T
-            clips.append([Clip(blocks[b], t - t[0], x, y, theta, name, MODEL_COLOURS[name], gap)])
+            clips.append([Clip(blocks[b], t - t[0], x, y, theta, name, MODEL_STYLES[name][0], gap)])
         scenes.append(clips)
         titles.append(f"{blocks[b]}, release {names[film.release[i]]}".replace("_", " "))
     return scenes, titles

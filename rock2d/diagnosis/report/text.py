@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +11,12 @@ from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.model import is_factor
+from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
 from rock2d.wording import listed, number, percent, plus_minus, spoken
+
+Tile = tuple[str, str, str]  # a key figure below the verdict: its name, its value, and a note
 
 MOST_POSSIBLE = 5  # listed causes if none can be named
 LEAST_PART = 0.1  # smallest share of the gap of an effect that is mentioned together with an unknown cause
@@ -52,24 +55,11 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
 
 
-def length(value_m: float) -> str:
-    """A length with a suitable unit: "12.3 mm" or "1.23 m"."""
-    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
-
-
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
     """A value and its unit as shown: angles in degrees, pure numbers without a unit."""
     if parameter.unit == "rad":
         return float(np.rad2deg(value)), "°"
     return value, "" if parameter.unit in ("1", "choice") else parameter.unit
-
-
-class Tile(NamedTuple):
-    """A key figure below the verdict: its name, its value, and a note."""
-
-    what: str
-    value: str
-    note: str
 
 
 def model_causes(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -93,7 +83,7 @@ def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
     return listed([*named, *["what was learnt"] * bool(learnt(content))] or chain)
 
 
-def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> tuple[str, str]:
+def verdict_sentence(content: Mapping[str, Any]) -> tuple[str, str]:
     """The title of the verdict, and one or two sentences."""
     verdict, faults = content["verdict"], content["sanity"]["faults"]
     if faults:
@@ -105,20 +95,22 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
             "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "
             "larger than the noise of the measurement and the scatter of the soil from impact to impact."
         )
-    possible = [c["effect"] for c in content.get("causes", []) if not c.get("named")]
-    if verdict == "unknown" and not _outside_sentence(content) and possible:
-        return "Unknown cause", (
-            "Something acts that the base law does not contain, but these data cannot show what. It may be "
-            f"{listed(possible[:MOST_POSSIBLE], 'or')}.{_explained_part_sentence(content)}"
-        )
+    outside = _outside_sentence(content)
     if verdict == "unknown":
+        possible = [c["effect"] for c in content.get("causes", []) if not c.get("named")]
+        part = f" Part of the gap closes with {closing}." if (closing := explained_part(content)) else ""
+        if possible and not outside:
+            return "Unknown cause", (
+                "Something acts that the base law does not contain, but these data cannot show what. It may be "
+                f"{listed(possible[:MOST_POSSIBLE], 'or')}.{part}"
+            )
         return "Unknown cause", (
             "There is a gap between film and simulation, but no effect of the catalogue explains all of it. A cause "
-            f"lies outside the catalogue.{_explained_part_sentence(content)}{_strongest_dependence(content)}"
+            f"lies outside the catalogue.{part}{_strongest_dependence(content)}"
         )
-    known = verdict in effects
-    cause = effects[verdict].summary if known else "an effect outside the catalogue"
-    origin = f" It comes from the {effects[verdict].origin}." if known else ""
+    effect = catalogue().get(verdict)
+    cause = effect.summary if effect else "an effect outside the catalogue"
+    origin = f" It comes from the {effect.origin}." if effect else ""
     beside = [cause["effect"] for cause in _other_causes(content, verdict)]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
@@ -127,7 +119,7 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     return (
         spoken(verdict).capitalize(),
         f"This explains {_share_words(content, verdict)}the gap between film and simulation: {cause}."
-        f"{origin}{together}{doubt}{_outside_sentence(content)}",
+        f"{origin}{together}{doubt}{outside}",
     )
 
 
@@ -171,11 +163,6 @@ def explained_part(content: Mapping[str, Any]) -> str:
     return listed(parts)
 
 
-def _explained_part_sentence(content: Mapping[str, Any]) -> str:
-    part = explained_part(content)
-    return f" Part of the gap closes with {part}." if part else ""
-
-
 def _strongest_dependence(content: Mapping[str, Any]) -> str:
     """A sentence on the strongest remaining dependence, as a hint to an unknown cause."""
     remaining = content.get("unexplained", [])
@@ -186,51 +173,39 @@ def _strongest_dependence(content: Mapping[str, Any]) -> str:
     return f" The strongest remaining dependence: {HINTS[lever]}{dependence}."
 
 
-def key_figures(
-    content: Mapping[str, Any], effects: Mapping[str, Effect], chain: Sequence[str]
-) -> list[Tile]:
+def key_figures(content: Mapping[str, Any], chain: Sequence[str]) -> list[Tile]:
     """The key figures below the verdict; `chain`: effects of the best model."""
-    verdict, gap = content["verdict"], content["gap"]
+    verdict, gap, effects = content["verdict"], content["gap"], catalogue()
     chance = percent(content["probabilities"][verdict])
-    tiles = [Tile("Probability", chance, "among the effects of the catalogue, none and unknown")]
-    ranked = [name for name in ranking(content, effects) if name != verdict]
+    tiles = [("Probability", chance, "among the effects of the catalogue, none and unknown")]
+    ranked = [name for name in ranking(content) if name != verdict]
     if verdict == "none":
-        gain = _gain_words(content["effects"][ranked[0]])
-        tiles.append(Tile("Gap", f"{gap['base']:.2f}", f"noise and soil alone give {gap['noise_floor']:.2f}"))
-        tiles.append(Tile("Nearest to an effect", spoken(ranked[0]), f"{gain} on held-out releases"))
-        return tiles
+        nearest = content["effects"][ranked[0]]
+        gain = plus_minus(nearest["heldout_score_gain"], nearest["heldout_score_gain_se"])
+        gained = f"gains {gain} in log likelihood on held-out releases"
+        tiles.append(("Gap", f"{gap['base']:.2f}", f"noise and soil alone give {gap['noise_floor']:.2f}"))
+        return [*tiles, ("Nearest to an effect", spoken(ranked[0]), gained)]
     closed = share_closed(gap["closure"], gap["closure_ci95"])
     if verdict == "unknown":
         with_it = best_model(content, chain)
-        tiles.append(Tile("Gap closed", closed, f"by the best model, with {with_it}; 95 % interval"))
+        tiles.append(("Gap closed", closed, f"by the best model, with {with_it}; 95 % interval"))
         return [*tiles, *_predicted_tile(content), *_place_tile(content)]
     low, high = (round(100 * v) for v in gap["closure_ci95"])
     remark = "no predictable residual remains" if low == high else "95 % interval"
-    tiles.append(Tile("Gap closed", closed, f"on held-out releases; {remark}"))
+    tiles.append(("Gap closed", closed, f"on held-out releases; {remark}"))
     if len(chain) > 1:
-        tiles.append(
-            Tile("By this effect alone", _closed_by(content, verdict), f"of the gap, by {spoken(verdict)}")
-        )
+        alone = _closed_by(content, verdict)
+        tiles.append(("By this effect alone", alone, f"of the gap, by {spoken(verdict)}"))
     second = next((name for name in ranked if not effects[name].scatter), None)
     if second is not None:
-        tiles.append(Tile("Runner-up", _closed_by(content, second), f"of the gap closed by {spoken(second)}"))
-    beside = _other_causes(content, verdict)
-    if not beside:
-        tiles.append(
-            Tile(
-                "Second effect", "none needed", "no other effect gains significantly in addition to this one"
-            )
-        )
-    tiles += [
-        Tile("Further effect", spoken(c["effect"]), f"closes {share_closed(c['closes'], c['closes_ci95'])}")
-        for c in beside
+        tiles.append(("Runner-up", _closed_by(content, second), f"of the gap closed by {spoken(second)}"))
+    beside = [
+        ("Further effect", spoken(c["effect"]), f"closes {share_closed(c['closes'], c['closes_ci95'])}")
+        for c in _other_causes(content, verdict)
     ]
-    return [
-        *tiles,
-        *_predicted_tile(content),
-        *_size_tile(content, effects[verdict]),
-        *_place_tile(content),
-    ]
+    none = ("Second effect", "none needed", "no other effect gains significantly in addition to this one")
+    tiles += beside or [none]
+    return [*tiles, *_predicted_tile(content), *_size_tile(content, effects[verdict]), *_place_tile(content)]
 
 
 def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
@@ -238,13 +213,11 @@ def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
     tiles = []
     if (own := content.get("predicted")) is not None:
         closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
-        tiles.append(Tile("Closed by predictions", closed, predicted_words(own)))
+        tiles.append(("Closed by predictions", closed, predicted_words(own)))
     if misses := physical_misses(content):
         (value, where), *others = misses
         further = "".join(f"; {other} {place}" for other, place in others)
-        tiles.append(
-            Tile("Misses", value, f"{where}, median of held-out releases without → with it{further}")
-        )
+        tiles.append(("Misses", value, f"{where}, median of held-out releases without → with it{further}"))
     return tiles
 
 
@@ -274,11 +247,6 @@ def predicted_words(own: Mapping[str, Any]) -> str:
     )
 
 
-def _gain_words(scored: Mapping[str, Any]) -> str:
-    gain = plus_minus(scored["heldout_score_gain"], scored["heldout_score_gain_se"])
-    return f"gains {gain} in log likelihood"
-
-
 def _closed_by(content: Mapping[str, Any], effect: str) -> str:
     own = content["effects"][effect]
     return share_closed(own["closure"], own["closure_ci95"])
@@ -288,11 +256,10 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     """The value of the verdict's first parameter."""
     if not effect.parameters:
         return []
-    parameter = effect.parameters[0]
-    fitted = content["beside"][-1] if content.get("beside") else content["effects"]
-    own = fitted["parameters"][effect.name] if content.get("beside") else fitted[effect.name]["parameters"]
+    parameter, joint = effect.parameters[0], content.get("beside")
+    own = joint[-1]["parameters"][effect.name] if joint else content["effects"][effect.name]["parameters"]
     what = "Choice" if parameter.choices else "Size"
-    return [Tile(what, size(parameter, own[parameter.name]), parameter.meaning)]
+    return [(what, size(parameter, own[parameter.name]), parameter.meaning)]
 
 
 def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
@@ -313,18 +280,13 @@ def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
         return []
     zone, of_zone = largest_share(content["where"], "zone")
     phase, of_phase = largest_share(content["where"], "phase")
-    return [
-        Tile(
-            "Where",
-            spoken(zone),
-            f"{100 * of_zone:.0f} % of the gap lies there; {100 * of_phase:.0f} % {PHASE_SENTENCES[phase]}",
-        )
-    ]
+    note = f"{100 * of_zone:.0f} % of the gap lies there; {100 * of_phase:.0f} % {PHASE_SENTENCES[phase]}"
+    return [("Where", spoken(zone), note)]
 
 
-def ranking(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> list[str]:
+def ranking(content: Mapping[str, Any]) -> list[str]:
     """Tried effects, sorted by probability, then by gain."""
-    tried = [name for name in content["effects"] if name in effects]
+    tried = [name for name in content["effects"] if name in catalogue()]
     gains, chances = content["effects"], content["probabilities"]
     return sorted(tried, key=lambda n: (-round(chances[n], 6), -gains[n]["heldout_score_gain"]))
 
@@ -421,10 +383,3 @@ def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:
     groups = [[name for name in group if name in known] for group in LOOKALIKES]
     groups = [group for group in groups if len(group) > 1]
     return [listed(group) for group in sorted(groups, key=lambda g: not set(g) & set(names))]
-
-
-FILTERS: dict[str, Callable[..., Any]] = {
-    "spoken": spoken,
-    "percent": percent,
-    "number": number,
-}  # filters of the templates

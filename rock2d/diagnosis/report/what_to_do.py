@@ -63,12 +63,9 @@ def _learnt(content: Mapping[str, Any]) -> list[str]:
     """A sentence on the use of learnt changes, if there are any."""
     if not (learnt := text.learnt(content)):
         return []
-    uncertain = listed(learnt["effects"])
-    beside = (
-        f" It also uses {uncertain}: predictions are better with them, but they are not certain."
-        if uncertain
-        else ""
-    )
+    beside = ""
+    if uncertain := listed(learnt["effects"]):
+        beside = f" It also uses {uncertain}: predictions are better with them, but they are not certain."
     return [
         "Predict other releases of this set-up with `rock2d predict`: it uses what was learnt from the film. The "
         f"learnt curves show where and how the motion differs.{beside}"
@@ -129,9 +126,8 @@ def _instruction_for(content: Mapping[str, Any], name: str, experiment: Experime
     if name == content["verdict"] and content.get("beside"):
         return instruction(name, content["beside"][-1], experiment)
     own = content["effects"][name]
-    return instruction(
-        name, {"base": own.get("base", content["base"]), "parameters": {name: own["parameters"]}}, experiment
-    )
+    fit = {"base": own.get("base", content["base"]), "parameters": {name: own["parameters"]}}
+    return instruction(name, fit, experiment)
 
 
 def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> str:

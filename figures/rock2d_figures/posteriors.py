@@ -1,17 +1,21 @@
-"""The arrivals that explain the paper's own simulations, against the statements of its text."""
+"""What a reproduction finds out: arrivals that explain the paper's own simulations, against the statements of its text,
+and the posteriors of set-up and laws within their prior ranges."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import incident_distributions
 from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
-from rock2d_figures.style import STYLES
+from rock2d_figures.style import STYLES, finish_with_legend
 
 Array = np.ndarray
 
@@ -25,7 +29,7 @@ WORDS_ON_FACING = {
 }
 
 
-def figure(results: ArrivalResults) -> Figure:
+def arrivals_figure(results: ArrivalResults) -> Figure:
     """One panel for each quantity, one row for each block: median and 95 % interval over hypotheses. Grey: what the
     text says, and the speed of the drop."""
     drawn = blank_figure(7.2, 2.3)
@@ -58,9 +62,7 @@ def figure(results: ArrivalResults) -> Figure:
         handle("median, 95 % over hypotheses", color=colour, marker="D", ls="-", ms=4, lw=1.4),
         handle("the text; speed of the drop", color=WORDS_COLOUR, ls="-", lw=7),
     ]
-    drawn.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=SMALL_PT)
-    finish(drawn)
-    return drawn
+    return finish_with_legend(drawn, handles, 2, SMALL_PT)
 
 
 def _mean_angle(outcome: Outcome, on_facing: Array) -> Array:
@@ -81,3 +83,37 @@ def _interval(axis: Axes, row: int, values: Array) -> None:
     low, middle, high = np.percentile(values, [2.5, 50.0, 97.5])
     axis.plot([low, high], [row, row], color=colour, lw=1.4, zorder=3)
     axis.plot(middle, row, "D", color=colour, ms=4, zorder=4)
+
+
+def identified_figure(table: pd.DataFrame) -> Figure:
+    """`table` as `summary.identified_table` gives it, with the columns `model` and `paper`; all as shares of the
+    prior's range (logarithmic where the prior is)."""
+    drawn = blank_figure(7.2, 0.19 * len(table) + 1.2)
+    axis = drawn.subplots()
+    for y, row in enumerate(table.to_dict("records")):
+        low, middle, high = (_share(row[key], row) for key in ("low95", "median", "high95"))
+        colour = STYLES[row["model"]][0]
+        axis.plot([0, 1], [y, y], color="#dddddd", lw=4, solid_capstyle="butt", zorder=1)
+        axis.plot([low, high], [y, y], color=colour, lw=2, solid_capstyle="butt", zorder=2)
+        axis.plot(middle, y, "o", color=colour, ms=4, zorder=3)
+        if np.isfinite(row["paper"]):
+            axis.plot(_share(row["paper"], row), y, "x", color="black", ms=5, mew=1.3, zorder=4)
+        axis.text(1.02, y, f"{row['sd_over_prior_sd']:.2f}", va="center", fontsize=SMALL_PT)
+    axis.set_yticks(range(len(table)), list(table["quantity"]), fontsize=SMALL_PT)
+    axis.set_ylim(len(table) - 0.4, -0.6)
+    axis.set_xlim(-0.02, 1.1)
+    axis.set_xticks([0, 0.5, 1], ["lower bound", "prior range", "upper bound"])
+    axis.set_title("sd / prior sd", fontsize=SMALL_PT, loc="right")
+    handles = [
+        handle(f"{name}: median, 95 %", color=STYLES[name][0], marker="o", ms=4, lw=2)
+        for name in dict.fromkeys(table["model"])
+    ]
+    handles.append(handle("paper", color="black", marker="x", ls="none", ms=5, mew=1.3))
+    return finish_with_legend(drawn, handles, 4)
+
+
+def _share(value: float, row: dict[Any, Any]) -> float:
+    low, high = row["prior_low"], row["prior_high"]
+    if row["prior_log"] is True:
+        return float(np.log(max(value, low) / low) / np.log(high / low))
+    return (value - low) / (high - low)

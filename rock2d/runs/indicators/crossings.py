@@ -70,7 +70,10 @@ def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple
 
     `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
     """
-    rows: tuple[Array, Array, Array] = _rows(*map(np.ascontiguousarray, (found, feet, ups, masses)))
+    given = (
+        np.require(own, float, "CW") for own in (found, feet, ups, masses)
+    )  # so that it is compiled once
+    rows: tuple[Array, Array, Array] = _rows(*given)
     return rows
 
 

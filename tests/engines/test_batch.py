@@ -10,7 +10,6 @@ from rock2d.records.columns import STOPS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import BLOCKS, CUBE, LAW, SETUP, SPHERE, TO_CREST, ensemble
-from tests.programs import printed
 
 TABLE = parameter_table(LAW, SETUP.zone_names)
 
@@ -42,16 +41,6 @@ def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does(block):
         track = run_batch_track(block, SETUP, TABLE, state)
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
-
-
-def ends_of_two_blocks() -> str:
-    result = run_batch(Ensemble([CUBE, SPHERE], [SETUP], [TABLE]), states(40, 3), block_ids=np.arange(40) % 2)
-    return result.ends.tobytes().hex()
-
-
-def test_results_do_not_depend_on_the_number_of_threads():
-    code = "from tests.engines.test_batch import ends_of_two_blocks; print(ends_of_two_blocks())"
-    assert printed(code, NUMBA_NUM_THREADS="2") == ends_of_two_blocks()  # here on one
 
 
 def test_a_captured_block_would_have_come_to_rest_there():

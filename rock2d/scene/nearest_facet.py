@@ -9,7 +9,7 @@ from rock2d.compiled import njit
 
 def nearest_facets(at: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n,) index of the facet of the polyline `points` (m + 1, 2) that is nearest to each point `at` (n, 2)."""
-    found: np.ndarray = _nearest(np.require(at, float, "CW"), points)  # so that it is compiled once
+    found: np.ndarray = _nearest(np.require(at, float, ("C", "W")), points)  # so that it is compiled once
     return found
 
 

@@ -71,7 +71,7 @@ def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple
     `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
     """
     # arrays of one layout, so that it is compiled once
-    given = (np.require(own, float, "CW") for own in (found, feet, ups, masses))
+    given = (np.require(own, float, ("C", "W")) for own in (found, feet, ups, masses))
     rows: tuple[Array, Array, Array] = _rows(*given)
     return rows
 

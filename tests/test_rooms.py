@@ -4,7 +4,7 @@
 """
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -43,8 +43,10 @@ def room(module: str) -> str:
     return parts[0] if package == "rock2d" and parts else package
 
 
-def imports() -> Iterator[tuple[str, str]]:
+@cache
+def imports() -> tuple[tuple[str, str], ...]:
     """(module, what it imports) of this project, also inside functions and for type checking."""
+    found: list[tuple[str, str]] = []
     for package, folder in PACKAGES.items():
         for path in (folder / package).rglob("*.py"):
             module = ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
@@ -54,7 +56,8 @@ def imports() -> Iterator[tuple[str, str]]:
                     names += [node.module] if "." in node.module else []
                 else:
                     names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                yield from ((module, name) for name in names if name.split(".")[0] in PACKAGES)
+                found += ((module, name) for name in names if name.split(".")[0] in PACKAGES)
+    return tuple(found)
 
 
 def test_rooms_import_only_from_the_floors_below():

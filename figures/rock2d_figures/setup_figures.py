@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.figure_style import TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.trajectories import draw_cross_section, positions_of
+from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import hypothesis_cross_section
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.results import Results

@@ -155,7 +155,7 @@ def run_point_mass(
     Raises ValueError if the state is not six finite numbers; if gravity, time limit or stop speed is not
     positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed` or `rng`.
     """
-    state = np.asarray(state6, float)
+    state = np.array(state6, float)  # contiguous, whatever is given: the kernel is compiled once
     if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
     if seed is None and rng is None and any(p.random for p in parameters.values()):

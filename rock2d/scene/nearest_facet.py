@@ -7,9 +7,14 @@ import numpy as np
 from rock2d.compiled import njit
 
 
-@njit
-def nearest_facets(at, points):
+def nearest_facets(at: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n,) index of the facet of the polyline `points` (m + 1, 2) that is nearest to each point `at` (n, 2)."""
+    found: np.ndarray = _nearest(np.require(at, float, ("C", "W")), points)  # so that it is compiled once
+    return found
+
+
+@njit
+def _nearest(at, points):
     found = np.zeros(len(at), np.int64)
     for i in range(len(at)):
         x, y, best, most = at[i, 0], at[i, 1], np.inf, np.inf

@@ -15,7 +15,7 @@ from rock2d.diagnosis.known_causes import effects_of_size
 from rock2d.diagnosis.report.sections import LIMIT_COLUMNS, limit_lines, limit_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.files.experiment import write_experiment
+from rock2d.files.experiment import load_experiment, write_experiment
 from tests.diagnosis.test_impact_table_data import impacts
 from tests.kinematics.synthetic_films import effects, film, world
 from tests.programs import commanded
@@ -121,11 +121,13 @@ def test_limits_are_said_in_words():
 
 
 def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch):
-    few = partial(diagnose, effects={"camera_tilt": TRIED["camera_tilt"]})
-    monkeypatch.setattr("rock2d.blind.record_cases.diagnose", few)
-    monkeypatch.setattr(recovery, "diagnose", few)
-    monkeypatch.setattr("rock2d.diagnosis.command.diagnose", few)
+    """The study and the report share the diagnosis of the film itself; the case has its own."""
+    few = partial(diagnose, effects=effects("camera_tilt"))
     write_experiment(tmp_path / "film", film(world(), 8, seed=1))
+    found = few(load_experiment(tmp_path / "film"))
+    monkeypatch.setattr(recovery, "diagnose", few)
+    for module in ("blind.record_cases", "diagnosis.command"):
+        monkeypatch.setattr(f"rock2d.{module}.diagnose", lambda *given, **options: found)
     words = ["blind", "inject", tmp_path / "film", "--out", tmp_path / "study", "--workers", 1, "--quiet"]
     words += ["--effects", "camera_tilt", "--cases", 1, "--sizes", "4*seen90"]
     done = commanded(*words)

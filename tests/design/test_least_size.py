@@ -144,10 +144,10 @@ def check_slider(page: str, answer) -> None:
         assert ("not met" in run["note"]) is (not judged.meets) and run["paths"]["release"]
 
 
-@pytest.mark.parametrize("engine", ["batch", "point_mass"])
-def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeypatch, engine):
-    """One and two processes, which hold the shared descents of `batch` between the sizes; not the page, which this
-    process draws from the answer."""
+@pytest.mark.parametrize(("engine", "processes"), [("batch", 2), ("point_mass", 1)])
+def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeypatch, engine, processes):
+    """Processes, which hold the shared descents of `batch` between the sizes; not the page, which this process draws
+    from the answer."""
     from distributed import LocalCluster
 
     monkeypatch.setattr(command, "_write_page", lambda *of: [])
@@ -160,8 +160,7 @@ def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeyp
 
     here = written("threads")
     assert here.keys() == {"design.csv", "design.json", "least.yaml", "rock2d_result.json"}
-    for processes in (1, 2):
-        assert written(str(processes), workers=Workers(processes)) == here
+    assert written("processes", workers=Workers(processes)) == here
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:

@@ -24,13 +24,14 @@ def drawn(
     frequency: np.ndarray, releases: int, rng: np.random.Generator, energy_J: np.ndarray, step: int
 ) -> SiteResults:
     """What one block does at one line: each release passes with its site's frequency (sites,), with an exponential
-    energy of its site's mean."""
+    energy of its site's mean. None is seen to arrive: a share of the arriving blocks is not asked for."""
     groups = np.repeat(np.arange(len(frequency) // step), step)  # whose sites share their releases
     u, energies = rng.random((groups[-1] + 1, releases)), rng.exponential(1.0, (groups[-1] + 1, releases))
     passed = (u[groups] < frequency[:, None])[:, None, None, :]
     energy = energies[groups] * energy_J[:, None]
     crossed = np.where(passed, energy[:, None, None, :], np.nan)
-    return SiteResults(("ball",), ("crest",), passed, np.zeros_like(passed), passed, {"kinetic_J": crossed})
+    none = np.zeros_like(passed)
+    return SiteResults(("ball",), ("crest",), passed, none, none, {"kinetic_J": crossed})
 
 
 def test_sites_are_independent_but_for_those_that_share_all_values_but_one():

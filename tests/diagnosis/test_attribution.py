@@ -99,6 +99,7 @@ def test_hidden_effect_is_named_and_measured(diagnosed, name, values):
 def test_no_effect_is_named_without_one(diagnosed):
     content = diagnosed(None, [], seed=11)
     assert content["verdict"] == "none"
+    assert not [remark for remark in content["sanity"]["remarks"] if "shows no noise" in remark]
     json.dumps(content, allow_nan=False)
 
 

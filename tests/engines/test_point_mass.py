@@ -11,7 +11,6 @@ from rock2d.laws.rebound import ReboundParameters
 from rock2d.records.columns import INSTANT_X, INSTANT_Y, TIME
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import CUBE, FLOOR, SPHERE
-from tests.programs import printed
 
 G = 9.81
 DITCH, FACE = ReboundParameters(0.0, 0.025, 0.85), ReboundParameters(11.0, 0.04, 0.89)
@@ -200,12 +199,9 @@ def test_in_flight_energy_is_kept_and_the_block_turns_freely():
     np.testing.assert_allclose(track.knots[flying + 1, 3], turned, rtol=1e-12)
 
 
-def test_the_same_seed_gives_the_same_bits_in_another_process_and_another_seed_does_not():
-    state = [-0.5, 0.7, 0.2, 1.5, 0.5, 30]
-    here = run(state, law=RANDOM_LAW, seed=7).knots.tobytes().hex()
-    assert run(state, law=RANDOM_LAW, seed=8).knots.tobytes().hex() != here
-    code = f"print(run({state}, law=RANDOM_LAW, seed=7).knots.tobytes().hex())"
-    assert printed(f"from tests.engines.test_point_mass import *; {code}", PYTHONHASHSEED="1") == here
+def test_another_seed_gives_another_release():
+    one, other = (run([-0.5, 0.7, 0.2, 1.5, 0.5, 30], law=RANDOM_LAW, seed=seed).knots for seed in (7, 8))
+    assert not np.array_equal(one, other)
 
 
 def test_drawn_slope_reductions_are_uniform():

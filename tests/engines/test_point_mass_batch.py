@@ -1,4 +1,4 @@
-"""Ensembles of the point-mass engine: the single engine's bits, whatever the order and the threads."""
+"""Ensembles of the point-mass engine: the single engine's bits, whatever the order."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import AFTER
-from tests.programs import printed
 from tests.scenarios_of_tests import SHIPPED
 
 BEFORE = ["t_s", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
@@ -100,16 +99,6 @@ def test_without_lines_or_room_only_ends_are_kept_and_they_are_the_same():
     assert np.array_equal(lean.ends, batch.ends)
     none = run_point_mass_batch(*given[:3], np.empty((0, 6)), np.empty(0, np.uint64), **options)
     assert len(none.ends) == 0
-
-
-def bytes_of_cubes() -> str:
-    batch = ensemble("slope_embankment", "cube_1m", 300)[2]
-    return " ".join(own.tobytes().hex() for own in (batch.ends, batch.crossings, batch.impact_count))
-
-
-def test_results_do_not_depend_on_the_number_of_threads():
-    code = "from tests.engines.test_point_mass_batch import bytes_of_cubes; print(bytes_of_cubes())"
-    assert printed(code, NUMBA_NUM_THREADS="2") == bytes_of_cubes()  # here on one
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The reference engine against the law's closed forms, and against what physics asks of any engine."""
 
-import hashlib
 from itertools import count
 
 import numpy as np
@@ -30,7 +29,6 @@ from tests.laboratory import (
 )
 from tests.laws import closed_forms
 from tests.laws.test_contact import REFERENCE
-from tests.programs import other_hash_seed, printed
 
 # an overhang of 27° beyond the vertical, and an upright wall
 WALLS = CrossSection(
@@ -342,7 +340,7 @@ def test_a_rolling_spring_holds_a_ball_that_would_roll_freely_without_it():
     assert held < 0.1 * free
 
 
-# errors and repeatability ---------------------------------------------------------------------------------
+# errors ---------------------------------------------------------------------------------------------------
 
 
 def test_an_error_inside_a_pymunk_callback_comes_to_light_with_its_cause(monkeypatch):
@@ -364,19 +362,6 @@ def test_a_state_that_is_no_longer_a_number_stops_the_run(monkeypatch):
         run_pymunk(SPHERE, FLOOR, LAW, [0, 0.05, 0, 0, -2, 0])
     with pytest.raises(ValueError, match="six finite"):
         run_pymunk(SPHERE, FLOOR, LAW, [0, np.nan, 0, 0, -2, 0])
-
-
-def digest() -> str:
-    """Of every knot of a release of each block."""
-    found = hashlib.sha256()
-    for i, block in enumerate(BLOCKS.values()):
-        found.update(run_pymunk(block, SETUP, CONTRAST, random_state(i), time_limit_s=0.3).knots.tobytes())
-    return found.hexdigest()
-
-
-def test_two_processes_with_unlike_hash_seeds_agree_to_the_last_bit():
-    code = "from tests.engines.test_pymunk_engine import digest; print(digest())"
-    assert printed(code, PYTHONHASHSEED=other_hash_seed()) == digest()
 
 
 # what the engine notes between its calls: which facets are near, and every knot of a stride -------------------

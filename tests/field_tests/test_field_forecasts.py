@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from rock2d.errors import InputError
-from rock2d.field_tests import command, likelihood, study
+from rock2d.field_tests import candidates, command, likelihood, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, Forecasts, naive_forecast, score_table
@@ -112,6 +112,7 @@ def studied(field):
         own.setenv("XDG_CACHE_HOME", str(field.parent / "cache"))
         own.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
         own.setattr(command, "SHAPE_SOILS", FEW_SOILS)
+        own.setattr(candidates, "CHANGES", candidates.CHANGES[:1])
         tables = run_field_test(
             scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append
         )
@@ -130,6 +131,14 @@ def test_a_study_finds_the_soil_and_predicts_the_other_block(studied):
         *(f"{name}.csv" for name in tables), "field_test.json", "stops.png", "passing.png", "rock2d_result.json",
     }  # fmt: skip
     assert "effect of shape" in said[0] and not list(folder.parent.glob(".*"))
+
+
+def test_a_change_of_the_model_gives_a_scenario_if_there_is_something_to_change(field):
+    scenario = load_scenario(field, field.parent)
+    changed = {change.name: candidates._changed(scenario, change) for change in candidates.CHANGES}
+    assert not changed["smooth ground"].roughness and set(changed["one soil"].terrain.zones) == {"slope"}
+    assert changed["level ground beyond the stops"].field_test.beyond_deg == 0.0
+    assert changed["discs instead of boulders"] is changed["sections a third less high"] is None  # the cube
 
 
 def test_a_study_does_not_replace_another_unasked(studied, field):

@@ -2,7 +2,8 @@
 
 `python -m tests.hunt.faults --work FOLDER` prints a table. After each disturbance no process may be left, no file may
 stand under its final name unless it is whole, the exit code must be right, the message must be one line without a
-traceback, and the same command given again must end with the undisturbed result.
+traceback, and the same command given again must end with the undisturbed result. It is not given again where it left
+its folder as it found it.
 
 A full disk and a read-only folder are small file systems of their own if the user may mount them. Else a limit on the
 size of files stands for the full disk, and the read-only folder is skipped for a user whom permissions do not bind.
@@ -78,6 +79,11 @@ def leftovers(folder: Path, kept: tuple[str, ...]) -> list[str]:
     """Temporary files and folders, without the folders from which a command continues."""
     names = [path.relative_to(folder) for path in folder.rglob(".*")]
     return [str(name) for name in names if not set(kept) & set(name.parts)]
+
+
+def touched(folder: Path, prepared: dict[str, int]) -> bool:
+    """If a folder holds anything but the files of these sizes."""
+    return visible_sizes(folder) != prepared or bool(leftovers(folder, ()))
 
 
 def cut_files(folder: Path, whole: Whole) -> list[str]:
@@ -179,6 +185,7 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
     """Kill or interrupt a command after a share of its duration, then give it again."""
     trial = Trial()
     command.prepare(inputs, out)
+    prepared = visible_sizes(out)
     with started(command, inputs, out) as running:
         time.sleep(max(share * whole.seconds, EARLIEST_S))
         hit = _hit(fault, running)
@@ -199,7 +206,7 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
     if fault in SIGNALS and trial.seconds > LONGEST_END_S:
         trial.faults.append(f"{trial.seconds:.0f} s to the end")
     trial.faults += [f"cut: {name}" for name in cut_files(out, whole)]
-    if code != command.whole_exit:
+    if code != command.whole_exit and touched(out, prepared):
         trial.faults += again(command, inputs, out, whole)
     return trial
 
@@ -234,18 +241,24 @@ def again(command: Command, inputs: Path, out: Path, whole: Whole) -> list[str]:
 
 def on_full_disk(command: Command, inputs: Path, out: Path, whole: Whole, share: float) -> Trial:
     """Run on a file system with room for a share of the result, then enlarge it and run again."""
-    need = sum(-(-size // 4096) + 1 for size in whole.sizes.values()) * 4096
+    need = _needed(whole.sizes)
     with small_disk(out) as resize:
         if resize is None:
             return Trial(skipped="may not mount")
         command.prepare(inputs, out)
-        prepared = sum(-(-size // 4096) + 1 for size in visible_sizes(out).values()) * 4096
-        resize(f"size={prepared + max(4096, int(share * (need - prepared)) // 4096 * 4096)}")
+        prepared = visible_sizes(out)
+        used = _needed(prepared)
+        resize(f"size={used + max(4096, int(share * (need - used)) // 4096 * 4096)}")
         trial = _refused(command, inputs, out, whole, EXIT_MACHINE)
         resize("size=1g")
-        if not trial.skipped:
+        if not trial.skipped and touched(out, prepared):
             trial.faults += again(command, inputs, out, whole)
     return trial
+
+
+def _needed(sizes: dict[str, int]) -> int:
+    """Room in bytes that files of these sizes need."""
+    return sum(-(-size // 4096) + 1 for size in sizes.values()) * 4096
 
 
 def with_short_files(command: Command, inputs: Path, out: Path, whole: Whole, share: float) -> Trial:

@@ -1,6 +1,7 @@
 """A first track from scale and frame rate alone, and what a failure leaves behind."""
 
 import re
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -21,11 +22,17 @@ def thrown(tmp_path_factory):
     return path, write_thrown_ball(path)
 
 
-def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
-    film, places = thrown
+@pytest.fixture(scope="module")
+def first(thrown, tmp_path_factory):
+    """The folder of a first track, and what was said. Tests must not change it."""
     said: list[str] = []
-    out = tmp_path / "out"
-    track(film, FilmScale(SCALE, FPS), out, TrackSettings(explain=True, report=said.append))
+    out = tmp_path_factory.mktemp("first") / "out"
+    track(thrown[0], FilmScale(SCALE, FPS), out, TrackSettings(explain=True, report=said.append))
+    return out, said
+
+
+def test_scale_and_frame_rate_are_enough(thrown, first):
+    (_, places), (out, said) = thrown, first
     frames = pd.read_csv(out / "frames.csv")
     seen = frames[frames["reason"].isna()]
     assert len(seen) > 38
@@ -41,9 +48,9 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     assert any("set-up file to refine" in line for line in said)
 
 
-def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, tmp_path):
+def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, first, tmp_path):
     out = tmp_path / "out"
-    track(thrown[0], FilmScale(SCALE, FPS), out, TrackSettings())
+    shutil.copytree(first[0], out)
     refined = (out / "setup.yaml").read_text().replace("name: thrown_ball", "name: refined")
     (out / "setup.yaml").write_text(refined)
     track(thrown[0], out / "setup.yaml", out, TrackSettings())

@@ -25,6 +25,14 @@ def found(film):
     return rock2d.track(film, metres_per_pixel=SCALE, fps=FPS)
 
 
+@pytest.fixture(scope="module")
+def written(found, tmp_path_factory):
+    """The folder of the result. Tests must not change it."""
+    folder = tmp_path_factory.mktemp("track") / "out"
+    found.write(folder)
+    return folder
+
+
 def test_a_track_has_frames_flights_impacts_and_an_experiment(found):
     frames = found.to_pandas()
     trusted = frames["reason"] == ""
@@ -45,35 +53,25 @@ def test_a_track_has_frames_flights_impacts_and_an_experiment(found):
     assert found.to_pandas()["x_m"].max() > 0  # a table that is given away is a copy
 
 
-def test_its_experiment_is_diagnosed_as_the_written_one_is(found, tmp_path):
-    found.write(tmp_path / "out")
-    of_memory, of_folder = (
-        rock2d.diagnose(e, workers=1).to_dict() for e in (found.experiment, tmp_path / "out")
-    )
+def test_its_experiment_is_diagnosed_as_the_written_one_is(found, written):
+    of_memory, of_folder = (rock2d.diagnose(e, workers=1).to_dict() for e in (found.experiment, written))
     assert of_memory["film"]["said"] == of_folder["film"]["said"] and of_memory["film"]["said"]
     assert of_memory["sanity"]["fault_codes"] == of_folder["sanity"]["fault_codes"] == ["few_releases"]
 
 
-def test_it_is_written_as_the_command_writes_it(found, tmp_path):
-    found.write(tmp_path / "out")
-    names = {path.name for path in (tmp_path / "out").iterdir()}
+def test_it_is_written_as_the_command_writes_it(found, written):
+    names = {path.name for path in written.iterdir()}
     assert names >= {
-        "experiment.yaml",
-        "frames.csv",
-        "setup.yaml",
-        "overlay.webm",
-        "tracking.html",
-        "track.json",
-    }
-    back = rock2d.load_experiment(tmp_path / "out")
+        "experiment.yaml", "frames.csv", "setup.yaml", "overlay.webm", "tracking.html", "track.json",
+    }  # fmt: skip
+    back = rock2d.load_experiment(written)
     np.testing.assert_allclose(back.trajectories["x_m"], found.experiment.trajectories["x_m"], atol=1e-8)
-    seen = pd.read_csv(tmp_path / "out" / "frames.csv", keep_default_na=False)
+    seen = pd.read_csv(written / "frames.csv", keep_default_na=False)
     assert seen["reason"].tolist() == found.to_pandas()["reason"].tolist()
 
 
-def test_a_set_up_is_a_file_or_its_keys(film, found, tmp_path):
-    found.write(tmp_path / "out")
-    path = tmp_path / "out" / "setup.yaml"
+def test_a_set_up_is_a_file_or_its_keys(film, written):
+    path = written / "setup.yaml"
     keys = YAML(typ="safe").load(path)
     keys["cross_section"]["points_m"] = np.array(keys["cross_section"]["points_m"])
     for setup in (path, keys):

@@ -72,7 +72,9 @@ def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple
 
     `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
     """
-    rows: tuple[Array, Array, Array] = _rows(*map(np.ascontiguousarray, (found, feet, ups, masses)))
+    # arrays of one layout, so that it is compiled once
+    given = (np.require(own, float, ("C", "W")) for own in (found, feet, ups, masses))
+    rows: tuple[Array, Array, Array] = _rows(*given)
     return rows
 
 

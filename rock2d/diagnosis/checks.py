@@ -219,7 +219,7 @@ class _RemainingPatterns:
         z, quantities, lever = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
-            quantities[BLOCK] = data.segmentation.flights.block.astype(float)
+            quantities[BLOCK] = data.flights.block.astype(float)
             lever = data.unit_bends()
         self._flights = _Residuals(
             data.flight_release, z, flight_weight(z),

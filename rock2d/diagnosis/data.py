@@ -19,8 +19,7 @@ from rock2d.diagnosis.quantities import (
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import heights
-from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
-from rock2d.kinematics.impacts import ground_axes
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ImpactTable, ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, move_freely
 from rock2d.records.columns import AFTER, BEFORE, INSTANT_STATE, OMEGA, POSE, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
@@ -81,11 +80,11 @@ class FilmData(FilmSegments):
 
     @property
     def flight_release(self) -> Array:
-        return self.segmentation.flights.release
+        return self.flights.release
 
     @property
     def flight_block(self) -> Array:
-        return self.segmentation.flights.block
+        return self.flights.block
 
     @property
     def impact_order(self) -> Array:
@@ -181,7 +180,7 @@ class FilmData(FilmSegments):
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: accelerations that forces would cause, times the bend under a unit acceleration."""
-        flights = self.segmentation.flights
+        flights = self.flights
         lever = self.unit_bends()
         x, y, theta, vx, vy, w = self.states(world).middle.T
         speed, size = np.hypot(vx, vy), self._sizes(world)
@@ -200,7 +199,7 @@ class FilmData(FilmSegments):
         return np.asarray(lever / np.sqrt(np.mean(lever**2)))
 
     def _sizes(self, world: World) -> Array:
-        return np.array([b.radius_m for b in world.blocks.values()])[self.segmentation.flights.block]
+        return np.array([b.radius_m for b in world.blocks.values()])[self.flights.block]
 
 
 @dataclass

@@ -245,7 +245,7 @@ def locate_gap(
         impact_part(attribution, data.impact_zone, data.impact_block, data.impact_release, law_residuals)
     ]
     if isinstance(data, FilmData):
-        flights = data.segmentation.flights
+        flights = data.flights
         best = attribution.final.fit
         # with the stated set-up, a mirrored film would be on the wrong side
         fitted = best.model.world(best.p, data.impact_order)

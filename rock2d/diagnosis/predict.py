@@ -34,7 +34,7 @@ from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
+from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
 from rock2d.records.columns import X, Y

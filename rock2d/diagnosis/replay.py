@@ -46,7 +46,7 @@ class Releases:
 
 def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
     """Every release with a flight; every k-th frame if there are more than `most_frames` in total."""
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     first = np.flatnonzero(flights.follows < 0)
     ends = np.searchsorted(film.release, flights.release[first], side="right")
     step = int(np.ceil((ends - flights.first[first]).sum() / most_frames))
@@ -93,7 +93,7 @@ def recorded_simulation(
     The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). After
     a block has left the cross-section, its last pose is repeated.
     """
-    block = data.segmentation.flights.block[flights]
+    block = data.flights.block[flights]
     starts = data.states_at(world, flights, start_s - data.basis.middle[flights])
     times = (t_s - start_s[:, None]) * world.view.time_scale
     limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)

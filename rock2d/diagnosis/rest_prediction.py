@@ -38,7 +38,7 @@ class Rests:
 
 def find_rests(data: FilmData) -> Rests:
     """Ends of the releases that touch the ground after their last flight."""
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     last = np.array([f for f in range(len(flights)) if f not in set(flights.follows)], np.int64)
     ends = np.searchsorted(film.release, flights.release[last], side="right")
     use = (ends - flights.last[last] > 3 * REST_FRAMES) & np.isfinite(data.start_s[last])
@@ -75,12 +75,12 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
 
 
 def _world(data: FilmData, rests: Rests, fit: Fit, p: Array) -> World:
-    return fit.model.world(p, data.order[data.segmentation.flights.release[rests.flight]])
+    return fit.model.world(p, data.order[data.flights.release[rests.flight]])
 
 
 def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0) -> Array:
     """(n, 3) simulated - recorded pose at the end of the film."""
-    block, wait_s = data.segmentation.flights.block[rests.flight], rests.wait_s * world.view.time_scale
+    block, wait_s = data.flights.block[rests.flight], rests.wait_s * world.view.time_scale
     starts = data.states_at(world, rests.flight, data.start_s[rests.flight]) + shift
     samples = run_world(world, starts, block, time_limit_s=wait_s + 1e-9, times_s=wait_s[:, None]).samples
     return world.view.record(centroid_poses(world, block, samples))[:, 0] - rests.pose

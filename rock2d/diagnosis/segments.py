@@ -45,7 +45,7 @@ class Segments:
     @classmethod
     def of(cls, data: FilmSegments) -> Segments:
         """The segments of a film, after flights from which a simulation can start and that are followed by frames."""
-        film, flights = data.film, data.segmentation.flights
+        film, flights = data.film, data.flights
         ends = np.searchsorted(film.release, flights.release, side="right")
         later = np.flatnonzero(flights.follows >= 0)
         ends[flights.follows[later]] = flights.last[later]

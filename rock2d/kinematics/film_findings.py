@@ -256,7 +256,7 @@ def film_findings(
 ) -> FilmFindings:
     """The findings about a film, from its segments in a `world`. `fps`: stated frame rate; `from_gravity`: scale or
     frame rate, if it was computed from gravity."""
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
     drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]

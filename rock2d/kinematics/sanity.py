@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
-from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.registration import (
     LARGEST_GAP_RADII,
     POSSIBLE_BELOW_GROUND,

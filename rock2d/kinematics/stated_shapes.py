@@ -44,7 +44,7 @@ def shape_remarks(data: FilmSegments, world: World) -> list[str]:
 def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Array]:
     """For each impact: height of the block above the ground at its lowest, in radii, angle between block and ground,
     and index of the block."""
-    flights, film, blocks = data.segmentation.flights, data.film, list(world.blocks.values())
+    flights, film, blocks = data.flights, data.film, list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section)
     rows = []

@@ -161,7 +161,7 @@ def test_a_uniform_acceleration_answers_as_another_gravity_does():
     flights = np.arange(len(before.middle))
     dt = paths.t_s[paths.start[1:] - 1]
     place, rate = response.state_change(flights, dt)
-    block = data.segmentation.flights.block
+    block = data.flights.block
     moved = move_freely(heavier, block, after.middle, dt) - move_freely(setup, block, before.middle, dt)
     assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
     assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)

@@ -263,7 +263,7 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
     """Simulated velocities are the measured ones and the residual; their rows follow the ticked causes."""
     data, i = diagnosed.data, 2
     began = data.film.t_s[np.searchsorted(data.film.release, data.impacts.release[i])]
-    at = data.film.t_s[data.segmentation.flights.last[data.impacts.before[i]] - 1] - began
+    at = data.film.t_s[data.flights.last[data.impacts.before[i]] - 1] - began
     release = data.film.release_names[data.impacts.release[i]]
     for names, own in of_models(diagnosed).items():
         tick(page, *names)

@@ -346,7 +346,7 @@ def _remarks_on_lens(data: FilmSegments, setup: Setup, size_px: tuple[int, int])
     """A remark if a lens seems to distort the flights and no distortion is stated."""
     if setup.keys.camera.distortion is not None:
         return []
-    bend = lens_bend(data.film, data.segmentation.flights, setup.pixel_map(size_px), size_px)
+    bend = lens_bend(data.film, data.flights, setup.pixel_map(size_px), size_px)
     if bend is None:
         return []
     return [

@@ -114,7 +114,7 @@ def _flight_residuals(film: TrackedFilm, data: FilmSegments) -> tuple[Array, Arr
     """Residuals of the parabolas in each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1);
     row of the frame among the trusted ones."""
     residuals, when, rows = [], [], []
-    for a, b in zip(data.segmentation.flights.first, data.segmentation.flights.last, strict=True):
+    for a, b in zip(data.flights.first, data.flights.last, strict=True):
         t = np.linspace(-1.0, 1.0, b - a)
         basis = np.linalg.qr(np.vander(data.film.t_s[a:b] - data.film.t_s[a:b].mean(), 3))[0]
         pose = data.film.pose[a:b]
@@ -126,7 +126,7 @@ def _flight_residuals(film: TrackedFilm, data: FilmSegments) -> tuple[Array, Arr
 
 def _residuals(film: TrackedFilm, data: FilmSegments) -> Figure:
     figure, axes = blank_axes(9.0, 2.8, 3)
-    if not len(data.segmentation.flights):
+    if not len(data.flights):
         return figure
     residuals, when, _ = _flight_residuals(film, data)
     scale = [1.0 / _pixel_m(film), 1.0 / _pixel_m(film), 180 / np.pi]
@@ -139,7 +139,7 @@ def _residuals(film: TrackedFilm, data: FilmSegments) -> Figure:
 
 def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
     figure, axes = blank_axes(7.0, 2.8, 2)
-    if not len(data.segmentation.flights):
+    if not len(data.flights):
         return figure
     residuals, _, rows = _flight_residuals(film, data)
     seen = film.frames[film.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")
@@ -164,7 +164,7 @@ def _gravity(film: TrackedFilm, data: FilmSegments) -> Figure:
 
     figure, (axes,) = blank_axes(7.0, 2.8)
     stated = film.experiment.gravity_m_s2
-    found = flight_gravity(data.film, data.segmentation.flights, stated)
+    found = flight_gravity(data.film, data.flights, stated)
     axes.axhline(stated, color=PAGE_RULE)
     axes.set_xlabel("flight")
     axes.set_ylabel("g (m/s²)")

@@ -73,7 +73,7 @@ class Items:
     @classmethod
     def of(cls, result: Diagnosis, data: FilmData, models: Sequence[Validated]) -> Items:
         """All impacts and flights, with residuals on held-out releases."""
-        found, impacts, flights = result.found, data.impacts, data.segmentation.flights
+        found, impacts, flights = result.found, data.impacts, data.flights
         assert found is not None
         setup, film, middle = corrected_setup(result), data.film, data.basis.middle
         began = film.t_s[np.searchsorted(film.release, np.arange(len(data.order)))]

@@ -92,9 +92,7 @@ def touch_places(result: Diagnosis, data: FilmData) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
     corrected = corrected_setup(result)
     impacts = data.impacts
-    ends = (
-        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    )
+    ends = data.film.t_s[data.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     leaves = data.states_at(corrected, impacts.before, ends)
     arrives = data.states_at(corrected, impacts.after, impacts.begin_s)
     return 0.5 * (leaves + arrives)[:, POSITION]
@@ -102,7 +100,7 @@ def touch_places(result: Diagnosis, data: FilmData) -> Array:
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     """(k, 2) positions in a few frames of each measured flight, for at most MOST_FLIGHTS flights."""
-    flights = data.segmentation.flights
+    flights = data.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
     for i in chosen:
@@ -129,7 +127,7 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     impacts, middle = data.impacts, data.basis.middle
     start = middle[impacts.before[which]] + impacts.start_s[which]
     begin = middle[impacts.after[which]] + impacts.begin_s[which]
-    flights_end = data.film.t_s[data.segmentation.flights.last[impacts.after[which]] - 1]
+    flights_end = data.film.t_s[data.flights.last[impacts.after[which]] - 1]
     end = np.minimum(flights_end, begin + SHOWN_AFTER * impacts.window_s[which])
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {

@@ -27,10 +27,9 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
-from rock2d.kinematics.film_findings import FilmFindings, film_findings
+from rock2d.kinematics.film_findings import FilmFindings, film_findings, rest_remarks
 from rock2d.kinematics.film_segments import FilmSegments, flightless_remarks
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks

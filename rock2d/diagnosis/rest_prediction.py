@@ -15,8 +15,8 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_world
+from rock2d.kinematics.film_findings import REST_FRAMES
 from rock2d.kinematics.film_segments import STATE_SIZE
-from rock2d.kinematics.rest_heights import REST_FRAMES
 from rock2d.kinematics.states import centroid_poses
 from rock2d.records.columns import THETA
 from rock2d.scene.world import World

@@ -127,13 +127,14 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     release = flights.release[used]
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
-    smeared = film.smear_offset_s * _bend_of_speed(paths)
+    bends, pulls = _bends_and_pulls(paths)
+    smeared = film.smear_offset_s * bends
     shared = abs(float(_spread(weight, used) @ smeared))  # equal in all flights
     each, each_error = _along(every, down)
     return FlightGravity(
         Measured(gravity.value, float(np.hypot(gravity.error, shared))),
         Measured(tilt.value, float(np.hypot(tilt.error, shared / np.hypot(*mean)))),
-        used, each, np.hypot(each_error, smeared), _spread(weight, used), _pulls(paths),
+        used, each, np.hypot(each_error, smeared), _spread(weight, used), pulls,
         fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
@@ -366,25 +367,16 @@ def _spread(weight: Array, used: Array) -> Array:
     return out
 
 
-def _bend_of_speed(paths: list[_Path]) -> Array:
-    """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed."""
-    out = np.zeros(len(paths))
+def _bends_and_pulls(paths: list[_Path]) -> tuple[Array, Array]:
+    """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed; and
+    (m, 2) `FlightGravity.pull`: a force that changes within a flight enters the fit of the parabola with the weight
+    (1 - s²)², with the time s from -1 to 1."""
+    bends, pulls = np.zeros(len(paths)), np.zeros((len(paths), 2))
     for i, path in enumerate(paths):
         s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
         c = np.polynomial.polynomial.polyfit(s, path.position, 2)
-        speed = np.hypot(*(c[1] + 2 * c[2] * s[:, None]).T) / half
-        out[i] = 2 * np.polynomial.polynomial.polyfit(s, speed, 2)[2] / half**2
-    return out
-
-
-def _pulls(paths: list[_Path]) -> Array:
-    """(m, 2) see `FlightGravity.pull`. A force that changes within a flight enters the fit of the parabola with the
-    weight (1 - s²)², with the time s from -1 to 1."""
-    out = np.zeros((len(paths), 2))
-    for i, path in enumerate(paths):
-        s = _own_time(path.t_s)
-        c = np.polynomial.polynomial.polyfit(s, path.position, 2)
-        velocity = (c[1] + 2 * c[2] * s[:, None]) / (np.ptp(path.t_s) / 2)
-        weight = np.maximum(1.0 - s**2, 0.0) ** 2
-        out[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
-    return out
+        rate = c[1] + 2 * c[2] * s[:, None]
+        bends[i] = 2 * np.polynomial.polynomial.polyfit(s, np.hypot(*rate.T) / half, 2)[2] / half**2
+        velocity, weight = rate / half, np.maximum(1.0 - s**2, 0.0) ** 2
+        pulls[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
+    return bends, pulls

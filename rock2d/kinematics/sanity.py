@@ -158,31 +158,21 @@ def _check_time_step(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"{1 / experiment.fps:.6g} s: one of the two is wrong "
             "(slow-motion files often state the playback rate, not the frame rate of the recording)",
         )
-    lost = 1.0 - len(film.t_s) / max(1.0, sum(_expected_frames(experiment, film)))
+    starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
+    expected = [(film.t_s[b - 1] - film.t_s[a]) * experiment.fps + 1 for a, b in itertools.pairwise(starts)]
+    lost = 1.0 - len(film.t_s) / max(1.0, sum(expected))
     if lost > 0.02:
         found.remarks.append(f"{100 * lost:.0f} % of the frames were lost")
-
-
-def _expected_frames(experiment: Experiment, film: Film) -> list[float]:
-    starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
-    return [(film.t_s[b - 1] - film.t_s[a]) * experiment.fps + 1 for a, b in itertools.pairwise(starts)]
 
 
 def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
     size = np.array([b.radius_m for b in experiment.blocks.values()])[film.release_block]
     setup = max(float(np.ptp(experiment.cross_section.points_m, axis=0).max()), 1e-9)
-    extent = float(np.quantile(np.abs(film.pose[:, POSITION]), 0.95))
-    reach = float(np.abs(experiment.cross_section.points_m).max())
-    if extent > 20 * reach:
-        found.fail(
-            LENGTH_UNIT,
-            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
-            "are they in millimetres or pixels?",
-        )
-    elif float(np.ptp(film.pose[:, POSITION], axis=0).max()) < 2e-3 * setup:
+    extent = float(np.ptp(film.pose[:, POSITION], axis=0).max())
+    if not _check_reach(experiment, film.pose[:, POSITION], found) and extent < 2e-3 * setup:
         found.fail(
             NO_MOTION,
-            f"all positions lie within {np.ptp(film.pose[:, POSITION], axis=0).max():.3g} m of each other on a set-up "
+            f"all positions lie within {extent:.3g} m of each other on a set-up "
             f"of {setup:.3g} m: wrong unit, or a block that never moved",
         )
     turn = np.abs(np.diff(film.pose[:, THETA]))[np.diff(film.release) == 0]
@@ -195,6 +185,19 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
                 ANGLE_UNIT,
                 f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?",
             )
+
+
+def _check_reach(experiment: Experiment, positions: Array, found: Sanity) -> bool:
+    """Whether positions (n, 2) reach far beyond the cross-section, which is a fault."""
+    reach = float(np.abs(experiment.cross_section.points_m).max())
+    extent = float(np.quantile(np.abs(positions), 0.95))
+    if too_far := extent > 20 * reach:
+        found.fail(
+            LENGTH_UNIT,
+            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
+            "are they in millimetres or pixels?",
+        )
+    return too_far
 
 
 def _check_recorded_gravity(experiment: Experiment, gravity: Array | None, found: Sanity) -> None:
@@ -338,16 +341,10 @@ def check_table(experiment: Experiment, data: ImpactTable) -> Sanity:
     _check_releases(len(data.order), found)
     if found.faults:
         return found
-    reach = float(np.abs(experiment.cross_section.points_m).max())
-    extent = float(np.quantile(np.abs(data.before[:, POSITION]), 0.95))
-    if extent > 20 * reach:
-        found.fail(
-            LENGTH_UNIT,
-            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
-            "are they in millimetres or pixels?",
-        )
-    mass = np.array([b.mass_kg for b in experiment.blocks.values()])[data.impact_block]
-    inertia = np.array([b.inertia_kg_m2 for b in experiment.blocks.values()])[data.impact_block]
+    _check_reach(experiment, data.before[:, POSITION], found)
+    mass, inertia = np.array([(b.mass_kg, b.inertia_kg_m2) for b in experiment.blocks.values()])[
+        data.impact_block
+    ].T
     energy = [
         0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia * w**2
         for v, w in (

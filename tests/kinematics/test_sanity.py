@@ -11,9 +11,9 @@ from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
+from rock2d.kinematics.film_findings import rest_remarks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks

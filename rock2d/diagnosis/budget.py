@@ -18,7 +18,7 @@ from math import comb
 
 import numpy as np
 
-from rock2d.diagnosis.cause_sets import Names
+from rock2d.diagnosis.cross_validation import Names
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.likelihood import chi_square, standard_deviations
 from rock2d.diagnosis.replicates import Ratio

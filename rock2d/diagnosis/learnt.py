@@ -7,11 +7,11 @@ coefficients. These are fitted together with all parameters of the model, and ke
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut, Validated, cross_validate, held_out_gain
+from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
@@ -52,16 +52,14 @@ class Change(KnownChange, SummedGain):
 
 
 @dataclass
-class Learnt:
-    """A fit with learnt changes, and its residuals and scores on held-out releases.
+class Learnt(Validated):
+    """A validated fit with learnt changes.
 
     `before`: the same without the last change, if there is one; `dependences`: all dependences of its residuals, if
     they are known.
     """
 
-    fit: Fit
-    held_out: HeldOut
-    changes: list[Change]
+    changes: list[Change] = field(default_factory=list)
     before: Learnt | None = None
     dependences: list[Discrepancy] | None = None
 
@@ -81,7 +79,7 @@ def learn(
 
     Further changes are not learnt if it is clear that all together will gain less than `least_total`.
     """
-    state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
+    state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out)
     for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         dependences = discrepancies(state.fit, data, only, levers)
@@ -100,8 +98,7 @@ def learn(
             )
             columns = levers.columns(response)
             fitted = _fit_with_change(state.fit, data, response, columns, dependence.width, convergence)
-            out = cross_validate(fitted, data)
-            candidate = Learnt(fitted, out, [])
+            candidate = Learnt.of(fitted, data)
             tried.append((dependence, candidate, held_out_gain(data, candidate, state)))
         if not tried:
             break

@@ -38,7 +38,7 @@ def hardening(releases: int) -> World:
 
 def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
     data, base = base_fit(experiment)
-    return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
+    return data, base, learn(Learnt.of(base, data), data)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def hardened() -> tuple[FilmData, Fit, Learnt]:
 
 def test_what_predicts_held_out_releases_better_is_used_where_something_was_learnt(hardened):
     data, base, learnt = hardened
-    without = Learnt(base, cross_validate(base, data), [])
+    without = Learnt.of(base, data)
     assert best_predicting(data, without, learnt) is learnt
     assert best_predicting(data, without, replace(learnt, changes=[])) is without
     assert best_predicting(data, learnt, without) is learnt
@@ -73,7 +73,7 @@ def test_learning_ends_where_more_changes_cannot_gain_what_is_asked():
     true = catalogue()["air_drag"].apply(hardening(RELEASES), [0.3])
     data, base, both = fitted(film(true, RELEASES, seed=7))
     assert {c.lever for c in both.changes} == {LAW, FLIGHT}
-    start = Learnt(base, cross_validate(base, data), [])
+    start = Learnt.of(base, data)
     gain = sum(c.total for c in both.changes)
     one, again = (learn(start, data, least_total=total) for total in (100.0 * gain, gain))
     assert [c.name for c in one.changes] == [c.name for c in both.changes[:1]]

@@ -15,11 +15,9 @@ from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
-from rock2d.diagnosis.gap import Cell, Gaps, Part, flight_part, gap_cells, impact_part
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.gap import Cell, Gaps, find_rests, locate_gap
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
-from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
 from rock2d.diagnosis.visibility import unseen
 from rock2d.diagnosis.workload import GAP, READING, DiagnosisBars
 from rock2d.effects import catalogue
@@ -33,11 +31,7 @@ from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks
-from rock2d.records.columns import X
-from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 # faults of films whose flights can still be read
 FAULTS_THAT_LEAVE_FLIGHTS = {
@@ -148,7 +142,7 @@ def diagnose(
         result.gaps = {name: gaps.of(candidate) for name, candidate in attribution.candidates.items()}
         result.budget = gaps.budget
         bar.step("budget")
-        result.cells = locate_gap(experiment, data, attribution, setup)
+        result.cells = locate_gap(experiment, data, attribution)
         bar.step("places")
         result.checks = predictive_checks(data, attribution.learnt.fit, seed)
         bar.step("checks")
@@ -224,45 +218,3 @@ def findings_of_film(
         return None
     segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
     return film_findings(segments, world, experiment.fps, experiment.from_gravity)
-
-
-def locate_gap(
-    experiment: Experiment, data: FilmData | TableData, attribution: Attribution, setup: World
-) -> list[Cell]:
-    """The places of the gap. A flight belongs to the zone below its middle, a rest to the zone below its end."""
-    cross_section, blocks = experiment.cross_section, list(experiment.blocks)
-    law_residuals = None
-    if attribution.verdict == attribution.best and not attribution.chain[0].effect.camera:
-        # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
-        # that was fitted with the effect, with its air forces, shows where the ground is wrong.
-        model, p = attribution.final.fit.model, attribution.final.fit.p
-        law = attribution.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
-        for effect, values in zip(model.effects, model.values(p), strict=True):
-            law = model.applied(effect, law, values) if effect.phase == "flight" else law
-        law_residuals = data.residuals(law).impacts
-    parts = [
-        impact_part(attribution, data.impact_zone, data.impact_block, data.impact_release, law_residuals)
-    ]
-    if isinstance(data, FilmData):
-        flights = data.flights
-        best = attribution.final.fit
-        # with the stated set-up, a mirrored film would be on the wrong side
-        fitted = best.model.world(best.p, data.impact_order)
-        below = zone_below(cross_section, data.states(fitted).middle[:, X])
-        parts.append(flight_part(attribution, below, flights.block, flights.release))
-        rests = find_rests(data)
-        if len(rests.flight) and len(data.impacts):
-            variance = rest_variance(data, rests, best)
-            before, after = (
-                rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base, best)
-            )
-            zone, block = zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
-            release = flights.release[rests.flight]
-            parts.append(Part("rest", before - after, before, after, zone, block, release))
-    return gap_cells(parts, cross_section.zone_names, blocks)
-
-
-def zone_below(cross_section: CrossSection, x: Array) -> Array:
-    """(n,) zone of the ground below positions x."""
-    facet = np.searchsorted(cross_section.points_m[1:, X], x)
-    return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]

@@ -12,7 +12,7 @@ from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, load_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.gross_errors import reject_gross_errors
@@ -230,9 +230,8 @@ def findings_of(experiment: Experiment, setup: Setup) -> tuple[FilmSegments, Fil
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
     """The experiment with the noise measured in its flights; unchanged without flights."""
-    cut = segment_film(setup_world(experiment), film)
-    if not len(cut.flights):
+    if not len(find_flights(setup_world(experiment), film)):
         return experiment
-    x, y, theta = cut.film.noise
+    x, y, theta = film.noise
     position = float(np.sqrt(0.5 * (x * x + y * y)))
     return replace(experiment, position_noise_m=position, angle_noise_rad=float(theta))

@@ -12,8 +12,8 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import Validated
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.diagnose import Diagnosis, zone_below
-from rock2d.diagnosis.gap import typical_size
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.gap import typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.report.tables import corrected_setup, signs_of, touch_places
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped

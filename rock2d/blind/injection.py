@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.impact_prediction import turned
+from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.known_causes import with_cause
 from rock2d.diagnosis.model import Model
 from rock2d.effects.effect import Effect

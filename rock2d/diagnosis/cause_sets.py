@@ -3,7 +3,7 @@ rises.
 
 An effect that gains little alone may gain much together with another one, and an effect that gains alone may be
 superfluous together with the true causes. So after each addition every other member of the set is left out once, and at
-the end each member is exchanged for its rivals. `screening` selects the additions that are worth a fit.
+the end each member is exchanged for its rivals. `Screening` selects the additions that are worth a fit.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, l
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
+from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model
-from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue

@@ -15,7 +15,7 @@ from rock2d.diagnosis.budget import Budget, Share
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
-from rock2d.diagnosis.gap import Cell, Gaps, find_rests, locate_gap
+from rock2d.diagnosis.gap import Cell, budget_and_shares, find_rests, locate_gap
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
 from rock2d.diagnosis.visibility import unseen
@@ -25,12 +25,17 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
-from rock2d.kinematics.film_findings import FilmFindings, film_findings, rest_remarks
-from rock2d.kinematics.film_segments import FilmSegments, flightless_remarks
+from rock2d.kinematics.film_findings import (
+    FilmFindings,
+    film_findings,
+    flightless_remarks,
+    rest_remarks,
+    shape_remarks,
+)
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.kinematics.stated_shapes import shape_remarks
 from rock2d.scene.world import World
 
 # faults of films whose flights can still be read
@@ -138,9 +143,7 @@ def diagnose(
         )
     result.data, result.found, result.unseen, result.seed = data, attribution, hidden_effects, seed
     with bars.stage(GAP, 4, "steps") as bar:
-        gaps = Gaps(data, attribution, seed)
-        result.gaps = {name: gaps.of(candidate) for name, candidate in attribution.candidates.items()}
-        result.budget = gaps.budget
+        result.budget, result.gaps = budget_and_shares(data, attribution, seed)
         bar.step("budget")
         result.cells = locate_gap(experiment, data, attribution)
         bar.step("places")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution, Candidate
+from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, GapBootstrap, ResidualSizes, Share, budget, share
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
@@ -36,31 +36,24 @@ SIGNIFICANT_CELL_Z = 2.0
 SCATTER_STEP = 0.02  # step of finite differences of rests, as a share of a parameter's scale
 
 
-class Gaps:
-    """The gap of an attribution: its budget, and the share that each effect closes alone."""
-
-    def __init__(self, data: Data, attribution: Attribution, seed: int) -> None:
-        covariance = attribution.final.fit.covariance()
-        self._sizes = sizes = ResidualSizes(data, covariance)
-        self._draws = GapBootstrap(sizes, seed)
-        base, learnt = (
-            sizes.of(attribution.base_held_out.residuals),
-            sizes.of(attribution.learnt.held_out.residuals),
-        )
-        regression = sizes.of_remaining(attribution.learnt_regressed)
-        world = attribution.final.fit.model.world(attribution.final.fit.p, data.impact_order)
-        ratio = replicate_ratio(data, world, clipped(sizes.z(attribution.learnt.held_out.residuals)))
-        gap = self._draws.gap
-        floors = gap(regression), self._draws.gap_after_reduction(learnt, sizes.impacts, ratio)
-        self._base, flexible = gap(base), gap(sizes.of_remaining(attribution.base_regressed))
-        self._floor = self._draws.floor([*floors, flexible], [self._base])
-        sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
-        self.budget: Budget = budget(sets, attribution.named, learnt, floors, self._draws)
-
-    def of(self, candidate: Candidate) -> Share:
-        """Share of the gap that a candidate closes."""
-        augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
-        return share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
+def budget_and_shares(data: Data, attribution: Attribution, seed: int) -> tuple[Budget, dict[str, Share]]:
+    """The budget of the gap, and effect -> share of the gap that it closes alone; `seed` of the bootstrap."""
+    final, learnt = attribution.final.fit, attribution.learnt.held_out.residuals
+    sizes = ResidualSizes(data, final.covariance())
+    draws = GapBootstrap(sizes, seed)
+    ratio = replicate_ratio(data, final.model.world(final.p, data.impact_order), clipped(sizes.z(learnt)))
+    floors = (
+        draws.gap(sizes.of_remaining(attribution.learnt_regressed)),
+        draws.gap_after_reduction(sizes.of(learnt), sizes.impacts, ratio),
+    )
+    sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
+    base = draws.gap(sizes.of(attribution.base_held_out.residuals))
+    floor = draws.floor([*floors, draws.gap(sizes.of_remaining(attribution.base_regressed))], [base])
+    shares = {}
+    for name, candidate in attribution.candidates.items():
+        augmented = draws.gap(sizes.of(candidate.held_out.residuals))
+        shares[name] = share(base - augmented, base - np.minimum(floor, augmented))
+    return budget(sets, attribution.named, sizes.of(learnt), floors, draws), shares
 
 
 @dataclass

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.diagnosis import quantities as q
+from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
-from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
+from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
@@ -109,10 +109,6 @@ class _FlightsAfter(NamedTuple):
     left_s: Array
     clear_s: Array
     state: Array
-
-    def only(self, keep: Array) -> _FlightsAfter:
-        """Some of them, given as a mask."""
-        return _FlightsAfter(*(part[keep] for part in self))
 
 
 class _Paths(NamedTuple):
@@ -240,8 +236,8 @@ class LearntMotion:
         states = self._run(self._world, begins[segment], segment, time_limit_s=left_s + clear_s).ends[
             :, INSTANT_STATE
         ]
-        flights = _FlightsAfter(segment, left_s, left_s + clear_s, states)
-        return flights.only(np.asarray(clear.any(axis=1)))
+        known = clear.any(axis=1)
+        return _FlightsAfter(segment[known], left_s[known], (left_s + clear_s)[known], states[known])
 
     def _states_when_clear(self, flights: _FlightsAfter) -> Array:
         """(m, 6) states of the blocks when clear of the ground, with the changes of the impact."""

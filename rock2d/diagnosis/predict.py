@@ -24,7 +24,7 @@ from rock2d.diagnosis.levers import (
 )
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.quantities import SPLINE
-from rock2d.diagnosis.segments import Segments, as_rows
+from rock2d.diagnosis.replay import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown

@@ -8,7 +8,6 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.errors import counted, listed
 from rock2d.kinematics.flights import Film, Flights, find_flights
 from rock2d.kinematics.impacts import Impacts, find_contacts, find_impacts, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
@@ -124,16 +123,3 @@ def _rolling(world: World, flights: Flights, states: States) -> Array:
     radius = _radii(world)[flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)
-
-
-def flightless_remarks(data: FilmSegments) -> list[str]:
-    """A remark on releases without a recognised flight."""
-    film = data.film
-    missing = np.setdiff1d(np.arange(len(film.release_names)), data.flights.release)
-    if not len(missing):
-        return []
-    number = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
-    return [
-        f"no flight was recognised in {number}: nothing is learnt from it. The frames do not lie on parabolas to "
-        "within the noise of the film, or the block never flies"
-    ]

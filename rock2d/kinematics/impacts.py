@@ -5,6 +5,7 @@ An *impact* of a film is everything between two consecutive flights: one touch o
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple, Self
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.flights import Film, Flights, clearances
+from rock2d.kinematics.flights import Film, Flights, clearances, heights
 from rock2d.kinematics.states import Basis, States, move_freely
 from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION
 from rock2d.scene.nearest_facet import nearest_facets
@@ -71,18 +72,14 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
 
     It is the last frame at which the block is well above the ground; NaN if the block is never above it.
     """
-    blocks = list(world.blocks.values())
-    ground = ground_arrays(world.cross_section)
+    flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
+    t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
+    gap = heights(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
+    well_above = gap > START_HEIGHT_RADII * np.array([b.radius_m for b in world.blocks.values()])[block]
     start = np.full(len(flights), np.nan)
-    for i in range(len(flights)):
-        block = blocks[flights.block[i]]
-        t = film.t_s[flights.first[i] : flights.last[i]] - basis.middle[i]
-        path = move_freely(
-            world, np.full(len(t), flights.block[i]), np.repeat(states.middle[i][None], len(t), 0), t
-        )
-        gap = clearances(block_arrays(block), ground, path[:, POSE])
-        high = np.flatnonzero(gap > START_HEIGHT_RADII * block.radius_m)
-        at = high[-1] if len(high) else int(np.argmax(gap))
+    for i, (a, b) in enumerate(itertools.pairwise(basis.start)):
+        high = np.flatnonzero(well_above[a:b])
+        at = a + (high[-1] if len(high) else int(np.argmax(gap[a:b])))
         if gap[at] > 0.0:
             start[i] = t[at]
     return start

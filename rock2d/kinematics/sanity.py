@@ -223,9 +223,13 @@ def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found
     setup = setup_world(experiment)
     worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORED_SIGNS.items()}
     below = {axis: below_ground(world, film) for axis, world in worlds.items()}
+    deep = below[""] > IMPOSSIBLE_BELOW_GROUND
+    inside = (
+        f"in {100 * below['']:.{0 if deep else 1}f} % of the frames the block's centre lies inside the ground"
+    )
     if upwards and below["y"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "y"
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND and below["x"] < POSSIBLE_BELOW_GROUND:
+    elif deep and below["x"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "x"
     elif upwards:
         found.fail(
@@ -233,30 +237,19 @@ def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found
             "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?",
         )
         found.suspects.append("mirrored_axis")
-    elif (
-        below[""] > IMPOSSIBLE_BELOW_GROUND and (better := registered_world(setup, film, gravity)) is not None
-    ):
+    elif deep and (better := registered_world(setup, film, gravity)) is not None:
         found.registered, text = better
-        found.remarks.append(
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which {text} would "
-            "explain; the segmentation of the film assumes it"
-        )
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND and _ground_gives_way(setup, film):
-        found.remarks.append(
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which an embankment "
-            "that yields or soft soil would explain"
-        )
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND:
+        found.remarks.append(f"{inside}, which {text} would explain; the segmentation of the film assumes it")
+    elif deep and _ground_gives_way(setup, film):
+        found.remarks.append(f"{inside}, which an embankment that yields or soft soil would explain")
+    elif deep:
         found.fail(
             BELOW_GROUND,
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground: "
-            "the cross-section and the film do not belong together (origin, scale or axes)",
+            f"{inside}: the cross-section and the film do not belong together (origin, scale or axes)",
         )
         found.suspects += ["scale_error", "camera_tilt", "geometry_error"]
     elif below[""] > 0.002:
-        found.remarks.append(
-            f"in {100 * below['']:.1f} % of the frames the block's centre lies inside the ground"
-        )
+        found.remarks.append(inside)
     if found.mirror:
         found.registered = worlds[found.mirror]
 
@@ -315,15 +308,14 @@ def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, fo
     for b, name in enumerate(film.block_names):
         own, radius = gaps[landed & (film.release_block == b)], experiment.blocks[name].radius_m
         gap = float(np.median(own)) if len(own) else 0.0
-        if gap < -DEEP_RADII:
-            found.remarks.append(
-                f"block {name} sinks {-gap * radius:.3g} m into the ground (median of the releases), {-gap:.1f} times "
-                "its radius: are its size and the origin right?"
+        size = f"{abs(gap) * radius:.3g} m"
+        if gap < -DEEP_RADII or gap > LARGEST_GAP_RADII:
+            where = (
+                f"sinks {size} into the ground" if gap < 0 else f"comes no closer to the ground than {size}"
             )
-        elif gap > LARGEST_GAP_RADII:
             found.remarks.append(
-                f"block {name} comes no closer to the ground than {gap * radius:.3g} m (median of the releases), "
-                f"{gap:.1f} times its radius: are its size and the origin right?"
+                f"block {name} {where} (median of the releases), {abs(gap):.1f} times its radius: are its size and the "
+                "origin right?"
             )
     gap = float(np.median(gaps[landed])) if landed.any() else 0.0
     if gap > FAR_RADII and registered_world(setup, film, gravity) is None:

@@ -14,10 +14,10 @@ import pytest
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import held_out_poses
+from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import live_gap
 from rock2d.diagnosis.report.tables import impact_misses, touch_places
 from rock2d.diagnosis.report.text import share_closed
-from rock2d.diagnosis.segments import Segments
 from rock2d.records.columns import THETA
 from rock2d.wording import spoken
 from tests.browsing import (

@@ -21,6 +21,7 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
+from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import tables, text
 from rock2d.diagnosis.report.figures import MISS_CLASSES
 from rock2d.diagnosis.report.live_items import (
@@ -33,7 +34,6 @@ from rock2d.diagnosis.report.live_items import (
 )
 from rock2d.diagnosis.report.practical_indicators import Row
 from rock2d.diagnosis.report.sections import cause_name, p_text
-from rock2d.diagnosis.segments import Segments
 from rock2d.graphics.bar_charts import Axis, Mark, chart
 from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene

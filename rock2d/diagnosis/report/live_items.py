@@ -15,9 +15,9 @@ from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.gap import typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
+from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report.tables import corrected_setup, signs_of, touch_places
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
-from rock2d.diagnosis.segments import Segments
 from rock2d.graphics.live_data import packed, packed_columns
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X

@@ -18,7 +18,6 @@ from rock2d.diagnosis.base_law import ends_at, fit_from_grid
 from rock2d.diagnosis.cause_sets import TWINS, Search
 from rock2d.diagnosis.cross_validation import HeldOut, Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
-from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     PERMANENT,
@@ -31,6 +30,7 @@ from rock2d.diagnosis.evidence import (
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
+from rock2d.diagnosis.levers import Discrepancy, discrepancies
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress

@@ -47,10 +47,8 @@ FALSE_ALARMS = 0.03
 REPLICATES = 5000
 # least share of the variance of a pattern that fitted parameters must not absorb
 LEAST_UNABSORBED_SHARE = 0.05
-DEPENDENCE_WORDS = {
-    "series": "release",
-    "orientation to the ground": "orientation",
-}  # dependences in plain words
+# dependences in plain words
+DEPENDENCE_WORDS = {"series": "release", "orientation to the ground": "orientation"}
 # name of a check -> the dependences that it tests
 IMPACT_MEANS = {
     "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),

@@ -6,7 +6,7 @@ the next flight by the differences of pose and velocity at the beginning of that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -88,8 +88,7 @@ class FilmData(FilmSegments):
 
     def flights_alone(self) -> Self:
         """The same data without impacts."""
-        none = {f.name: getattr(self.impacts, f.name)[:0] for f in fields(self.impacts)}
-        return replace(self, impacts=replace(self.impacts, **none))
+        return replace(self, impacts=self.impacts.only(np.zeros(len(self.impacts), bool)))
 
     @property
     def impact_release(self) -> Array:
@@ -105,7 +104,7 @@ class FilmData(FilmSegments):
 
     @property
     def impact_order(self) -> Array:
-        return self.impacts.order
+        return self.order[self.impacts.release]
 
     @property
     def impact_block(self) -> Array:
@@ -162,21 +161,21 @@ class FilmData(FilmSegments):
         """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
         impacts = self.impacts
         known = incident_features(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
-        return np.column_stack([known, impacts.order, impacts.wait_s])
+        return np.column_stack([known, self.impact_order, impacts.wait_s])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         impacts = self.impacts
         began = self.basis.middle[impacts.before] + impacts.start_s
         found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
-        found |= history_quantities(impacts.release, impacts.order, began) | {TIME_S: self._times(world)}
+        found |= history_quantities(impacts.release, self.impact_order, began) | {TIME_S: self._times(world)}
         return found
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each flight after an impact."""
         impacts = self.impacts
         after = self.states_at(world, impacts.after, impacts.begin_s)
-        known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
+        known = {SERIES: self.impact_order, TIME_S: self._times(world)}
         return moving_quantities(after[:, RATES]) | known
 
     def _times(self, world: World) -> Array:
@@ -303,10 +302,6 @@ class TableData(ImpactTable):
     def outcome_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): the velocities after the impacts."""
         return moving_quantities(self.after) | {SERIES: self.impact_order.astype(float)}
-
-    def flight_features(self, world: World) -> Array:
-        """(0, 1): a table has no flights."""
-        return np.empty((0, 1))
 
 
 def _true_states(world: World, recorded: Array) -> Array:

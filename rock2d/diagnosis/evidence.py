@@ -27,9 +27,8 @@ from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
-from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
+from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.significance import Gain
-from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar

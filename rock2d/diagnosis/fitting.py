@@ -11,14 +11,15 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
+    fit_scatter,
     flight_log_likelihood,
     log_likelihood,
     newton_step,
     normal_equations,
     prior,
+    scatter_errors,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions
-from rock2d.diagnosis.soil_scatter import fit_scatter, scatter_errors
 
 Array = np.ndarray
 

@@ -1,6 +1,6 @@
 """Learnt changes: dependences without a named cause become a part of the model.
 
-For a dependence that is found in the residuals (`discrepancy`), the lever becomes a smooth function with a few
+For a dependence that is found in the residuals (`levers.discrepancies`), the lever becomes a smooth function with a few
 coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
 """
 
@@ -14,10 +14,9 @@ import numpy as np
 from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
-from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import LEVERS, Levers
+from rock2d.diagnosis.levers import LEVERS, Discrepancy, Levers, discrepancies
 from rock2d.diagnosis.model import LeverResponse
 from rock2d.diagnosis.significance import Gain, SummedGain
 

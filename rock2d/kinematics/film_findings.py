@@ -31,7 +31,6 @@ from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gra
 from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, clearances, heights
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
-from rock2d.scene.blocks import Block
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
@@ -337,10 +336,16 @@ def film_findings(
     film, flights = data.film, data.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
-    drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
-    air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
-    spin = 0.0
-    if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
+    # expected drag over mass, c / m in 1/m
+    drag_of = [
+        DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
+        for block in world.blocks.values()
+    ]
+    drag, air, spin = np.array(drag_of)[flights.block], (0.0, 0.0), 0.0
+    if gravity is not None:
+        change = -(gravity.weight * drag) @ gravity.pull
+        air = float(-change[Y] / world.gravity_m_s2), float(change[X] / world.gravity_m_s2)
+        # lift acts across the velocity and may be as strong as drag: Mehta (1985)
         lift = gravity.weight * drag * ~film.angle_known[flights.release]
         spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmFindings(
@@ -353,17 +358,6 @@ def write_film_findings(folder: Path, findings: FilmFindings) -> None:
     """Write `film.json` into an experiment folder."""
     text = json.dumps(findings.content(), indent=1, allow_nan=False, ensure_ascii=False)
     write_whole(folder / FILM_FILE, text + "\n")
-
-
-def _drag_per_mass(block: Block) -> float:
-    """Expected drag over mass, c / m in 1/m, of a block."""
-    return DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
-
-
-def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:
-    """(relative change of the acceleration by drag, angle in rad by which drag turns it)."""
-    change = -(gravity.weight * drag) @ gravity.pull
-    return float(-change[Y] / stated_m_s2), float(change[X] / stated_m_s2)
 
 
 def _rest_sentence(own: RestHeight) -> str:

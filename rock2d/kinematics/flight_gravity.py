@@ -43,10 +43,8 @@ VARIANCE_ROUNDS = 5  # most iterations of the estimate of σ and τ
 CONVERGED_VARIANCE = 0.01  # relative change of the variances at which the iteration ends
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # significance levels of slow errors, and of scatter between flights
 CLEAR_JITTER = 1.0  # smallest τ² that is used, in its standard errors
-EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
-    3,
-    16,
-)  # frames left out at an end next to a contact, at most one of so many
+# frames left out at an end next to a contact, at most one of so many
+EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = 3, 16
 OUTLYING_ERRORS = 6.0  # distance in standard errors at which a flight counts as an outlier
 
 
@@ -116,14 +114,11 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         np.einsum("nij,nj->i", precision, fits.acceleration),
     )
     down = mean / np.hypot(*mean)
-    aside = np.array(
-        [-down[Y], down[X]]
-    )  # direction in which a counter-clockwise turn of the picture moves it
+    aside = np.array([-down[Y], down[X]])  # in which a counter-clockwise turn of the picture moves it
     size, error = _along(fits, down)
     turn, turn_error = (values / np.hypot(*mean) for values in _along(fits, aside))
-    turn += np.arctan2(
-        down[X] * np.sign(-down[Y]), abs(down[Y])
-    )  # a film that falls upwards is mirrored, not turned
+    # a film that falls upwards is mirrored, not turned
+    turn += np.arctan2(down[X] * np.sign(-down[Y]), abs(down[Y]))
     release = flights.release[used]
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
@@ -270,9 +265,8 @@ def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tupl
         return alone, 0.0
     inverse = np.linalg.inv(normal)
     own, other = inverse @ (design.T @ (weight * squares / left))
-    clear = other > CLEAR_JITTER * np.sqrt(
-        2.0 * inverse[1, 1]
-    )  # the variance of a square is 2 of its mean squared
+    # the variance of a square is 2 of its mean squared
+    clear = other > CLEAR_JITTER * np.sqrt(2.0 * inverse[1, 1])
     return (max(float(own), least), float(other)) if clear else (alone, 0.0)
 
 

@@ -37,9 +37,8 @@ NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # in √(g × size): a smaller change of velocity above the ground is no impact
 IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
-SMOOTH_ACCELERATION_SD = (
-    0.5  # 1 sigma of the apparent acceleration by air, lens and perspective, in units of gravity
-)
+# 1 sigma of the apparent acceleration by air, lens and perspective, in units of gravity
+SMOOTH_ACCELERATION_SD = 0.5
 SMOOTH_DEGREE = 4  # degree of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
 SMALLEST_NOISE = 1.0e-9  # for positions in m and angles in rad, in films without noise

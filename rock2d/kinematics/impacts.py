@@ -44,7 +44,6 @@ class Impacts:
     window_s : recorded time for which the flight after is compared with a simulation
     zone : zone of the nearest facet of the ground
     tangent : (n, 2) direction of that facet
-    order : number of releases of the same block that were filmed before
     """
 
     before: Array
@@ -57,7 +56,6 @@ class Impacts:
     window_s: Array
     zone: Array
     tangent: Array
-    order: Array
 
     def __len__(self) -> int:
         return len(self.before)
@@ -104,7 +102,6 @@ def find_impacts(
     return Impacts(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
         world.cross_section.zone_ids[facet], world.cross_section.tangents[facet],
-        release_order(film.release_block)[flights.release[after]].astype(float),
     )  # fmt: skip
 
 

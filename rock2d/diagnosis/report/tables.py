@@ -132,7 +132,7 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {
         name: recorded_simulation(
-            data, fit.model.world(fit.p, impacts.order[which]), impacts.before[which], t, start, signs
+            data, fit.model.world(fit.p, data.impact_order[which]), impacts.before[which], t, start, signs
         )
         for name, fit in models.fits.items()
     }

@@ -24,6 +24,7 @@ from rock2d.diagnosis.likelihood import (
     log_likelihood,
     newton_step,
     normal_equations,
+    posterior_cost,
     prior,
 )
 from rock2d.diagnosis.model import Model, choice_positions
@@ -125,22 +126,14 @@ def _fit_without(
     grad += prior_precision * (fit.p - centre)
     grad[choice_positions(fit.model)] = 0.0  # a scan chose them
     step = newton_step(curvature + np.diag(prior_precision), grad, fit.p, low, high)
-    before = _cost(fit.residuals, covariance, keep, fit.p - centre, prior_precision)
+    before = posterior_cost(fit.model, fit.p, fit.residuals, covariance, keep)
     for _ in range(MOST_SHORTENED):
         p = np.clip(fit.p - step, low, high)
         residuals = fit.model.residuals(p, data)
-        if _cost(residuals, covariance, keep, p - centre, prior_precision) < before + ACCEPTED_COST:
+        if posterior_cost(fit.model, p, residuals, covariance, keep) < before + ACCEPTED_COST:
             return p, residuals
         step = SHORTENED * step
     return fit.p, fit.residuals
-
-
-def _cost(
-    residuals: Residuals, covariance: Array, keep: tuple[Array, Array], off: Array, prior_precision: Array
-) -> float:
-    """Minus the log posterior of the impacts and flights in `keep`; `off` is the distance from the prior's centre."""
-    impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
-    return float(0.5 * (prior_precision * off**2).sum() - impacts[keep[0]].sum() - flights[keep[1]].sum())
 
 
 def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:

@@ -143,6 +143,17 @@ def clustered_covariance(
     return np.asarray(plain * wider * wider[:, None])
 
 
+def posterior_cost(
+    model: Model, p: Array, residuals: Residuals, covariance: Array, keep: tuple[Array, Array] | None = None
+) -> float:
+    """Minus the log posterior at p over the impacts and flights in `keep`, or all; up to a constant."""
+    impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
+    if keep is not None:
+        impacts, flights = impacts[keep[0]], flights[keep[1]]
+    centre, precision = prior(model)
+    return float(-impacts.sum() - flights.sum() + 0.5 * (precision * (p - centre) ** 2).sum())
+
+
 def prior(model: Model) -> tuple[Array, Array]:
     """Weak Gaussian prior: (centre, precision) of the parameters, the precision being 1 / variance."""
     width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])

@@ -236,7 +236,7 @@ class Rests:
 def find_rests(data: FilmData) -> Rests:
     """Ends of the releases that touch the ground after their last flight."""
     film, flights = data.film, data.flights
-    last = np.array([f for f in range(len(flights)) if f not in set(flights.follows)], np.int64)
+    last = np.setdiff1d(np.arange(len(flights)), flights.follows)
     ends = np.searchsorted(film.release, flights.release[last], side="right")
     use = (ends - flights.last[last] > 3 * REST_FRAMES) & np.isfinite(data.start_s[last])
     last, ends = last[use], ends[use]

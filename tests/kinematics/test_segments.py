@@ -13,7 +13,7 @@ from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.kinematics.film_segments import flightless_remarks
+from rock2d.kinematics.film_findings import flightless_remarks
 from rock2d.kinematics.flights import Flights, load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world

@@ -131,8 +131,9 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     p = fitted.p[: fitted.model.named_size]
     named = replace(fitted.model, responses=(), widths=np.empty(0))
     levers = Levers(replace(fitted, model=named, p=p), data)
-    responses = [levers.response(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
-    coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
+    responses = [levers.response(c.lever, c.basis) for c in changes]
+    parts = [c.coefficients / levers.units[c.lever][:, None] for c in changes]
+    coefficients = np.concatenate([part.ravel() for part in parts])
     wider = replace(named, responses=responses, widths=np.ones(len(coefficients)))
     return wider.residuals(np.concatenate([p, coefficients]), data)
 

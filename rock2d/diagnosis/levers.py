@@ -128,11 +128,11 @@ class Levers:
             FLIGHT: np.array([gravity, gravity, gravity / size]),
         }
 
-    def response(self, lever: str, basis: Basis, units: Array | None = None) -> LeverResponse:
-        """Response of the data to a lever on a basis, with coefficients in natural units or in `units`."""
-        units = self.units[lever] if units is None else units
+    def response(self, lever: str, basis: Basis) -> LeverResponse:
+        """Response of the data to a lever on a basis, with coefficients in natural units."""
         if lever == FLIGHT:
-            return self._flight_response(basis, units)
+            return self._flight_response(basis)
+        units = self.units[lever]
         each = _coefficient_columns(basis.features(self.impact_quantities), units)
         size = each.shape[-1]
         if lever == LAW:
@@ -140,7 +140,7 @@ class Levers:
         if lever == SLOPE:
             return LeverResponse(size, slope=each[:, 0])
         if lever == PROFILE:
-            return self._profile_response(each[:, 0], basis, units)
+            return self._profile_response(each[:, 0], basis)
         if lever == FRAME:
             return self._frame_response(
                 each, _coefficient_columns(basis.features(self._outcome_quantities), units)
@@ -155,13 +155,13 @@ class Levers:
         along = _along_ground(self._data.tangent, measured)
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
-    def _profile_response(self, heights: Array, basis: Basis, units: Array) -> LeverResponse:
+    def _profile_response(self, heights: Array, basis: Basis) -> LeverResponse:
         """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
         and after the impact, and the ground is steeper."""
         (n, c), tangent = heights.shape, self._data.tangent
         shift = np.zeros((n, STATE_SIZE, c))
         shift[:, Y] = -heights
-        steeper = basis.slopes(self.impact_quantities[PLACE_M]) * units
+        steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
         along = _along_ground(tangent, shift)
         return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
 
@@ -176,8 +176,8 @@ class Levers:
             own.model, own.p, self._data, own.residuals, own.jacobian.impacts[..., : len(BASE_WIDTH)]
         )
 
-    def _flight_response(self, basis: Basis, units: Array) -> LeverResponse:
-        data = self._data
+    def _flight_response(self, basis: Basis) -> LeverResponse:
+        data, units = self._data, self.units[FLIGHT]
         assert isinstance(data, FilmData) and self._paths is not None
         response, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
         (m, degrees, k), scale = response.residuals.shape, self.world.view.time_scale

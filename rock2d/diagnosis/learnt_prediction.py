@@ -111,20 +111,6 @@ class _FlightsAfter(NamedTuple):
     state: Array
 
 
-class _Paths(NamedTuple):
-    """Paths of m flights in time steps, with all changes.
-
-    states, accelerations : (steps, m, 6), (steps, m, 3)
-    step_s : duration of a step
-    last : (m,) last step at which the block is clear of the ground
-    """
-
-    states: Array
-    accelerations: Array
-    step_s: float
-    last: Array
-
-
 class LearntMotion:
     """The n segments of a film with learnt changes, from the states `start` (n, 6) on; they last `limit_s` (n,)."""
 
@@ -263,8 +249,10 @@ class LearntMotion:
         change[~self._clear(segment, flights.state + change), POSE] = 0.0
         return np.asarray(flights.state + change)
 
-    def _path(self, flights: _FlightsAfter) -> _Paths:
-        """The flights with all changes, until the blocks touch the ground or their segments end."""
+    def _path(self, flights: _FlightsAfter) -> tuple[Array, Array, float, Array]:
+        """The flights with all changes in time steps, until the blocks touch the ground or their segments end: states
+        (steps, m, 6), accelerations (steps, m, 3), duration of a step, and (m,) last step at which the block is clear
+        of the ground."""
         segment, states = flights.segment, self._states_when_clear(flights)
         block = self._segments.block[segment]
         radius = min(block.radius_m for block in self._world.blocks.values())
@@ -283,25 +271,25 @@ class LearntMotion:
             last[flies] = len(path)
             path.append(states)
             pushes.append(self._acceleration(flights, states, now))
-        return _Paths(np.array(path), np.array(pushes), step, last)
+        return np.array(path), np.array(pushes), step, last
 
     def _poses_when_clear(self, flights: _FlightsAfter, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on simulated by the engine."""
-        segment, path = flights.segment, self._path(flights)
-        m, resumed_s = np.arange(len(segment)), path.last * path.step_s
+        path, pushes, step_s, last = self._path(flights)
+        segment, m, resumed_s = flights.segment, np.arange(len(last)), last * step_s
         rest = self._run(
-            self._world, path.states[path.last, m], segment,
+            self._world, path[last, m], segment,
             time_limit_s=np.maximum(self._limit_s[segment] - flights.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
         flown_s = np.clip(since_s, 0.0, resumed_s[:, None])
-        step = np.minimum(flown_s // path.step_s, path.last[:, None]).astype(int)
-        beyond = (flown_s - step * path.step_s).ravel()
-        states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
+        step = np.minimum(flown_s // step_s, last[:, None]).astype(int)
+        beyond = (flown_s - step * step_s).ravel()
+        states = path[step, m[:, None]].reshape(-1, STATE_SIZE)
         block = np.repeat(self._segments.block[segment], since_s.shape[1])
         flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
-        flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
+        flown += 0.5 * pushes[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 
     def _clear(self, segment: Array, states: Array) -> Array:

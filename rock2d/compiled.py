@@ -211,6 +211,10 @@ class _Compiled(CPUDispatcher):
         than the function; other types are undefined behaviour."""
         return self.whole.compile(tuple(map(numba.typeof, given)))
 
+    def compile(self, sig):
+        """As a part, once for all values of an argument: numba would compile it again for each constant in a call."""
+        return super().compile(tuple(map(numba.types.unliteral, sig)))
+
     @cached_property
     def whole(self):
         """The function for Python, with its code on disk."""

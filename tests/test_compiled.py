@@ -1,4 +1,4 @@
-"""Compiled code is loaded only from folders that no other user can write."""
+"""Compiled code is loaded only from folders that no other user can write; each set of types is compiled once."""
 
 import os
 
@@ -51,3 +51,16 @@ def test_a_folder_of_another_user_is_not_used(root, capsys):
     os.chown(compiled.numba.config.CACHE_DIR, 1234, 1234)
     compiled._choose_cache()
     assert not compiled.numba.config.CACHE_DIR.startswith(str(root))
+
+
+def test_constants_in_calls_do_not_compile_a_part_again():
+    @compiled.kernel
+    def turned(x, back):
+        return -x if back else x
+
+    @compiled.kernel
+    def both(x):
+        return turned(x, True) + 2.0 * turned(x, False)
+
+    assert both(3.0) == 3.0
+    assert len(turned.overloads) == 1

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.impact_prediction import turned
+from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.known_causes import with_cause
 from rock2d.diagnosis.model import Model
 from rock2d.effects.effect import Effect
@@ -136,7 +136,7 @@ class _Stretches(NamedTuple):
     @classmethod
     def of(cls, data: FilmSegments) -> _Stretches:
         """The stretches of a film. A flight is halved if it is long enough for two and lies between others."""
-        film, flights = data.film, data.segmentation.flights
+        film, flights = data.film, data.flights
         flight = np.flatnonzero(np.isfinite(data.start_s))
         length = flights.last - flights.first
         between = (flights.follows >= 0) & np.isin(np.arange(len(flights)), flights.follows)
@@ -157,7 +157,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
     `worlds`: numbers of stretches -> worlds without and with the cause. Each stretch starts from the measured state,
     with the difference so far.
     """
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
     off = np.zeros((len(stretches.edges) - 1, N_STATE))
     goes_on = np.ones(len(off), bool)

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
-from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
+from rock2d.diagnosis.cause_sets import TWINS, Search
+from rock2d.diagnosis.cross_validation import HeldOut, Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
-from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     PERMANENT,
@@ -31,6 +30,7 @@ from rock2d.diagnosis.evidence import (
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
+from rock2d.diagnosis.levers import Discrepancy, discrepancies
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
@@ -50,19 +50,16 @@ SAME_LAW = 0.1  # largest change of the law's parameters with which a grid aroun
 
 
 @dataclass
-class Candidate(SummedGain):
-    """A fit with an effect, and its scores on held-out releases.
+class Candidate(Validated, SummedGain):
+    """A validated fit with an effect.
 
     Attributes
     ----------
     effect : the effect under test; the fit may contain others, too
-    held_out : residuals and scores on held-out releases
     gain : (releases,) gain in log likelihood over the base, or over the fit without this effect
     """
 
     effect: Effect
-    fit: Fit
-    held_out: HeldOut
     gain: Array
 
 
@@ -102,7 +99,7 @@ class Attribution:
     learnt: Learnt
     learnt_regressed: RegressedResiduals
     named: Names
-    sets: dict[Names, CauseSet]
+    sets: dict[Names, Validated]
 
     @property
     def best(self) -> str:
@@ -136,7 +133,7 @@ class WeighedSet(NamedTuple):
     """A set of causes, what is learnt beside it, the part of that which belongs to members, see `evidence.PERMANENT`,
     and the evidence for each member."""
 
-    cause_set: CauseSet
+    cause_set: Validated
     learnt: Learnt
     permanent: Learnt
     evidence: dict[str, Evidence]
@@ -163,10 +160,10 @@ def attribute(
     """
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
-        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars, folder)
+        search = Search(data, effects, processes, Validated.of(base, data), bars, folder)
         search.try_alone()
         if refitted is not None:
-            search.measure_gains_over(CauseSet(refitted, cross_validate(refitted, data)))
+            search.base = search.best = search.known[frozenset()] = Validated.of(refitted, data)
         for _ in range(MOST_RESTARTS if search.base.fit.free else 0):
             better = _better_base(search)
             if better is None:
@@ -185,7 +182,7 @@ def attribute(
         return _attribution(search)
 
 
-def _better_base(search: Search) -> CauseSet | None:
+def _better_base(search: Search) -> Validated | None:
     """The law of the best candidate without its effect, if it is better than the base."""
     base, data = search.base, search.data
     best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
@@ -197,11 +194,11 @@ def _better_base(search: Search) -> CauseSet | None:
     refit = fit(base.fit.model, data, start)
     if refit.total() < least + REFIT_GAIN:
         return None
-    found = CauseSet(refit, cross_validate(refit, data))
+    found = Validated.of(refit, data)
     return found if search.gain(found, base).significant else None
 
 
-def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
+def _restarted_from_grid(search: Search, cause_set: Validated) -> Search:
     """Restart the search from a set if its fit is much better when the law starts from a grid. The base law may have
     adapted to the effects of the set, so that a fit that starts from it stays in a worse optimum."""
     base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
@@ -212,9 +209,9 @@ def _restarted_from_grid(search: Search, cause_set: CauseSet) -> Search:
     if anew is None or anew.total() < cause_set.fit.total() + REFIT_GAIN:
         return search
     law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
-    restarted = replace(search, base=CauseSet(law, cross_validate(law, data)))
+    restarted = replace(search, base=Validated.of(law, data))
     restarted.try_alone()
-    restarted.best = restarted.known[cause_set.names] = CauseSet(anew, cross_validate(anew, data))
+    restarted.best = restarted.known[cause_set.names] = Validated.of(anew, data)
     return restarted
 
 
@@ -227,7 +224,7 @@ def _attribution(search: Search) -> Attribution:
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
     candidates = {
-        name: Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
+        name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)
         for name, own in search.alone.items()
     }
     largest = max(candidates, key=lambda name: candidates[name].total)
@@ -270,7 +267,7 @@ def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[
         if joining := belongs.keys() - search.best.names - {*removed}:
             search.best = search.set_of(search.best.names | joining)
         best = search.best
-        permanent = Learnt(best.fit, best.held_out, [])
+        permanent = Learnt(best.fit, best.held_out)
         if own := [lever for name, lever in belongs.items() if name in best.names]:
             permanent = learn(permanent, data, own)
             learnt = learn(permanent, data)
@@ -348,7 +345,7 @@ def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[Regre
     return [of_base, of_best, left]
 
 
-def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) -> list[Candidate]:
+def _chain(search: Search, best: Validated, candidates: Mapping[str, Candidate]) -> list[Candidate]:
     """The members of a set, first the one with the largest gain alone. Each has the joint fit, and its gain over the
     set without it."""
     if len(best.names) < 2:
@@ -356,6 +353,6 @@ def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) 
     known, smaller = catalogue(), search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)
     return [
-        Candidate(known[name], best.fit, best.held_out, search.gain(best, smaller[name]).gain)
+        Candidate(best.fit, best.held_out, known[name], search.gain(best, smaller[name]).gain)
         for name in order
     ]

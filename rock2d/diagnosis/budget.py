@@ -18,7 +18,7 @@ from math import comb
 
 import numpy as np
 
-from rock2d.diagnosis.cause_sets import Names
+from rock2d.diagnosis.cross_validation import Names
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.likelihood import chi_square, standard_deviations
 from rock2d.diagnosis.replicates import Ratio
@@ -205,7 +205,8 @@ def _shapley_closures(
     closed = {}
     for name in sorted(named):
         steps = [
-            (_order_share(len(names), len(named)), gaps[names] - gaps[names | {name}])
+            # share of the orders of the causes in which this one follows exactly these
+            (1.0 / (len(named) * comb(len(named) - 1, len(names))), gaps[names] - gaps[names | {name}])
             for names in _subsets(named - {name})
             if names in gaps and names | {name} in gaps
         ]
@@ -218,11 +219,6 @@ def _shapley_closures(
     factor = np.divide(closed_together, total, out=np.ones_like(closed_together), where=np.abs(total) > 1e-12)
     factor = np.clip(factor, 1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION)
     return {name: (mean * factor, ends) for name, (mean, ends) in closed.items()}
-
-
-def _order_share(before: int, count: int) -> float:
-    """Share of the orders of `count` causes in which a given cause follows exactly a given set of `before` causes."""
-    return 1.0 / (count * comb(count - 1, before))
 
 
 def _subsets(names: Names) -> list[Names]:

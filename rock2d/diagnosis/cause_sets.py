@@ -3,7 +3,7 @@ rises.
 
 An effect that gains little alone may gain much together with another one, and an effect that gains alone may be
 superfluous together with the true causes. So after each addition every other member of the set is left out once, and at
-the end each member is exchanged for its rivals. `screening` selects the additions that are worth a fit.
+the end each member is exchanged for its rivals. `Screening` selects the additions that are worth a fit.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain, load_fit, save_fit
+from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
+from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model
-from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
@@ -29,7 +29,6 @@ from rock2d.files.saved_arrays import load_arrays, save_arrays
 from rock2d.processes import Processes
 
 Array = np.ndarray
-Names = frozenset[str]
 
 MOST_CAUSES = 5  # in a set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step
@@ -44,24 +43,6 @@ MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly di
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 MISSED_BY_TWIN = 0.25  # the same for a twin: only contacts tell it apart, where a law is least exact
-
-
-@dataclass
-class CauseSet:
-    """The base law with a set of effects.
-
-    Attributes
-    ----------
-    fit, held_out : the joint fit, and its residuals and scores on held-out releases
-    """
-
-    fit: Fit
-    held_out: HeldOut
-
-    @property
-    def names(self) -> Names:
-        """Names of the effects."""
-        return frozenset(self.fit.model.places)
 
 
 @dataclass
@@ -83,11 +64,11 @@ class Search:
     data: Data
     effects: Mapping[str, Effect]
     processes: Processes
-    base: CauseSet
+    base: Validated
     bars: DiagnosisBars
     folder: Path | None = None
-    known: dict[Names, CauseSet] = field(init=False)
-    best: CauseSet = field(init=False)
+    known: dict[Names, Validated] = field(init=False)
+    best: Validated = field(init=False)
     expected: dict[Names, dict[str, Expected]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -111,12 +92,8 @@ class Search:
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
 
-    def measure_gains_over(self, base: CauseSet) -> None:
-        """Measure gains over another fit of the base law; the fits of single effects stay the same."""
-        self.base = self.best = self.known[frozenset()] = base
-
     @property
-    def alone(self) -> dict[str, CauseSet]:
+    def alone(self) -> dict[str, Validated]:
         """The sets of one effect; name -> set."""
         return {name: self.known[frozenset({name})] for name in self.effects}
 
@@ -129,14 +106,14 @@ class Search:
                     break
                 self._grow()
 
-    def without(self, cause_set: CauseSet) -> dict[str, CauseSet]:
+    def without(self, cause_set: Validated) -> dict[str, Validated]:
         """The sets that leave out one member each; name of the member -> set."""
         missing = [name for name in sorted(cause_set.names) if cause_set.names - {name} not in self.known]
         self._fit([Reduction(cause_set.fit, name) for name in missing])
         return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
 
     def rivals(
-        self, cause_set: CauseSet, name: str, z: float, fitted: Collection[str] = ()
+        self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()
     ) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
@@ -158,18 +135,18 @@ class Search:
             rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z
         }
 
-    def gain(self, cause_set: CauseSet, other: CauseSet) -> Gain:
+    def gain(self, cause_set: Validated, other: Validated) -> Gain:
         """Gain of a set over another one."""
         return held_out_gain(self.data, cause_set, other)
 
-    def _lead_over(self, cause_set: CauseSet, less: CauseSet, name: str) -> Gain | None:
+    def _lead_over(self, cause_set: Validated, less: Validated, name: str) -> Gain | None:
         """Gain of a set over the set `less` with one more effect, fitted or expected; None if neither is known."""
         if (found := self.known.get(less.names | {name})) is not None:
             return self.gain(cause_set, found)
         expected = self.expected.get(less.names, {}).get(name)
         return None if expected is None else self.gain(cause_set, less).plus(-expected.gain)
 
-    def set_of(self, names: Names) -> CauseSet:
+    def set_of(self, names: Names) -> Validated:
         """The set of these effects, fitted by way of smaller and larger sets if it is new."""
         cause_set = self.best
         for name in sorted(cause_set.names - names):
@@ -178,12 +155,12 @@ class Search:
             cause_set = self._with_each([name], cause_set)[0]
         return cause_set
 
-    def known_subsets(self, names: Names) -> dict[Names, CauseSet]:
+    def known_subsets(self, names: Names) -> dict[Names, Validated]:
         """The known sets with effects among `names`, after each of `names` was left out once."""
         self.without(self.known[names])
         return {subset: cause_set for subset, cause_set in self.known.items() if subset <= names}
 
-    def expected_beside(self, cause_set: CauseSet) -> dict[str, Expected]:
+    def expected_beside(self, cause_set: Validated) -> dict[str, Expected]:
         """Gain that screening expects of each effect in addition to a set."""
         if cause_set.names not in self.expected:
             alone = {name: found.fit.p for name, found in self.alone.items()}
@@ -209,8 +186,8 @@ class Search:
             self._prune(self.best.names - previous.names)
 
     def _promising_additions(
-        self, cause_set: CauseSet, excluded: Names, most: int, lead: float = 0.0
-    ) -> list[CauseSet]:
+        self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
+    ) -> list[Validated]:
         """The sets with one more effect that is not in `excluded`: the `most` of them with the largest expected gains.
 
         `lead`: see `_fit`.
@@ -229,14 +206,16 @@ class Search:
             [n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], cause_set, lead
         )
 
-    def _with_each(self, names: Sequence[str], cause_set: CauseSet, lead: float = 0.0) -> list[CauseSet]:
+    def _with_each(self, names: Sequence[str], cause_set: Validated, lead: float = 0.0) -> list[Validated]:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
         names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
         before, rival = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
+        starts = [
+            None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p for name in new
+        ]
         self._fit(
-            [_Addition(before, name, self._start_parameters(cause_set, name), rival=rival) for name in new],
-            lead,
+            [_Addition(before, name, at, rival=rival) for name, at in zip(new, starts, strict=True)], lead
         )
         return [self.known[cause_set.names | {name}] for name in names]
 
@@ -251,7 +230,7 @@ class Search:
 
     def _exchange(self) -> bool:
         """Exchange a member for a rival that gains more; returns whether there is one."""
-        rivals: list[CauseSet] = []
+        rivals: list[Validated] = []
         for smaller in self.without(self.best).values():
             lead = self.best.fit.total() - smaller.fit.total()
             rivals += self._promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
@@ -267,9 +246,6 @@ class Search:
             name for name, found in self.alone.items()
             if self.effects[name].scatter and self.gain(found, self.base).total > LEAST_SCATTER_GAIN
         ]  # fmt: skip
-
-    def _start_parameters(self, cause_set: CauseSet, name: str) -> Array | None:
-        return None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p
 
     def _fit(self, steps: Sequence[_Addition | Reduction], lead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
@@ -291,15 +267,14 @@ class Search:
         for own in results:
             self.known[own.names] = own
 
-    def _results(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[CauseSet]:
+    def _results(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[Validated]:
         """The fitted sets of the steps, in the order of the steps."""
-        results: dict[int, CauseSet] = {}
+        results: dict[int, Validated] = {}
         self.bars.fits(len(steps))
-        for k, (fitted, out) in self.processes.as_finished(
-            _fit_step, [(step, self.folder) for step in steps]
-        ):
-            results[k] = CauseSet(fitted, out)
-            self.bars.fitted(" + ".join(steps[k].names))
+        jobs = [(step, self.folder) for step in steps]
+        for k, found in self.processes.as_finished(_fit_step, jobs):
+            results[k] = found
+            self.bars.fitted(" + ".join(steps[k].model.places))
         return [results[k] for k in range(len(steps))]
 
 
@@ -317,13 +292,10 @@ class _Addition:
     rival: float = -np.inf
 
     @property
-    def names(self) -> list[str]:
-        return [*(e.name for e in self.before.model.effects), self.name]
-
-    @property
     def model(self) -> Model:
         known = self.before.model
-        return replace(known, effects=[catalogue()[n] for n in self.names], known_p=self.before.p)
+        effects = [catalogue()[name] for name in (*known.places, self.name)]
+        return replace(known, effects=effects, known_p=self.before.p)
 
     def explored(self, data: Data, on_some: float = -np.inf) -> Explored:
         """Explore the start parameters; `on_some`: log likelihood of `fit_to_some` of the fit before."""
@@ -342,10 +314,6 @@ class _Refit:
     before: Fit
 
     @property
-    def names(self) -> list[str]:
-        return [e.name for e in self.before.model.effects]
-
-    @property
     def model(self) -> Model:
         return self.before.model
 
@@ -360,10 +328,6 @@ class Reduction:
 
     before: Fit
     name: str
-
-    @property
-    def names(self) -> list[str]:
-        return [e.name for e in self.before.model.effects if e.name != self.name]
 
     @property
     def model(self) -> Model:
@@ -395,22 +359,21 @@ def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | No
     return found
 
 
-def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
+def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | None) -> Validated:
     """Fit and cross-validate, or read the saved result."""
     path = None if folder is None else folder / f"{_file_name(step)}.npz"
     if path is not None and (found := load_fit(path, step.model)) is not None:
         return found
-    fitted = step.fitted(data)
-    out = cross_validate(fitted, data)
+    found = Validated.of(step.fitted(data), data)
     if path is not None:
-        save_fit(path, fitted, out)
+        save_fit(path, found)
         # read back, so that a resumed diagnosis uses arrays with the same memory layout
-        return load_fit(path, fitted.model) or (fitted, out)
-    return fitted, out
+        return load_fit(path, found.fit.model) or found
+    return found
 
 
 def _file_name(step: _Addition | Reduction | _Refit) -> str:
     """Name of the saved result of a step, from its effects and its start."""
     parts = (step.before.p, getattr(step, "start", None))
     key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]
-    return f"{'+'.join(step.names)}_{key}"
+    return f"{'+'.join(step.model.places)}_{key}"

@@ -47,10 +47,8 @@ FALSE_ALARMS = 0.03
 REPLICATES = 5000
 # least share of the variance of a pattern that fitted parameters must not absorb
 LEAST_UNABSORBED_SHARE = 0.05
-DEPENDENCE_WORDS = {
-    "series": "release",
-    "orientation to the ground": "orientation",
-}  # dependences in plain words
+# dependences in plain words
+DEPENDENCE_WORDS = {"series": "release", "orientation to the ground": "orientation"}
 # name of a check -> the dependences that it tests
 IMPACT_MEANS = {
     "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
@@ -219,7 +217,7 @@ class _RemainingPatterns:
         z, quantities, lever = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
-            quantities[BLOCK] = data.segmentation.flights.block.astype(float)
+            quantities[BLOCK] = data.flights.block.astype(float)
             lever = data.unit_bends()
         self._flights = _Residuals(
             data.flight_release, z, flight_weight(z),

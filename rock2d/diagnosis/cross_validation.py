@@ -10,10 +10,9 @@ the other folds is small.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from rock2d.diagnosis.likelihood import (
     log_likelihood,
     newton_step,
     normal_equations,
+    posterior_cost,
     prior,
 )
 from rock2d.diagnosis.model import Model, choice_positions
@@ -32,6 +32,7 @@ from rock2d.diagnosis.significance import Gain
 from rock2d.files.saved_arrays import load_arrays, save_arrays
 
 Array = np.ndarray
+Names = frozenset[str]
 
 FOLDS = 4
 ACCEPTED_COST = 1.0  # log likelihood that a step may cost the folds that it is fitted to
@@ -55,14 +56,22 @@ class HeldOut:
     parameters: Array
 
 
-class Validated(Protocol):
-    """A fit with its residuals on held-out releases."""
+@dataclass
+class Validated:
+    """A fit, and its residuals and scores on held-out releases."""
+
+    fit: Fit
+    held_out: HeldOut
+
+    @classmethod
+    def of(cls, fit: Fit, data: Data) -> Self:
+        """The fit, cross-validated."""
+        return cls(fit, cross_validate(fit, data))
 
     @property
-    def fit(self) -> Fit: ...
-
-    @property
-    def held_out(self) -> HeldOut: ...
+    def names(self) -> Names:
+        """Names of its effects."""
+        return frozenset(self.fit.model.places)
 
 
 def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
@@ -91,53 +100,40 @@ def folds(data: Data) -> Array:
 
 def cross_validate(fit: Fit, data: Data) -> HeldOut:
     """Predict every release with the model fitted to the other folds."""
-    fold = folds(data)
+    fold, covariance = folds(data), fit.covariance()
     residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
     parameters = list[Array]()
-    for k, (p, fold_residuals) in enumerate(_fold_fits(fit, data)):
+    for k in range(FOLDS):
         impacts, flights = fold[data.impact_release] == k, fold[data.flight_release] == k
+        p, found = _fit_without(fit, data, covariance, (~impacts, ~flights))
         residuals.impacts[impacts], residuals.flights[flights] = (
-            fold_residuals.impacts[impacts],
-            fold_residuals.flights[flights],
+            found.impacts[impacts],
+            found.flights[flights],
         )
         parameters.append(p)
-    return HeldOut(residuals, by_release(data, residuals, fit.covariance()), np.array(parameters))
+    return HeldOut(residuals, by_release(data, residuals, covariance), np.array(parameters))
 
 
-def _fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
-    """For each fold, the parameters of the fit without it, and the residuals at them."""
-    fold = folds(data)
-    impact_fold, flight_fold = fold[data.impact_release], fold[data.flight_release]
-    covariance = fit.covariance()
+def _fit_without(
+    fit: Fit, data: Data, covariance: Array, keep: tuple[Array, Array]
+) -> tuple[Array, Residuals]:
+    """Parameters of the fit to the impacts and flights in `keep`, and the residuals of all at them."""
+    if not fit.free:
+        return fit.p, fit.residuals
     low, high = fit.model.bounds()
     centre, prior_precision = prior(fit.model)
-    for k in range(FOLDS):
-        if not fit.free:
-            yield fit.p, fit.residuals
-            continue
-        keep = impact_fold != k, flight_fold != k
-        curvature, grad = normal_equations(fit.residuals, fit.jacobian, covariance, keep)
-        grad += prior_precision * (fit.p - centre)
-        grad[choice_positions(fit.model)] = 0.0  # a scan chose them
-        step = newton_step(curvature + np.diag(prior_precision), grad, fit.p, low, high)
-        before = _cost(fit.residuals, covariance, keep, fit.p - centre, prior_precision)
-        for _ in range(MOST_SHORTENED):
-            p = np.clip(fit.p - step, low, high)
-            residuals = fit.model.residuals(p, data)
-            if _cost(residuals, covariance, keep, p - centre, prior_precision) < before + ACCEPTED_COST:
-                break
-            step = SHORTENED * step
-        else:
-            p, residuals = fit.p, fit.residuals
-        yield p, residuals
-
-
-def _cost(
-    residuals: Residuals, covariance: Array, keep: tuple[Array, Array], off: Array, prior_precision: Array
-) -> float:
-    """Minus the log posterior of the impacts and flights in `keep`; `off` is the distance from the prior's centre."""
-    impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
-    return float(0.5 * (prior_precision * off**2).sum() - impacts[keep[0]].sum() - flights[keep[1]].sum())
+    curvature, grad = normal_equations(fit.residuals, fit.jacobian, covariance, keep)
+    grad += prior_precision * (fit.p - centre)
+    grad[choice_positions(fit.model)] = 0.0  # a scan chose them
+    step = newton_step(curvature + np.diag(prior_precision), grad, fit.p, low, high)
+    before = posterior_cost(fit.model, fit.p, fit.residuals, covariance, keep)
+    for _ in range(MOST_SHORTENED):
+        p = np.clip(fit.p - step, low, high)
+        residuals = fit.model.residuals(p, data)
+        if posterior_cost(fit.model, p, residuals, covariance, keep) < before + ACCEPTED_COST:
+            return p, residuals
+        step = SHORTENED * step
+    return fit.p, fit.residuals
 
 
 def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
@@ -147,8 +143,9 @@ def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
     return score + np.bincount(data.flight_release, flight_log_likelihood(residuals.flights), n)
 
 
-def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
+def save_fit(path: Path, validated: Validated) -> None:
     """Write a fit and its held-out residuals; whole or not at all."""
+    fit, out = validated.fit, validated.held_out
     save_arrays(
         path, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
         slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, covariance=fit.jacobian.covariance,
@@ -157,11 +154,12 @@ def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
     )  # fmt: skip
 
 
-def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
+def load_fit(path: Path, model: Model) -> Validated | None:
     """Read what `save_fit` wrote; None if there is no readable file."""
     if (a := load_arrays(path)) is None:
         return None
     jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
     residuals = Residuals(a["impacts"], a["flights"])
     fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], jacobian, residuals)
-    return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"], a["out_parameters"])
+    residuals = Residuals(a["out_impacts"], a["out_flights"])
+    return Validated(fit, HeldOut(residuals, a["score"], a["out_parameters"]))

@@ -1,13 +1,16 @@
-"""The data of a fit: segments of a film or impacts of a table, and their residuals in a world."""
+"""The data of a fit: segments of a film or impacts of a table, and their residuals in a world.
+
+Every impact of a film is simulated from the measured flight before it, a little above the ground. It is compared with
+the next flight by the differences of pose and velocity at the beginning of that flight, along the ground and across it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from rock2d.diagnosis.impact_prediction import outcomes
 from rock2d.diagnosis.quantities import (
     SERIES,
     TIME_S,
@@ -19,10 +22,22 @@ from rock2d.diagnosis.quantities import (
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import heights
-from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
-from rock2d.kinematics.impacts import ground_axes
-from rock2d.kinematics.states import RESIDUAL_DEGREES, move_freely
-from rock2d.records.columns import AFTER, BEFORE, INSTANT_STATE, OMEGA, POSE, RATES, THETA, VX, VY, X, Y
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, Impacts, ImpactTable, ground_axes
+from rock2d.kinematics.states import RESIDUAL_DEGREES, States, move_freely
+from rock2d.records.columns import (
+    AFTER,
+    BEFORE,
+    INSTANT_STATE,
+    OMEGA,
+    POSE,
+    POSITION,
+    RATES,
+    THETA,
+    VX,
+    VY,
+    X,
+    Y,
+)
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -31,6 +46,7 @@ ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow 
 COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)
 START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
+COMPARED_INSTANTS = 5  # within `Impacts.window_s`
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
 LONGEST_IMPACT = 3.0  # in √(radius / g)
 RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of the spread of their column
@@ -72,8 +88,7 @@ class FilmData(FilmSegments):
 
     def flights_alone(self) -> Self:
         """The same data without impacts."""
-        none = {f.name: getattr(self.impacts, f.name)[:0] for f in fields(self.impacts)}
-        return replace(self, impacts=replace(self.impacts, **none))
+        return replace(self, impacts=self.impacts.only(np.zeros(len(self.impacts), bool)))
 
     @property
     def impact_release(self) -> Array:
@@ -81,15 +96,15 @@ class FilmData(FilmSegments):
 
     @property
     def flight_release(self) -> Array:
-        return self.segmentation.flights.release
+        return self.flights.release
 
     @property
     def flight_block(self) -> Array:
-        return self.segmentation.flights.block
+        return self.flights.block
 
     @property
     def impact_order(self) -> Array:
-        return self.impacts.order
+        return self.order[self.impacts.release]
 
     @property
     def impact_block(self) -> Array:
@@ -146,21 +161,21 @@ class FilmData(FilmSegments):
         """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
         impacts = self.impacts
         known = incident_features(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
-        return np.column_stack([known, impacts.order, impacts.wait_s])
+        return np.column_stack([known, self.impact_order, impacts.wait_s])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         impacts = self.impacts
         began = self.basis.middle[impacts.before] + impacts.start_s
         found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
-        found |= history_quantities(impacts.release, impacts.order, began) | {TIME_S: self._times(world)}
+        found |= history_quantities(impacts.release, self.impact_order, began) | {TIME_S: self._times(world)}
         return found
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each flight after an impact."""
         impacts = self.impacts
         after = self.states_at(world, impacts.after, impacts.begin_s)
-        known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
+        known = {SERIES: self.impact_order, TIME_S: self._times(world)}
         return moving_quantities(after[:, RATES]) | known
 
     def _times(self, world: World) -> Array:
@@ -181,10 +196,10 @@ class FilmData(FilmSegments):
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: accelerations that forces would cause, times the bend under a unit acceleration."""
-        flights = self.segmentation.flights
+        flights = self.flights
         lever = self.unit_bends()
         x, y, theta, vx, vy, w = self.states(world).middle.T
-        speed, size = np.hypot(vx, vy), self._sizes(world)
+        speed, size = np.hypot(vx, vy), np.array([b.radius_m for b in world.blocks.values()])[flights.block]
         terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
                  self.order[flights.release], np.sin(theta), np.cos(theta), w * size * np.sin(theta),
                  w * size * np.cos(theta)]  # fmt: skip
@@ -198,9 +213,6 @@ class FilmData(FilmSegments):
         duration = 1.0 / (self.basis.slope * self.basis.level)
         lever = duration**2 / self.basis.level
         return np.asarray(lever / np.sqrt(np.mean(lever**2)))
-
-    def _sizes(self, world: World) -> Array:
-        return np.array([b.radius_m for b in world.blocks.values()])[self.segmentation.flights.block]
 
 
 @dataclass
@@ -291,10 +303,6 @@ class TableData(ImpactTable):
         """Name -> (n,): the velocities after the impacts."""
         return moving_quantities(self.after) | {SERIES: self.impact_order.astype(float)}
 
-    def flight_features(self, world: World) -> Array:
-        """(0, 1): a table has no flights."""
-        return np.empty((0, 1))
-
 
 def _true_states(world: World, recorded: Array) -> Array:
     """States of the centre of mass from recorded states (n, 6) of the centroid."""
@@ -308,6 +316,81 @@ def _recorded_velocities(world: World, true: Array) -> Array:
     pose = world.view.record(true[:, POSE])
     later_pose = world.view.record(true[:, POSE] + VELOCITY_STEP_S * true[:, RATES])
     return (later_pose - pose) / VELOCITY_STEP_S * world.view.time_scale
+
+
+def simulate(
+    world: World,
+    impacts: Impacts,
+    starts: Array,
+    times_s: Array,
+    step_fraction: float = BATCH_STEP_FRACTION,
+) -> Array:
+    """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
+
+    NaN where a start is not finite, as after extrapolating a flight back with an impossible drag.
+    """
+    possible = np.isfinite(starts).all(axis=1)
+    starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
+    limits = times_s[:, -1] + 1e-9
+    samples = run_world(
+        world, starts, impacts.block, time_limit_s=limits, times_s=times_s, step_fraction=step_fraction
+    ).samples
+    samples[~possible] = np.nan
+    return samples
+
+
+def outcomes(
+    world: World,
+    impacts: Impacts,
+    states: States,
+    shift: Array | None = None,
+    step_fraction: float = BATCH_STEP_FRACTION,
+) -> Array:
+    """(n, 6) simulated - measured at the beginning of the next flight: along the ground, across it (m), angle (rad),
+    then their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see
+    `run_batch`."""
+    scale = world.view.time_scale
+    starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
+    if shift is not None:
+        starts = starts + shift
+    moments = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
+    pivot = None
+    if world.slope_rad.any():
+        # a ground with this additional slope is equivalent to the stated ground with the motion turned the other way
+        after = move_freely(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
+        pivot = after[:, POSITION]
+        starts = turned(starts, pivot, -world.slope_rad)
+    simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale, step_fraction)
+    if pivot is not None:
+        simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
+    measured = move_freely(
+        world,
+        np.repeat(impacts.block, COMPARED_INSTANTS),
+        np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),
+        ((impacts.begin_s[:, None] + moments) * scale).ravel(),
+    )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, POSE_SIZE)
+    difference = simulated - measured
+    t = moments * scale
+    centred = t - t.mean(axis=1, keepdims=True)
+    rate = (centred[..., None] * difference).sum(axis=1) / (centred**2).sum(axis=1)[:, None]
+    level = difference.mean(axis=1) - rate * t.mean(axis=1)[:, None]
+    return np.column_stack([
+        *ground_axes(impacts.tangent, level[:, POSITION]), level[:, THETA],
+        *ground_axes(impacts.tangent, rate[:, POSITION]), rate[:, THETA],
+    ])  # fmt: skip
+
+
+def turned(states: Array, pivot: Array, angle: Array) -> Array:
+    """States or poses (..., 3 or 6) turned about a pivot (..., 2)."""
+    out = states.copy()
+    c, s = np.cos(angle), np.sin(angle)
+    dx, dy = states[..., X] - pivot[..., X], states[..., Y] - pivot[..., Y]
+    out[..., X], out[..., Y] = pivot[..., X] + c * dx - s * dy, pivot[..., Y] + s * dx + c * dy
+    out[..., THETA] += angle
+    if states.shape[-1] == STATE_SIZE:
+        vx, vy = states[..., VX], states[..., VY]
+        out[..., VX], out[..., VY] = c * vx - s * vy, s * vx + c * vy
+    return out
 
 
 Data = FilmData | TableData

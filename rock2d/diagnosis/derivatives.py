@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, from_scale, scatter_positions
+from rock2d.diagnosis.model import (
+    BASE_WIDTH,
+    LeverDerivatives,
+    Model,
+    choice_positions,
+    from_scale,
+    scatter_positions,
+)
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -74,8 +81,10 @@ def jacobian_by_differences(
         by_flights[..., k] = (stepped.flights - at.flights) / step
     by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
     if model.responses and first < size:
-        learnt = model.derivatives_by_coefficients(p, data, at, by_law)
-        by_impacts[..., named:], by_flights[..., named:] = learnt.impacts, learnt.flights
+        by_levers = LeverDerivatives(model, p, data, at, by_law)
+        parts = [by_levers.by_coefficients(response) for response in model.responses]
+        by_impacts[..., named:] = np.concatenate([part.impacts for part in parts], axis=-1) * model.widths
+        by_flights[..., named:] = np.concatenate([part.flights for part in parts], axis=-1) * model.widths
     columns = [by_law]
     for i, effect in enumerate(model.effects):
         if effect.scatter:  # derivative by an equal amount at every impact

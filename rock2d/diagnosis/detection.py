@@ -35,6 +35,7 @@ from rock2d.diagnosis.known_causes import (
 )
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
+    fit_scatter,
     log_likelihood,
     normal_equations,
     prior,
@@ -42,7 +43,6 @@ from rock2d.diagnosis.likelihood import (
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, choice_positions, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
-from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError

@@ -20,16 +20,15 @@ import numpy as np
 from scipy.special import ndtr  # scipy.stats takes over a second to import
 
 from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
-from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
-from rock2d.diagnosis.cross_validation import Validated, by_release, cross_validate, held_out_gain
+from rock2d.diagnosis.cause_sets import TWINS, Reduction, Search
+from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
-from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
+from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.significance import Gain
-from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
@@ -260,10 +259,10 @@ def _evidence_of_member(
     """Evidence for a member of the best set with the learnt changes, still without the gain of changes in its place;
     and the model without the member. `rivals`: its closest rivals in a larger set."""
     best, data, effect = search.best, search.data, search.effects[name]
-    without: Learnt | CauseSet = search.without(best)[name]
+    without: Learnt | Validated = search.without(best)[name]
     if learnt.changes:
-        fitted = Reduction(learnt.fit, name).fitted(data)
-        without = Learnt(fitted, cross_validate(fitted, data), learnt.changes)
+        without = Learnt.of(Reduction(learnt.fit, name).fitted(data), data)
+        without.changes = learnt.changes
     own_gain = held_out_gain(data, learnt, without)
     p_chance, p_no_closure = float(ndtr(-own_gain.significance)), 0.0
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
@@ -372,7 +371,7 @@ def probability_of_no_closure(search: Search, name: str) -> float:
     sizes = ResidualSizes(search.data, search.best.fit.covariance())
     draws = GapBootstrap(sizes, seed=0)
 
-    def gap(with_effect: CauseSet) -> Array:
+    def gap(with_effect: Validated) -> Array:
         return draws.gap(sizes.of_joint_channels(with_effect.held_out.residuals))
 
     pairs = [(search.alone[name], search.base), (search.best, search.without(search.best)[name])]
@@ -386,7 +385,7 @@ def _form_share(effect: Effect) -> float:
     return CAMERA_SHARE if effect.camera else FORM_SHARE
 
 
-def gain_left_by_forms(search: Search, cause_set: CauseSet) -> float:
+def gain_left_by_forms(search: Search, cause_set: Validated) -> float:
     """Log likelihood that learnt changes may gain because the forms of the laws of a set are not exact."""
     gains = {
         name: max(search.gain(cause_set, without).total, 0.0)

@@ -11,14 +11,16 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
+    fit_scatter,
     flight_log_likelihood,
     log_likelihood,
     newton_step,
     normal_equations,
+    posterior_cost,
     prior,
+    scatter_errors,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions
-from rock2d.diagnosis.soil_scatter import fit_scatter, scatter_errors
 
 Array = np.ndarray
 
@@ -124,7 +126,7 @@ def fit(
     residuals : residuals at the start, if known
     """
     low, high = model.bounds()
-    posterior = _Posterior(model, data, *prior(model))
+    centre, prior_precision = prior(model)
     p = np.clip(model.start() if start is None else start, low, high)
     begin, at = p, _Point(p, residuals or model.residuals(p, data))
     scatter, noise_known = _start_scatter(model, data, old), old is not None
@@ -147,14 +149,13 @@ def fit(
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
         covariance = residual_covariance(jacobian, scatter)
         curvature, grad = normal_equations(at.residuals, jacobian, covariance)
-        grad = grad + posterior.prior_precision * (at.p - posterior.centre)
+        grad = grad + prior_precision * (at.p - centre)
         grad[choice_positions(model)] = 0.0  # a scan chooses them
-        before, now = at, posterior.cost(at, covariance)
-        least = convergence.at(-now)
-        at, damping, gain = _advance(posterior, at, now, covariance, curvature, grad, damping, least)
-        if gain >= least and updates < MOST_UPDATES:
+        before = at
+        at, damping, gains = _advance(model, data, at, covariance, curvature, grad, damping, convergence)
+        if gains and updates < MOST_UPDATES:
             jacobian, updates = _broyden_update(jacobian, before, at), updates + 1
-        elif gain >= least or updates > 0:
+        elif gains or updates > 0:
             updates, damping = None, START_DAMPING
         else:
             break
@@ -162,7 +163,7 @@ def fit(
     if updates is None and not keep_jacobian:
         jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian.covariance)
     p_covariance = clustered_covariance(
-        at.residuals, jacobian, residual_covariance(jacobian, scatter), curvature + np.diag(posterior.prior_precision),
+        at.residuals, jacobian, residual_covariance(jacobian, scatter), curvature + np.diag(prior_precision),
         (data.impact_release, data.flight_release), len(data.order),
     )  # fmt: skip
     errors = scatter_errors(at.residuals.impacts, jacobian, scatter)
@@ -178,49 +179,32 @@ class _Point(NamedTuple):
     residuals: Residuals
 
 
-class _Posterior(NamedTuple):
-    """Model, data, and the prior of the parameters: its centre and precision."""
-
-    model: Model
-    data: Data
-    centre: Array
-    prior_precision: Array
-
-    def cost(self, at: _Point, covariance: Array) -> float:
-        """Minus the log posterior, up to a constant."""
-        return float(
-            -log_likelihood(at.residuals.impacts, covariance).sum()
-            - flight_log_likelihood(at.residuals.flights).sum()
-            + 0.5 * (self.prior_precision * (at.p - self.centre) ** 2).sum()
-        )
-
-
 def _advance(
-    posterior: _Posterior,
+    model: Model,
+    data: Data,
     at: _Point,
-    now: float,
     covariance: Array,
     curvature: Array,
     grad: Array,
     damping: float,
-    least_gain: float,
-) -> tuple[_Point, float, float]:
-    """One damped Newton step from a point with the cost `now`: (point, damping, gain). The damping grows until the step
-    gains; if no step gains, the gain is not positive."""
-    model, data, _, prior_precision = posterior
-    low, high = model.bounds()
-    gain = 0.0
+    convergence: Convergence,
+) -> tuple[_Point, float, bool]:
+    """One damped Newton step: the point after it, the damping, and whether it gains so much that the fit has not yet
+    converged. The damping grows until the step gains."""
+    (low, high), (_, prior_precision) = model.bounds(), prior(model)
+    now = posterior_cost(model, at.p, at.residuals, covariance)
+    least_gain = convergence.at(-now)
     for _ in range(MOST_DAMPINGS):
         regular = curvature + np.diag(prior_precision + damping * np.diag(curvature))
         candidate = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
         if grad @ (at.p - candidate) < 0.2 * least_gain:  # the gain of a parabola is half of it
             break
         trial = _Point(candidate, model.residuals(candidate, data))
-        gain = now - posterior.cost(trial, covariance)
+        gain = now - posterior_cost(model, trial.p, trial.residuals, covariance)
         if gain > 0.0:
-            return trial, max(damping / 10, 1e-6), gain
+            return trial, max(damping / 10, 1e-6), gain >= least_gain
         damping *= 10
-    return at, damping, gain
+    return at, damping, False
 
 
 def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:

@@ -39,7 +39,7 @@ class FlightPaths:
 
 def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
     """The paths of a film's flights in a world."""
-    basis, flights = data.basis, data.segmentation.flights
+    basis, flights = data.basis, data.flights
     lengths = np.diff(basis.start)
     flight = np.repeat(np.arange(len(lengths)), lengths)
     t_s = (data.film.t_s[basis.frames] - basis.middle[flight]) * world.view.time_scale

@@ -2,52 +2,58 @@
 
 `budget` defines the size of a gap. Its floor follows from the lower of two estimates: the residuals that a flexible
 regression cannot predict, and the differences of near-replicates (`replicates`).
+
+Rests, the ends of the releases, are predicted from the last measured flight. Fits do not use them, because a long roll
+on the ground depends little on impacts and much on chance: so they are always held out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution, Candidate
+from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, GapBootstrap, ResidualSizes, Share, budget, share
-from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.data import Data, FilmData
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
+from rock2d.engines.batch import run_world
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_findings import REST_FRAMES
+from rock2d.kinematics.film_segments import STATE_SIZE
+from rock2d.kinematics.states import centroid_poses
+from rock2d.records.columns import THETA, X
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
 SIGNIFICANT_CELL_Z = 2.0
+SCATTER_STEP = 0.02  # step of finite differences of rests, as a share of a parameter's scale
 
 
-class Gaps:
-    """The gap of an attribution: its budget, and the share that each effect closes alone."""
-
-    def __init__(self, data: Data, attribution: Attribution, seed: int) -> None:
-        covariance = attribution.final.fit.covariance()
-        self._sizes = sizes = ResidualSizes(data, covariance)
-        self._draws = GapBootstrap(sizes, seed)
-        base, learnt = (
-            sizes.of(attribution.base_held_out.residuals),
-            sizes.of(attribution.learnt.held_out.residuals),
-        )
-        regression = sizes.of_remaining(attribution.learnt_regressed)
-        world = attribution.final.fit.model.world(attribution.final.fit.p, data.impact_order)
-        ratio = replicate_ratio(data, world, clipped(sizes.z(attribution.learnt.held_out.residuals)))
-        gap = self._draws.gap
-        floors = gap(regression), self._draws.gap_after_reduction(learnt, sizes.impacts, ratio)
-        self._base, flexible = gap(base), gap(sizes.of_remaining(attribution.base_regressed))
-        self._floor = self._draws.floor([*floors, flexible], [self._base])
-        sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
-        self.budget: Budget = budget(sets, attribution.named, learnt, floors, self._draws)
-
-    def of(self, candidate: Candidate) -> Share:
-        """Share of the gap that a candidate closes."""
-        augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
-        return share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
+def budget_and_shares(data: Data, attribution: Attribution, seed: int) -> tuple[Budget, dict[str, Share]]:
+    """The budget of the gap, and effect -> share of the gap that it closes alone; `seed` of the bootstrap."""
+    final, learnt = attribution.final.fit, attribution.learnt.held_out.residuals
+    sizes = ResidualSizes(data, final.covariance())
+    draws = GapBootstrap(sizes, seed)
+    ratio = replicate_ratio(data, final.model.world(final.p, data.impact_order), clipped(sizes.z(learnt)))
+    floors = (
+        draws.gap(sizes.of_remaining(attribution.learnt_regressed)),
+        draws.gap_after_reduction(sizes.of(learnt), sizes.impacts, ratio),
+    )
+    sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
+    base = draws.gap(sizes.of(attribution.base_held_out.residuals))
+    floor = draws.floor([*floors, draws.gap(sizes.of_remaining(attribution.base_regressed))], [base])
+    shares = {}
+    for name, candidate in attribution.candidates.items():
+        augmented = draws.gap(sizes.of(candidate.held_out.residuals))
+        shares[name] = share(base - augmented, base - np.minimum(floor, augmented))
+    return budget(sets, attribution.named, sizes.of(learnt), floors, draws), shares
 
 
 @dataclass
@@ -111,23 +117,50 @@ def _explained_squares(attribution: Attribution, kind: str) -> Array:
     return np.asarray(getattr(base, kind) ** 2 - min(left, key=lambda v: float((v**2).sum())) ** 2)
 
 
-def impact_part(
-    attribution: Attribution, zone: Array, block: Array, release: Array, bare: Array | None = None
-) -> Part:
-    """Squares of impacts along the ground, across it, and of the spin. `bare` (n, d): residuals of the law without the
-    effect, if these are to be explained instead of those of the base."""
-    explained = _explained_squares(attribution, "impacts")
+def _impact_part(data: Data, attribution: Attribution) -> Part:
+    """Squares of impacts along the ground, across it, and of the spin."""
+    final, explained = attribution.final.fit, _explained_squares(attribution, "impacts")
+    first, left = (own.impacts**2 for own in (attribution.base_regressed, attribution.learnt_regressed))
     if attribution.verdict == attribution.best and any(c.effect.scatter for c in attribution.chain):
-        explained = _explained_spread(attribution)  # no mean shifts, so `bare` does not matter
-    elif bare is not None:
-        scale = standard_deviations(attribution.final.fit.covariance())
-        explained = clipped(bare / scale) ** 2 - attribution.base_regressed.impacts**2 + explained
-    squares = np.stack(
-        [explained, attribution.base_regressed.impacts**2, attribution.learnt_regressed.impacts**2]
-    )
+        explained = _explained_spread(attribution)
+    elif attribution.verdict == attribution.best and not attribution.chain[0].effect.camera:
+        # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
+        # that was fitted with the effect, with its air forces, shows where the ground is wrong.
+        law = attribution.base.model.world(final.p[: len(BASE_WIDTH)], data.impact_order)
+        for effect, values in zip(final.model.effects, final.model.values(final.p), strict=True):
+            law = final.model.applied(effect, law, values) if effect.phase == "flight" else law
+        bare = data.residuals(law).impacts / standard_deviations(final.covariance())
+        explained = clipped(bare) ** 2 - first + explained
     n, d = explained.shape
-    explained, base, left = squares.reshape(3, n, d // 3, 3).swapaxes(2, 3)
-    return Part("impact", explained, base, left, zone, block, release)
+    explained, first, left = (own.reshape(n, d // 3, 3).swapaxes(1, 2) for own in (explained, first, left))
+    return Part("impact", explained, first, left, data.impact_zone, data.impact_block, data.impact_release)
+
+
+def _flight_part(data: FilmData, attribution: Attribution, ground: CrossSection) -> Part:
+    """Squares of flights, by coordinate."""
+    first, left = attribution.base_regressed.flights**2, attribution.learnt_regressed.flights**2
+    squares = (_explained_squares(attribution, "flights"), first, left)
+    explained, first, left = (own.reshape(len(own), 3, FLIGHT_DEGREES) for own in squares)
+    best = attribution.final.fit
+    # with the stated set-up, a mirrored film would be on the wrong side
+    middle = data.states(best.model.world(best.p, data.impact_order)).middle
+    zone, flights = zone_below(ground, middle[:, X]), data.flights
+    return Part("flight", explained, first, left, zone, flights.block, flights.release)
+
+
+def _rest_part(data: FilmData, attribution: Attribution, ground: CrossSection, rests: Rests) -> Part:
+    """Squares of the ends of the releases, by coordinate."""
+    best = attribution.final.fit
+    variance = rest_variance(data, rests, best)
+    before, after = (rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base, best))
+    block, release = data.flights.block[rests.flight], data.flights.release[rests.flight]
+    return Part("rest", before - after, before, after, zone_below(ground, rests.pose[:, X]), block, release)
+
+
+def zone_below(cross_section: CrossSection, x: Array) -> Array:
+    """(n,) zone of the ground below positions x."""
+    facet = np.searchsorted(cross_section.points_m[1:, X], x)
+    return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]
 
 
 def _explained_spread(attribution: Attribution) -> Array:
@@ -142,22 +175,22 @@ def _explained_spread(attribution: Attribution) -> Array:
     return np.asarray(deviance[0] - deviance[1])
 
 
-def flight_part(attribution: Attribution, zone: Array, block: Array, release: Array) -> Part:
-    """Squares of flights, by coordinate."""
-    explained = _explained_squares(attribution, "flights")
-    squares = np.stack(
-        [explained, attribution.base_regressed.flights**2, attribution.learnt_regressed.flights**2]
-    )
-    explained, base, left = squares.reshape(3, len(explained), 3, FLIGHT_DEGREES)
-    return Part("flight", explained, base, left, zone, block, release)
-
-
-def gap_cells(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
-    """The gap by phase, zone, block and channel, largest share first.
+def locate_gap(experiment: Experiment, data: Data, attribution: Attribution) -> list[Cell]:
+    """The gap by phase, zone, block and channel, largest share first. A flight belongs to the zone below its middle, a
+    rest to the zone below its end.
 
     The shares of the significant places sum to 1; if none is significant, those of all places. Where blocks come to
     rest follows from their impacts and is not a part of the gap. It is listed only if nothing else is significant.
     """
+    ground, blocks, parts = (
+        experiment.cross_section,
+        list(experiment.blocks),
+        [_impact_part(data, attribution)],
+    )
+    if isinstance(data, FilmData):
+        parts.append(_flight_part(data, attribution, ground))
+        if len((rests := find_rests(data)).flight) and len(data.impacts):
+            parts.append(_rest_part(data, attribution, ground, rests))
     cells = []
     for part in parts:
         for z in np.unique(part.zone):
@@ -168,7 +201,7 @@ def gap_cells(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[rows])
                         sizes = [typical_size(v[rows, c]) for v in (part.base, part.augmented)]
-                        place = part.phase, zones[int(z)], blocks[int(b)], channel
+                        place = part.phase, ground.zone_names[int(z)], blocks[int(b)], channel
                         cells.append(Cell(*place, float(amount.sum()), sigma, *sizes))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]
     shown = [cell for cell in significant if cell.phase != "rest"] or significant or cells
@@ -188,3 +221,63 @@ def _significance(amount: Array, release: Array) -> float:
     deviation of √2."""
     clusters = np.bincount(release, amount)[np.unique(release)]
     return float(amount.sum() / np.hypot(clusters.std() * np.sqrt(len(clusters)), np.sqrt(2.0 * len(amount))))
+
+
+@dataclass
+class Rests:
+    """Ends of the films: last flight of each, recorded time from its start to the end of the film in s, and final
+    pose."""
+
+    flight: Array
+    wait_s: Array
+    pose: Array
+
+
+def find_rests(data: FilmData) -> Rests:
+    """Ends of the releases that touch the ground after their last flight."""
+    film, flights = data.film, data.flights
+    last = np.setdiff1d(np.arange(len(flights)), flights.follows)
+    ends = np.searchsorted(film.release, flights.release[last], side="right")
+    use = (ends - flights.last[last] > 3 * REST_FRAMES) & np.isfinite(data.start_s[last])
+    last, ends = last[use], ends[use]
+    pose = np.array([film.pose[end - REST_FRAMES : end].mean(axis=0) for end in ends]).reshape(-1, 3)
+    middle = np.array([film.t_s[end - REST_FRAMES : end].mean() for end in ends])
+    return Rests(last, middle - data.basis.middle[last] - data.start_s[last], pose)
+
+
+def rest_squares(data: FilmData, rests: Rests, fit: Fit, covariance: Array) -> Array:
+    """(n, 3) squares of simulated - measured x, y, theta at the end, over their variance; clipped."""
+    residuals = _residuals(data, rests, _world(data, rests, fit, fit.p))
+    return clipped(residuals / np.sqrt(covariance)) ** 2
+
+
+def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
+    """(n, 3) variances of the ends, from the noise of the last flights and the soil's scatter."""
+    world = _world(data, rests, fit, fit.p)
+    at = _residuals(data, rests, world)
+    variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
+    for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
+        p = fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k)
+        stepped = _residuals(data, rests, _world(data, rests, fit, p))
+        variance += np.nan_to_num((stepped - at) * sigma / SCATTER_STEP) ** 2
+    start = data.start_s[rests.flight]
+    states = data.states_at(world, rests.flight, start)
+    noise = data.true_covariance(world, rests.flight, start, states)
+    for k in range(STATE_SIZE):
+        sigma_state = np.sqrt(noise[:, k, k])
+        stepped = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
+        variance += np.nan_to_num(stepped - at) ** 2
+    variance[data.unknown_spin[rests.flight] > 0.0, THETA] = np.inf
+    return variance
+
+
+def _world(data: FilmData, rests: Rests, fit: Fit, p: Array) -> World:
+    return fit.model.world(p, data.order[data.flights.release[rests.flight]])
+
+
+def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0) -> Array:
+    """(n, 3) simulated - recorded pose at the end of the film."""
+    block, wait_s = data.flights.block[rests.flight], rests.wait_s * world.view.time_scale
+    starts = data.states_at(world, rests.flight, data.start_s[rests.flight]) + shift
+    samples = run_world(world, starts, block, time_limit_s=wait_s + 1e-9, times_s=wait_s[:, None]).samples
+    return world.view.record(centroid_poses(world, block, samples))[:, 0] - rests.pose

@@ -1,23 +1,22 @@
 """Learnt changes: dependences without a named cause become a part of the model.
 
-For a dependence that is found in the residuals (`discrepancy`), the lever becomes a smooth function with a few
+For a dependence that is found in the residuals (`levers.discrepancies`), the lever becomes a smooth function with a few
 coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut, Validated, cross_validate, held_out_gain
+from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
-from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import LEVERS, Levers
+from rock2d.diagnosis.levers import LEVERS, Discrepancy, Levers, discrepancies
 from rock2d.diagnosis.model import LeverResponse
 from rock2d.diagnosis.significance import Gain, SummedGain
 
@@ -52,16 +51,14 @@ class Change(KnownChange, SummedGain):
 
 
 @dataclass
-class Learnt:
-    """A fit with learnt changes, and its residuals and scores on held-out releases.
+class Learnt(Validated):
+    """A validated fit with learnt changes.
 
     `before`: the same without the last change, if there is one; `dependences`: all dependences of its residuals, if
     they are known.
     """
 
-    fit: Fit
-    held_out: HeldOut
-    changes: list[Change]
+    changes: list[Change] = field(default_factory=list)
     before: Learnt | None = None
     dependences: list[Discrepancy] | None = None
 
@@ -81,7 +78,7 @@ def learn(
 
     Further changes are not learnt if it is clear that all together will gain less than `least_total`.
     """
-    state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
+    state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out)
     for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         dependences = discrepancies(state.fit, data, only, levers)
@@ -100,8 +97,7 @@ def learn(
             )
             columns = levers.columns(response)
             fitted = _fit_with_change(state.fit, data, response, columns, dependence.width, convergence)
-            out = cross_validate(fitted, data)
-            candidate = Learnt(fitted, out, [])
+            candidate = Learnt.of(fitted, data)
             tried.append((dependence, candidate, held_out_gain(data, candidate, state)))
         if not tried:
             break
@@ -135,8 +131,9 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     p = fitted.p[: fitted.model.named_size]
     named = replace(fitted.model, responses=(), widths=np.empty(0))
     levers = Levers(replace(fitted, model=named, p=p), data)
-    responses = [levers.response(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
-    coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
+    responses = [levers.response(c.lever, c.basis) for c in changes]
+    parts = [c.coefficients / levers.units[c.lever][:, None] for c in changes]
+    coefficients = np.concatenate([part.ravel() for part in parts])
     wider = replace(named, responses=responses, widths=np.ones(len(coefficients)))
     return wider.residuals(np.concatenate([p, coefficients]), data)
 

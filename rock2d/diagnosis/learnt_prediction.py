@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.diagnosis import quantities as q
+from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
-from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
+from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
@@ -109,24 +109,6 @@ class _FlightsAfter(NamedTuple):
     left_s: Array
     clear_s: Array
     state: Array
-
-    def only(self, keep: Array) -> _FlightsAfter:
-        """Some of them, given as a mask."""
-        return _FlightsAfter(*(part[keep] for part in self))
-
-
-class _Paths(NamedTuple):
-    """Paths of m flights in time steps, with all changes.
-
-    states, accelerations : (steps, m, 6), (steps, m, 3)
-    step_s : duration of a step
-    last : (m,) last step at which the block is clear of the ground
-    """
-
-    states: Array
-    accelerations: Array
-    step_s: float
-    last: Array
 
 
 class LearntMotion:
@@ -240,8 +222,8 @@ class LearntMotion:
         states = self._run(self._world, begins[segment], segment, time_limit_s=left_s + clear_s).ends[
             :, INSTANT_STATE
         ]
-        flights = _FlightsAfter(segment, left_s, left_s + clear_s, states)
-        return flights.only(np.asarray(clear.any(axis=1)))
+        known = clear.any(axis=1)
+        return _FlightsAfter(segment[known], left_s[known], (left_s + clear_s)[known], states[known])
 
     def _states_when_clear(self, flights: _FlightsAfter) -> Array:
         """(m, 6) states of the blocks when clear of the ground, with the changes of the impact."""
@@ -267,8 +249,10 @@ class LearntMotion:
         change[~self._clear(segment, flights.state + change), POSE] = 0.0
         return np.asarray(flights.state + change)
 
-    def _path(self, flights: _FlightsAfter) -> _Paths:
-        """The flights with all changes, until the blocks touch the ground or their segments end."""
+    def _path(self, flights: _FlightsAfter) -> tuple[Array, Array, float, Array]:
+        """The flights with all changes in time steps, until the blocks touch the ground or their segments end: states
+        (steps, m, 6), accelerations (steps, m, 3), duration of a step, and (m,) last step at which the block is clear
+        of the ground."""
         segment, states = flights.segment, self._states_when_clear(flights)
         block = self._segments.block[segment]
         radius = min(block.radius_m for block in self._world.blocks.values())
@@ -287,25 +271,25 @@ class LearntMotion:
             last[flies] = len(path)
             path.append(states)
             pushes.append(self._acceleration(flights, states, now))
-        return _Paths(np.array(path), np.array(pushes), step, last)
+        return np.array(path), np.array(pushes), step, last
 
     def _poses_when_clear(self, flights: _FlightsAfter, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on simulated by the engine."""
-        segment, path = flights.segment, self._path(flights)
-        m, resumed_s = np.arange(len(segment)), path.last * path.step_s
+        path, pushes, step_s, last = self._path(flights)
+        segment, m, resumed_s = flights.segment, np.arange(len(last)), last * step_s
         rest = self._run(
-            self._world, path.states[path.last, m], segment,
+            self._world, path[last, m], segment,
             time_limit_s=np.maximum(self._limit_s[segment] - flights.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
         flown_s = np.clip(since_s, 0.0, resumed_s[:, None])
-        step = np.minimum(flown_s // path.step_s, path.last[:, None]).astype(int)
-        beyond = (flown_s - step * path.step_s).ravel()
-        states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
+        step = np.minimum(flown_s // step_s, last[:, None]).astype(int)
+        beyond = (flown_s - step * step_s).ravel()
+        states = path[step, m[:, None]].reshape(-1, STATE_SIZE)
         block = np.repeat(self._segments.block[segment], since_s.shape[1])
         flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
-        flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
+        flown += 0.5 * pushes[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 
     def _clear(self, segment: Array, states: Array) -> Array:

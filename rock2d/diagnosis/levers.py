@@ -4,10 +4,18 @@ The levers of an impact are the parameters of the law, the slope of the ground, 
 its slope), the state before it, its outcome, and the frame: what camera or ground add equally to the motion before and
 after it. The lever of a flight is its acceleration. Each may be a function on a basis (`quantities.Basis`). The
 responses to all coefficients follow from a few simulations by the chain rule.
+
+A *discrepancy* is a dependence of the residuals of a model on measured quantities, which effects need not explain. A
+regression without mechanics (`residual_regression`) needs many impacts to find a pattern in six channels; levers change
+all channels together. For each pair of lever and basis, one Newton step with free parameters of the model gives the
+gain on held-out releases.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,8 +23,10 @@ import numpy as np
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, flight_response
+from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, LeverResponse, state_units
 from rock2d.diagnosis.quantities import (
+    CONSTANT,
     FLIGHT_DEPENDENCES,
     FRAME_DEPENDENCES,
     IMPACT_DEPENDENCES,
@@ -29,6 +39,7 @@ from rock2d.diagnosis.quantities import (
     quantities_of,
     waves,
 )
+from rock2d.diagnosis.significance import SummedGain
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 
@@ -50,6 +61,17 @@ LEVER_QUANTITIES = {
     lever: quantities_of(own) | FURTHER_QUANTITIES.get(lever, set()) for lever, own in DEPENDENCES.items()
 }
 FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
+# tried standard deviations of the coefficients, in the natural units of `Levers.units`
+WIDTHS = {
+    LAW: (0.02, 0.1, 0.4),
+    STATE: (0.02, 0.1, 0.4),
+    OUTCOME: (0.1, 0.4, 1.6),
+    SLOPE: (0.01, 0.05, 0.2),
+    PROFILE: (0.01, 0.05, 0.2),
+    FRAME: (0.01, 0.05, 0.2),
+    FLIGHT: (0.003, 0.03, 0.3),
+}
+CHANCE_PENALTY = 2.0  # log likelihood for each factor of e in the number of bases of the same name
 
 
 class Levers:
@@ -106,11 +128,11 @@ class Levers:
             FLIGHT: np.array([gravity, gravity, gravity / size]),
         }
 
-    def response(self, lever: str, basis: Basis, units: Array | None = None) -> LeverResponse:
-        """Response of the data to a lever on a basis, with coefficients in natural units or in `units`."""
-        units = self.units[lever] if units is None else units
+    def response(self, lever: str, basis: Basis) -> LeverResponse:
+        """Response of the data to a lever on a basis, with coefficients in natural units."""
         if lever == FLIGHT:
-            return self._flight_response(basis, units)
+            return self._flight_response(basis)
+        units = self.units[lever]
         each = _coefficient_columns(basis.features(self.impact_quantities), units)
         size = each.shape[-1]
         if lever == LAW:
@@ -118,7 +140,7 @@ class Levers:
         if lever == SLOPE:
             return LeverResponse(size, slope=each[:, 0])
         if lever == PROFILE:
-            return self._profile_response(each[:, 0], basis, units)
+            return self._profile_response(each[:, 0], basis)
         if lever == FRAME:
             return self._frame_response(
                 each, _coefficient_columns(basis.features(self._outcome_quantities), units)
@@ -133,13 +155,13 @@ class Levers:
         along = _along_ground(self._data.tangent, measured)
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
-    def _profile_response(self, heights: Array, basis: Basis, units: Array) -> LeverResponse:
+    def _profile_response(self, heights: Array, basis: Basis) -> LeverResponse:
         """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
         and after the impact, and the ground is steeper."""
         (n, c), tangent = heights.shape, self._data.tangent
         shift = np.zeros((n, STATE_SIZE, c))
         shift[:, Y] = -heights
-        steeper = basis.slopes(self.impact_quantities[PLACE_M]) * units
+        steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
         along = _along_ground(tangent, shift)
         return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
 
@@ -154,8 +176,8 @@ class Levers:
             own.model, own.p, self._data, own.residuals, own.jacobian.impacts[..., : len(BASE_WIDTH)]
         )
 
-    def _flight_response(self, basis: Basis, units: Array) -> LeverResponse:
-        data = self._data
+    def _flight_response(self, basis: Basis) -> LeverResponse:
+        data, units = self._data, self.units[FLIGHT]
         assert isinstance(data, FilmData) and self._paths is not None
         response, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
         (m, degrees, k), scale = response.residuals.shape, self.world.view.time_scale
@@ -189,3 +211,49 @@ def _along_ground(tangent: Array, states: Array) -> Array:
         out[:, first], out[:, first + 1] = tx * x + ty * y, tx * y - ty * x
         out[:, first + 2] = states[:, first + 2]
     return out
+
+
+@dataclass
+class Discrepancy(SummedGain):
+    """A dependence of a lever on measured quantities, and its gain.
+
+    Attributes
+    ----------
+    gain : (releases,) log likelihood on held-out releases
+    width : standard deviation of its coefficients with the largest gain
+    """
+
+    lever: str
+    basis: Basis
+    gain: Array
+    width: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.lever} of {self.basis.name}"
+
+
+def discrepancies(
+    fit: Fit, data: Data, only: Collection[str] = LEVERS, levers: Levers | None = None
+) -> list[Discrepancy]:
+    """All tried dependences of the levers `only`, the one with the largest gain first.
+
+    `levers`: those of the fit, if they are used further: their derivatives are then computed once.
+    """
+    levers, linear = levers or Levers(fit, data), LinearModel(fit, data)
+    dependences = []
+    for lever, tried in levers.bases.items():
+        if lever not in only:
+            continue
+        bases_of_name = Counter(basis.name for basis in tried)
+        for basis in tried:
+            if basis.name == CONSTANT and lever in (LAW, OUTCOME):
+                # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
+                continue
+            columns = levers.columns(levers.response(lever, basis))
+            count = columns.impacts.shape[-1]
+            best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
+            # the best of many bases of the same name has a gain by chance
+            penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
+            dependences.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
+    return sorted(dependences, key=lambda d: -d.total)

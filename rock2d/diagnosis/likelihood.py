@@ -4,9 +4,13 @@ The residual of an impact has three sources: the noise of the measured flights o
 from impact to impact (each parameter of the law by a fitted standard deviation), and the model's error. The first two
 make the covariance of the impact. A Student distribution allows for the few impacts that fall on the other side of an
 edge. The coefficients of flights are independent and have unit variance.
+
+The scatter of the soil is fitted to the residuals (`fit_scatter`).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +25,11 @@ FLIGHT_STUDENT_DF = 8.0  # degrees of freedom for a coefficient of a flight
 LARGEST_BEND = 2.0 / 3.0  # largest share by which large residuals reduce the curvature
 ROUNDING = 1e-15  # relative addition to the curvature, which is singular if no data tell two parameters apart
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
+PRIOR_SCATTER = 0.3  # width of the half-normal prior of the soil's logarithmic standard deviations
+SCATTER_BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
+CONVERGED_SCATTER_GAIN = 1e-3  # gain in log likelihood of a step below which the fit has converged
+MOST_SCATTER_STEPS = 30
+LARGEST_SCATTER_STEP, SMALLEST_SCATTER_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
 
 def log_likelihood(r: Array, covariance: Array) -> Array:
@@ -134,7 +143,87 @@ def clustered_covariance(
     return np.asarray(plain * wider * wider[:, None])
 
 
+def posterior_cost(
+    model: Model, p: Array, residuals: Residuals, covariance: Array, keep: tuple[Array, Array] | None = None
+) -> float:
+    """Minus the log posterior at p over the impacts and flights in `keep`, or all; up to a constant."""
+    impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
+    if keep is not None:
+        impacts, flights = impacts[keep[0]], flights[keep[1]]
+    centre, precision = prior(model)
+    return float(-impacts.sum() - flights.sum() + 0.5 * (precision * (p - centre) ** 2).sum())
+
+
 def prior(model: Model) -> tuple[Array, Array]:
     """Weak Gaussian prior: (centre, precision) of the parameters, the precision being 1 / variance."""
     width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])
     return model.start(), width**-2.0
+
+
+def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
+    """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
+
+    Damped steps of Fisher scoring in their logarithms.
+    """
+    cost = _Cost.of(r, jacobian)
+    low, high = np.log(SCATTER_BOUNDS)
+    at = cost.at(np.clip(np.log(start), low, high))
+    for _ in range(MOST_SCATTER_STEPS):
+        candidate = at
+        step = newton_step(at.curvature, at.grad, at.logs, low, high)
+        step /= max(1.0, np.abs(step).max() / LARGEST_SCATTER_STEP)
+        for _ in range(MOST_SCATTER_STEPS):
+            candidate = cost.at(np.clip(at.logs - step, low, high))
+            if candidate.value < at.value or np.abs(step).max() < SMALLEST_SCATTER_STEP:
+                break
+            step /= 4.0
+        if candidate.value >= at.value:
+            break
+        gain, at = at.value - candidate.value, candidate
+        if gain < CONVERGED_SCATTER_GAIN:
+            break
+    return np.exp(at.logs)
+
+
+def scatter_errors(r: Array, jacobian: Jacobian, scatter: Array) -> Array:
+    """(k,) relative standard errors of fitted standard deviations."""
+    at = _Cost.of(r, jacobian).at(np.log(scatter))
+    return np.sqrt(np.diag(np.linalg.inv(at.curvature)))
+
+
+class _Point(NamedTuple):
+    """Logarithms of standard deviations (k,), minus the log posterior, its gradient and expected curvature."""
+
+    logs: Array
+    value: float
+    grad: Array
+    curvature: Array
+
+
+class _Cost(NamedTuple):
+    """Residuals (n, d), their derivatives by the soil (n, d, k), and their covariance without it (n, d, d)."""
+
+    r: Array
+    scatter: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, r: Array, jacobian: Jacobian) -> _Cost:
+        """Cost of the impacts that could be simulated."""
+        good = np.isfinite(r).all(axis=1)
+        return cls(r[good], jacobian.scatter[good], jacobian.covariance[good])
+
+    def at(self, logs: Array) -> _Point:
+        """Cost at logarithms (k,) of the standard deviations."""
+        square = np.exp(2.0 * logs)
+        covariance = self.covariance + (self.scatter * square) @ self.scatter.transpose(0, 2, 1)
+        both = np.concatenate([self.scatter, self.r[..., None]], axis=-1)
+        inner = both.transpose(0, 2, 1) @ np.linalg.solve(covariance, both)
+        trace, pull, chi2 = inner[:, :-1, :-1], inner[:, :-1, -1], inner[:, -1, -1]
+        df = IMPACT_STUDENT_DF + self.r.shape[1]
+        value = 0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * df * np.log1p(chi2 / IMPACT_STUDENT_DF)
+        weight = df / (IMPACT_STUDENT_DF + chi2)
+        own = square / PRIOR_SCATTER**2
+        grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0) + own
+        curvature = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
+        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curvature + 2.0 * np.diag(own))

@@ -196,19 +196,6 @@ class Model:
         ends = np.cumsum([response.size for response in self.responses])[:-1]
         return np.split(p[self.named_size :] * self.widths, ends) if self.responses else []
 
-    def derivatives_by_coefficients(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """Derivatives of the residuals by the coefficients of the learnt changes, of which there must be at least one.
-
-        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law. The chain
-        rule saves simulations: many coefficients change few components of a lever.
-        """
-        derivatives = LeverDerivatives(self, p, data, at, by_law)
-        parts = [derivatives.by_coefficients(response) for response in self.responses]
-        return Residuals(
-            np.concatenate([part.impacts for part in parts], axis=-1) * self.widths,
-            np.concatenate([part.flights for part in parts], axis=-1) * self.widths,
-        )
-
 
 class LeverDerivatives:
     """Derivatives of the residuals of a model at parameters p by the levers of every impact.
@@ -236,7 +223,8 @@ class LeverDerivatives:
         return np.stack(columns, axis=-1)
 
     def by_coefficients(self, response: LeverResponse) -> Residuals:
-        """Derivatives of all residuals by the coefficients of a change, by the chain rule."""
+        """Derivatives of all residuals by the coefficients of a change. The chain rule saves simulations: many
+        coefficients change few components of a lever."""
         impacts, flights = (
             np.zeros((*own.shape, response.size)) for own in (self.at.impacts, self.at.flights)
         )

@@ -24,7 +24,7 @@ from rock2d.diagnosis.levers import (
 )
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.quantities import SPLINE
-from rock2d.diagnosis.segments import Segments, as_rows
+from rock2d.diagnosis.replay import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown
@@ -34,7 +34,7 @@ from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
+from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
 from rock2d.records.columns import X, Y

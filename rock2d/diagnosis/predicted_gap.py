@@ -6,7 +6,6 @@ So these are the errors to expect of `rock2d predict` for another film of the se
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +15,7 @@ from rock2d.diagnosis.cross_validation import Validated, folds
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import predicted_poses
-from rock2d.diagnosis.replay import with_drawn_soils
-from rock2d.diagnosis.segments import Segments
+from rock2d.diagnosis.replay import Segments, with_drawn_soils
 from rock2d.records.columns import THETA
 
 Array = np.ndarray
@@ -55,8 +53,8 @@ class PredictedGap:
 
     def content(self, seed: int) -> dict[str, Any]:
         """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases."""
-        base, augmented = (self._over_draws(own, np.median, seed) for own in (self.base, self.augmented))
-        floor = np.minimum(self._over_draws(self.floor.T, np.median, seed), augmented)
+        base, augmented = (self._medians(own, seed) for own in (self.base, self.augmented))
+        floor = np.minimum(self._medians(self.floor.T, seed), augmented)
         gap = base - floor
         closed = np.divide(base - augmented, gap, out=np.zeros_like(gap), where=gap > 0.0)
         low, high = np.quantile(closed[1:], [0.025, 0.975])
@@ -73,15 +71,15 @@ class PredictedGap:
             "units": {"mm": 1e3 * float(self.noise[0]), "deg": float(np.rad2deg(self.noise[THETA]))},
         }  # fmt: skip
 
-    def _over_draws(self, values: Array, statistic: Callable[[Array], Any], seed: int) -> Array:
-        """(1 + DRAWS,) statistic `statistic` the `values` (n, ...): of all releases, and of bootstrap draws of them."""
+    def _medians(self, values: Array, seed: int) -> Array:
+        """(1 + DRAWS,) medians of `values` (n, ...): of all releases, and of bootstrap draws of them."""
         rng = np.random.default_rng(np.random.SeedSequence(seed))
         rows = [np.flatnonzero(self.release == r) for r in np.unique(self.release)]
-        statistics = [statistic(values)]
+        medians = [np.median(values)]
         for _ in range(DRAWS):
             drawn = rng.integers(len(rows), size=len(rows))
-            statistics.append(statistic(values[np.concatenate([rows[i] for i in drawn])]))
-        return np.array(statistics, float)
+            medians.append(np.median(values[np.concatenate([rows[i] for i in drawn])]))
+        return np.array(medians, float)
 
 
 def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) -> PredictedGap | None:

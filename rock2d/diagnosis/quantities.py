@@ -231,15 +231,13 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
 
 def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
     """(n, features) of impacts, from the states `before` them (n, 6)."""
-    size = np.array([b.radius_m for b in world.blocks.values()])[block]
-    along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
-    spin = before[:, OMEGA] * size
-    lean = _lean(size, tangent, before, across)
-    angles = [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
+    q = incident_quantities(world, block, zone, tangent, before)
+    along, across = q[TANGENTIAL_SPEED_M_S], -q[NORMAL_SPEED_M_S]
+    angles = [f(k * q[LEAN_RAD]) for k in HARMONIC_NUMBERS for f in (np.sin, np.cos)]
     kinds = [block == b for b in range(len(world.blocks))] + [zone == z for z in np.unique(zone)]
     return np.column_stack(
-        [along, across, spin, along + spin, before[:, X], before[:, Y], along * across, *angles, *kinds,
-         *[k * across for k in kinds], *[k * along for k in kinds]]
+        [along, across, q[SPIN_M_S], q[SLIDING_SPEED_M_S], before[:, X], before[:, Y], along * across, *angles,
+         *kinds, *[k * across for k in kinds], *[k * along for k in kinds]]
     )  # fmt: skip
 
 
@@ -250,11 +248,15 @@ def incident_quantities(
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
     spin = before[:, OMEGA] * size
+    # of the block to the ground at the touch
+    closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
+    slope = np.arctan2(tangent[:, Y], tangent[:, X])
+    lean = before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * size / closing - slope
     return {
         BLOCK: block.astype(float),
         ZONE: zone.astype(float),
         PLACE_M: before[:, X],
-        LEAN_RAD: _lean(size, tangent, before, across),
+        LEAN_RAD: lean,
         THETA_RAD: before[:, THETA],
         NORMAL_SPEED_M_S: -across,
         TANGENTIAL_SPEED_M_S: along,
@@ -267,13 +269,6 @@ def incident_quantities(
 def moving_quantities(rates: Array) -> dict[str, Array]:
     """Name -> (n,): velocities in the image (n, 3), before or after an impact."""
     return {VX_M_S: rates[:, 0], VY_M_S: rates[:, 1], OMEGA_RAD_S: rates[:, 2]}
-
-
-def _lean(size: Array, tangent: Array, before: Array, across: Array) -> Array:
-    """(n,) orientation of the blocks to the ground at the touch, in rad."""
-    closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
-    slope = np.arctan2(tangent[:, Y], tangent[:, X])
-    return np.asarray(before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * size / closing - slope)
 
 
 def history_quantities(release: Array, order: Array, began: Array) -> dict[str, Array]:

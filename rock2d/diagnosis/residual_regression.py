@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import FOLDS, folds
-from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.scene.world import World
 
@@ -53,7 +53,7 @@ def regress(
         impacts_remaining -= _cross_predict(
             data.impact_features(world), impacts, fold[data.impact_release], seed
         )
-    if len(flights):
+    if isinstance(data, FilmData) and len(flights):
         flights_remaining -= _cross_predict(
             data.flight_features(world), flights, fold[data.flight_release], seed
         )

@@ -2,6 +2,13 @@
 
 The measured gravity is s g if lengths are recorded s times too long, and q² g if the true duration is q times the
 recorded one. Gravity alone cannot tell a wrong scale from a wrong frame rate.
+
+A block at rest above the stated ground indicates a wrong size, scale, origin or ground. Only heights above the ground
+are judged: the depth of a block in its indentation is a property of the soil.
+
+With the true outline, the penetration of a block does not depend on its angle. The depth at the lowest point of each
+impact is fitted with harmonics of the angle between block and ground. The second and the fourth harmonic distinguish
+circles, squares and elongated blocks.
 """
 
 from __future__ import annotations
@@ -15,15 +22,16 @@ from typing import Any
 import numpy as np
 
 from rock2d.effects.air_drag import coefficient
-from rock2d.errors import counted
+from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.errors import counted, listed
 from rock2d.files.experiment import FromGravity
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
-from rock2d.kinematics.rest_heights import RestHeight, rest_heights
+from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, clearances, heights
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
-from rock2d.records.columns import X, Y
-from rock2d.scene.blocks import Block
+from rock2d.records.columns import POSITION, THETA, X, Y
+from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -33,6 +41,75 @@ SCALE_OR_RATE = ("scale_error", "frame_rate_error")
 DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
 LOCAL_GRAVITY = 0.003  # relative variation of gravity on the earth about its mean
+REST_FRAMES = 10  # number of last frames of a release in which a block at rest does not move
+STILL_SDS = 8.0  # largest range of their positions, in standard deviations of the noise
+FEWEST_RESTS = 5  # fewest releases of a block for a remark
+# least mean height for a remark, in its standard errors and in block radii
+CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
+FARTHEST_RADII = 2.0  # largest distance from the ground of a block that lies on it, in radii
+
+# check of the stated shapes
+HARMONICS = (1, 2, 3, 4)
+TELLING_HARMONICS = (1, 3)  # indices of the second and the fourth harmonic
+FEWEST_SHAPE_IMPACTS = 20  # fewest impacts of a block
+MOST_IMPACT_FRAMES = 40  # most frames of an impact; longer contacts are rolling or sliding
+# least amplitude in block radii (half of that of a square stated as its circumscribed circle), and in standard errors
+LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
+LARGEST_CONDITION = 1.0e3
+LARGEST_DEVIATION = 6.0  # distance of a depth from the median, in median deviations
+
+
+@dataclass(frozen=True)
+class RestHeight:
+    """Height of the lowest point of a block at rest above the stated ground: mean over `rests` releases in m, its
+    standard error (None for a single release), and the height over the radius of the block."""
+
+    block: str
+    rests: int
+    height_m: float
+    error_m: float | None
+    height_radii: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the height is significantly above the ground."""
+        above = self.height_radii > LEAST_HEIGHT_RADII
+        return above and self.error_m is not None and self.height_m > CLEAR_HEIGHT * self.error_m
+
+
+def rest_heights(film: Film, world: World) -> list[RestHeight]:
+    """Height at rest of each block that comes to rest on the ground of a world, or near it."""
+    found = []
+    for b, (name, block) in enumerate(world.blocks.items()):
+        found_m = _rest_heights_m(film, world, b)
+        found_m = found_m[np.abs(found_m) < FARTHEST_RADII * block.radius_m]
+        if n := len(found_m):
+            error = float(found_m.std(ddof=1) / np.sqrt(n)) if n > 1 else None
+            height = float(found_m.mean())
+            found.append(RestHeight(name, n, height, error, height / block.radius_m))
+    return found
+
+
+def rest_remarks(film: Film, world: World) -> list[str]:
+    """A remark on each block that comes to rest above the ground of a world."""
+    return [
+        f"at rest, block {own.block} lies {1e3 * own.height_m:.2g} ± {1e3 * own.error_m:.1g} mm above the ground (mean "
+        f"of {counted(own.rests, 'release')}): are its sizes, the scale, the origin and the ground right?"
+        for own in rest_heights(film, world)
+        if own.rests >= FEWEST_RESTS and own.clear and own.error_m is not None
+    ]
+
+
+def _rest_heights_m(film: Film, world: World, block: int) -> Array:
+    """(n,) height above the ground of the lowest point of a block, of the releases that end at rest."""
+    ends = np.searchsorted(film.release, np.arange(len(film.release_names)), side="right")
+    poses = []
+    smooth = list(world.blocks.values())[block].smooth  # the height of a polygon depends on its angle
+    for release in np.flatnonzero((film.release_block == block) & (film.angle_known | smooth)):
+        pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
+        if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
+            poses.append(pose.mean(axis=0))
+    return heights(world, np.full(len(poses), block), world.view.true(np.array(poses).reshape(-1, 3)))
 
 
 @dataclass(frozen=True)
@@ -256,13 +333,19 @@ def film_findings(
 ) -> FilmFindings:
     """The findings about a film, from its segments in a `world`. `fps`: stated frame rate; `from_gravity`: scale or
     frame rate, if it was computed from gravity."""
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
-    drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
-    air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
-    spin = 0.0
-    if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
+    # expected drag over mass, c / m in 1/m
+    drag_of = [
+        DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
+        for block in world.blocks.values()
+    ]
+    drag, air, spin = np.array(drag_of)[flights.block], (0.0, 0.0), 0.0
+    if gravity is not None:
+        change = -(gravity.weight * drag) @ gravity.pull
+        air = float(-change[Y] / world.gravity_m_s2), float(change[X] / world.gravity_m_s2)
+        # lift acts across the velocity and may be as strong as drag: Mehta (1985)
         lift = gravity.weight * drag * ~film.angle_known[flights.release]
         spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmFindings(
@@ -275,17 +358,6 @@ def write_film_findings(folder: Path, findings: FilmFindings) -> None:
     """Write `film.json` into an experiment folder."""
     text = json.dumps(findings.content(), indent=1, allow_nan=False, ensure_ascii=False)
     write_whole(folder / FILM_FILE, text + "\n")
-
-
-def _drag_per_mass(block: Block) -> float:
-    """Expected drag over mass, c / m in 1/m, of a block."""
-    return DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
-
-
-def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:
-    """(relative change of the acceleration by drag, angle in rad by which drag turns it)."""
-    change = -(gravity.weight * drag) @ gravity.pull
-    return float(-change[Y] / stated_m_s2), float(change[X] / stated_m_s2)
 
 
 def _rest_sentence(own: RestHeight) -> str:
@@ -315,3 +387,71 @@ def with_error(own: Measured, unit: str = "") -> str:
 
 def _rounded(value: float) -> str:
     return f"{value:.2g}"
+
+
+def flightless_remarks(data: FilmSegments) -> list[str]:
+    """A remark on releases without a recognised flight."""
+    film = data.film
+    missing = np.setdiff1d(np.arange(len(film.release_names)), data.flights.release)
+    if not len(missing):
+        return []
+    number = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
+    return [
+        f"no flight was recognised in {number}: nothing is learnt from it. The frames do not lie on parabolas to "
+        "within the noise of the film, or the block never flies"
+    ]
+
+
+def shape_remarks(data: FilmSegments, world: World) -> list[str]:
+    """A remark on each block whose penetration depends on its angle, as with a wrong shape."""
+    depth, angle, block = _lowest_points(data, world)
+    remarks = []
+    for b, name in enumerate(data.film.block_names):
+        rows = block == b
+        if rows.sum() >= FEWEST_SHAPE_IMPACTS and _depends(depth[rows], angle[rows]):
+            remarks.append(
+                f"the depth to which block {name} sinks into the ground depends on its angle: are its shape "
+                f"({world.blocks[name].shape}) and sizes right?"
+            )
+    return remarks
+
+
+def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Array]:
+    """For each impact: height of the block above the ground at its lowest, in radii, angle between block and ground,
+    and index of the block."""
+    flights, film, blocks = data.flights, data.film, list(world.blocks.values())
+    arrays = [block_arrays(b) for b in blocks]
+    ground = ground_arrays(world.cross_section)
+    rows = []
+    for before, after in zip(data.impacts.before, data.impacts.after, strict=True):
+        first = flights.last[before] - CONTACT_MARGIN_FRAMES
+        last = flights.first[after] + CONTACT_MARGIN_FRAMES
+        if last - first > MOST_IMPACT_FRAMES or not film.angle_known[flights.release[before]]:
+            continue
+        block = int(flights.block[before])
+        pose = world.view.true(film.pose[first:last])
+        gap = clearances(arrays[block], ground, pose)
+        low = int(np.argmin(gap))
+        facet = nearest_facets(pose[low : low + 1, POSITION], world.cross_section.points_m)[0]
+        tangent = world.cross_section.tangents[facet]
+        turn = pose[low, THETA] - np.arctan2(tangent[1], tangent[0])
+        rows.append((gap[low] / blocks[block].radius_m, turn, block))
+    columns = np.array(rows, float).reshape(-1, 3).T
+    return columns[0], columns[1], columns[2]
+
+
+def _depends(depth: Array, angle: Array) -> bool:
+    """Whether the second or fourth harmonic of the depth is large and significant."""
+    off = np.abs(depth - np.median(depth))
+    use = off <= LARGEST_DEVIATION * np.median(off)
+    waves = [wave(n * angle[use]) for n in HARMONICS for wave in (np.cos, np.sin)]
+    design = np.column_stack([np.ones(use.sum()), *waves])
+    freedom = len(design) - design.shape[1]
+    if freedom < 1 or np.linalg.cond(design) > LARGEST_CONDITION:  # the angles vary too little
+        return False
+    fitted = np.linalg.lstsq(design, depth[use], rcond=None)[0]
+    variance = ((depth[use] - design @ fitted) ** 2).sum() / freedom
+    error = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))[1:].reshape(-1, 2).max(axis=1)
+    amplitude = np.hypot(*fitted[1:].reshape(-1, 2).T)
+    clear = (amplitude > LARGEST_AMPLITUDE_RADII) & (amplitude > CLEAR_AMPLITUDE * error)
+    return bool(clear[list(TELLING_HARMONICS)].any())

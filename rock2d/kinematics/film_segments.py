@@ -8,10 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.errors import counted, listed
-from rock2d.kinematics.contacts import find_contacts
-from rock2d.kinematics.flights import Film, Segmentation, segment_film
-from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
+from rock2d.kinematics.flights import Film, Flights, find_flights
+from rock2d.kinematics.impacts import Impacts, find_contacts, find_impacts, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
@@ -28,7 +26,7 @@ class FilmSegments:
 
     Attributes
     ----------
-    segmentation : the film, its flights and the kind of each frame
+    film, flights : the film and its flights
     basis : polynomials of the flights
     impacts : pairs of consecutive flights between which the block met the ground or its normal velocity changed sign
     mid_air : other pairs of consecutive flights, which may be one flight
@@ -37,7 +35,8 @@ class FilmSegments:
     order : (releases,) place of each release in its block's series
     """
 
-    segmentation: Segmentation
+    film: Film
+    flights: Flights
     basis: Basis
     impacts: Impacts
     mid_air: Impacts
@@ -49,45 +48,30 @@ class FilmSegments:
     @classmethod
     def of(cls, film: Film, world: World) -> Self:
         """Divide a film into segments in `world`, which is the stated one or that of `sanity.Sanity.registered`."""
-        segmentation = segment_film(world, film)
-        basis = flight_basis(film, segmentation.flights)
-        states = fit_states(world, film, segmentation.flights, basis)
-        start = start_instants(world, segmentation, basis, states)
-        pairs = find_impacts(world, segmentation, basis, states, start)
-        contacts = find_contacts(world, segmentation, basis, states, (pairs.before, pairs.after))
+        flights = find_flights(world, film)
+        basis = flight_basis(film, flights)
+        states = fit_states(world, film, flights, basis)
+        start = start_instants(world, film, flights, basis, states)
+        pairs = find_impacts(world, film, flights, basis, states, start)
+        contacts = find_contacts(world, film, flights, basis, states, (pairs.before, pairs.after))
         real = contacts.are_impacts(pairs.tangent, _radii(world)[pairs.block])
-        spin = np.where(
-            film.angle_known[segmentation.flights.release], 0.0, _rolling(world, segmentation, states)
-        )
+        spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
-        return cls(segmentation, basis, pairs.only(real), pairs.only(~real), start, spin, order)
-
-    @property
-    def film(self) -> Film:
-        return self.segmentation.film
+        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, order)
 
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
-        flights = self.segmentation.flights
-        keep = releases[flights.release]
+        keep = releases[self.flights.release]
         index = np.append(np.cumsum(keep) - 1, -1)  # -1 stays -1: the first flight of a release follows none
-        fewer = replace(
-            flights, **{f.name: getattr(flights, f.name)[keep] for f in fields(flights) if f.name != "follows"},
-            follows=index[flights.follows[keep]],
-        )  # fmt: skip
+        flights = Flights(*(getattr(self.flights, f.name)[keep] for f in fields(Flights)))
+        flights.follows = index[flights.follows]
         pairs = [each.only(releases[each.release]) for each in (self.impacts, self.mid_air)]
         for each in pairs:
             each.before, each.after = index[each.before], index[each.after]
-        segmentation = replace(self.segmentation, flights=fewer)
         return replace(
-            self,
-            segmentation=segmentation,
-            basis=self.basis.only(keep),
-            impacts=pairs[0],
-            mid_air=pairs[1],
-            start_s=self.start_s[keep],
-            unknown_spin=self.unknown_spin[keep],
-        )
+            self, flights=flights, basis=self.basis.only(keep), impacts=pairs[0], mid_air=pairs[1],
+            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep],
+        )  # fmt: skip
 
     def states(self, world: World) -> States:
         """The states of the flights in a world; they do not depend on the ground."""
@@ -95,12 +79,12 @@ class FilmSegments:
         if key not in self._states:
             if len(self._states) >= KEPT_STATES:
                 del self._states[next(iter(self._states))]
-            self._states[key] = fit_states(world, self.film, self.segmentation.flights, self.basis)
+            self._states[key] = fit_states(world, self.film, self.flights, self.basis)
         return self._states[key]
 
     def states_at(self, world: World, which: Array, dt: Array) -> Array:
         """(n, 6) true states of flights `which` in a world, at recorded instants dt (n,) from their middle."""
-        block = self.segmentation.flights.block[which]
+        block = self.flights.block[which]
         return move_freely(world, block, self.states(world).middle[which], dt * world.view.time_scale)
 
     def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
@@ -134,21 +118,8 @@ def _radii(world: World) -> Array:
     return np.array([b.radius_m for b in world.blocks.values()])
 
 
-def _rolling(world: World, segmentation: Segmentation, states: States) -> Array:
+def _rolling(world: World, flights: Flights, states: States) -> Array:
     """(flights,) spin in rad/s of a block that rolls at its speed of flight, or at least at √(g radius)."""
-    radius = _radii(world)[segmentation.flights.block]
+    radius = _radii(world)[flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)
-
-
-def flightless_remarks(data: FilmSegments) -> list[str]:
-    """A remark on releases without a recognised flight."""
-    film = data.film
-    missing = np.setdiff1d(np.arange(len(film.release_names)), data.segmentation.flights.release)
-    if not len(missing):
-        return []
-    number = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
-    return [
-        f"no flight was recognised in {number}: nothing is learnt from it. The frames do not lie on parabolas to "
-        "within the noise of the film, or the block never flies"
-    ]

@@ -43,10 +43,8 @@ VARIANCE_ROUNDS = 5  # most iterations of the estimate of σ and τ
 CONVERGED_VARIANCE = 0.01  # relative change of the variances at which the iteration ends
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # significance levels of slow errors, and of scatter between flights
 CLEAR_JITTER = 1.0  # smallest τ² that is used, in its standard errors
-EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
-    3,
-    16,
-)  # frames left out at an end next to a contact, at most one of so many
+# frames left out at an end next to a contact, at most one of so many
+EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = 3, 16
 OUTLYING_ERRORS = 6.0  # distance in standard errors at which a flight counts as an outlier
 
 
@@ -116,24 +114,22 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         np.einsum("nij,nj->i", precision, fits.acceleration),
     )
     down = mean / np.hypot(*mean)
-    aside = np.array(
-        [-down[Y], down[X]]
-    )  # direction in which a counter-clockwise turn of the picture moves it
+    aside = np.array([-down[Y], down[X]])  # in which a counter-clockwise turn of the picture moves it
     size, error = _along(fits, down)
     turn, turn_error = (values / np.hypot(*mean) for values in _along(fits, aside))
-    turn += np.arctan2(
-        down[X] * np.sign(-down[Y]), abs(down[Y])
-    )  # a film that falls upwards is mirrored, not turned
+    # a film that falls upwards is mirrored, not turned
+    turn += np.arctan2(down[X] * np.sign(-down[Y]), abs(down[Y]))
     release = flights.release[used]
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
-    smeared = film.smear_offset_s * _bend_of_speed(paths)
+    bends, pulls = _bends_and_pulls(paths)
+    smeared = film.smear_offset_s * bends
     shared = abs(float(_spread(weight, used) @ smeared))  # equal in all flights
     each, each_error = _along(every, down)
     return FlightGravity(
         Measured(gravity.value, float(np.hypot(gravity.error, shared))),
         Measured(tilt.value, float(np.hypot(tilt.error, shared / np.hypot(*mean)))),
-        used, each, np.hypot(each_error, smeared), _spread(weight, used), _pulls(paths),
+        used, each, np.hypot(each_error, smeared), _spread(weight, used), pulls,
         fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
@@ -269,9 +265,8 @@ def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tupl
         return alone, 0.0
     inverse = np.linalg.inv(normal)
     own, other = inverse @ (design.T @ (weight * squares / left))
-    clear = other > CLEAR_JITTER * np.sqrt(
-        2.0 * inverse[1, 1]
-    )  # the variance of a square is 2 of its mean squared
+    # the variance of a square is 2 of its mean squared
+    clear = other > CLEAR_JITTER * np.sqrt(2.0 * inverse[1, 1])
     return (max(float(own), least), float(other)) if clear else (alone, 0.0)
 
 
@@ -366,25 +361,16 @@ def _spread(weight: Array, used: Array) -> Array:
     return out
 
 
-def _bend_of_speed(paths: list[_Path]) -> Array:
-    """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed."""
-    out = np.zeros(len(paths))
+def _bends_and_pulls(paths: list[_Path]) -> tuple[Array, Array]:
+    """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed; and
+    (m, 2) `FlightGravity.pull`: a force that changes within a flight enters the fit of the parabola with the weight
+    (1 - s²)², with the time s from -1 to 1."""
+    bends, pulls = np.zeros(len(paths)), np.zeros((len(paths), 2))
     for i, path in enumerate(paths):
         s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
         c = np.polynomial.polynomial.polyfit(s, path.position, 2)
-        speed = np.hypot(*(c[1] + 2 * c[2] * s[:, None]).T) / half
-        out[i] = 2 * np.polynomial.polynomial.polyfit(s, speed, 2)[2] / half**2
-    return out
-
-
-def _pulls(paths: list[_Path]) -> Array:
-    """(m, 2) see `FlightGravity.pull`. A force that changes within a flight enters the fit of the parabola with the
-    weight (1 - s²)², with the time s from -1 to 1."""
-    out = np.zeros((len(paths), 2))
-    for i, path in enumerate(paths):
-        s = _own_time(path.t_s)
-        c = np.polynomial.polynomial.polyfit(s, path.position, 2)
-        velocity = (c[1] + 2 * c[2] * s[:, None]) / (np.ptp(path.t_s) / 2)
-        weight = np.maximum(1.0 - s**2, 0.0) ** 2
-        out[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
-    return out
+        rate = c[1] + 2 * c[2] * s[:, None]
+        bends[i] = 2 * np.polynomial.polynomial.polyfit(s, np.hypot(*rate.T) / half, 2)[2] / half**2
+        velocity, weight = rate / half, np.maximum(1.0 - s**2, 0.0) ** 2
+        pulls[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
+    return bends, pulls

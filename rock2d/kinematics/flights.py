@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,9 +23,7 @@ from rock2d.engines.geometry import (
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.segmentation import (
     ACCELERATION_SD,
-    CONTACT,
     FLIGHT,
-    REST,
     SPIN_ACCELERATION_SD,
     partition,
 )
@@ -39,9 +37,8 @@ NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # in √(g × size): a smaller change of velocity above the ground is no impact
 IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
-SMOOTH_ACCELERATION_SD = (
-    0.5  # 1 sigma of the apparent acceleration by air, lens and perspective, in units of gravity
-)
+# 1 sigma of the apparent acceleration by air, lens and perspective, in units of gravity
+SMOOTH_ACCELERATION_SD = 0.5
 SMOOTH_DEGREE = 4  # degree of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
 SMALLEST_NOISE = 1.0e-9  # for positions in m and angles in rad, in films without noise
@@ -102,15 +99,6 @@ class Flights:
 
     def __len__(self) -> int:
         return len(self.release)
-
-
-@dataclass
-class Segmentation:
-    """A film, its flights, and the kind of each frame (CONTACT, FLIGHT, REST)."""
-
-    film: Film
-    flights: Flights
-    kinds: Array
 
 
 def load_film(experiment: Experiment) -> Film:
@@ -180,16 +168,15 @@ def _first_noise(film: Film) -> Array:
     return noise
 
 
-def segment_film(world: World, film: Film) -> Segmentation:
-    """Divide every release into flights, contacts and rests in a world, and estimate the noise from the flights.
+def find_flights(world: World, film: Film) -> Flights:
+    """The flights of all releases in a world.
 
-    Sets `film.noise` and `film.long_noise`.
+    Sets `film.noise` and `film.long_noise` to estimates from these flights.
     """
     blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section)
     g = max(world.gravity_m_s2, 1e-3)
-    kinds = np.zeros(len(film.t_s), np.int64)
     found: list[tuple[int, int, int, int, int]] = []
     starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
@@ -200,20 +187,15 @@ def segment_film(world: World, film: Film) -> Segmentation:
         gap = clearances(arrays[block], ground, pose)
         recording = _Recording(t, pose, gap, noise, size, g)
         kind, number = _partition(recording)
-        kinds[a:b] = np.where(kind == REST, REST, CONTACT)
         before = -1
         for i, j in _true_flights(recording, kind, number):
-            kinds[a + i : a + j] = FLIGHT
             first, last = _trimmed(recording, i, j)
             found.append((r, block, a + first, a + last, before))
             before = len(found) - 1
-    columns = np.array(found, np.int64).reshape(-1, 5).T
-    segmentation = Segmentation(film, Flights(*columns), kinds)
+    flights = Flights(*np.array(found, np.int64).reshape(-1, 5).T)
     if len(found):
-        film.noise, film.long_noise = (
-            _or_stated(film, own) for own in _flight_noise(film, segmentation.flights)
-        )
-    return segmentation
+        film.noise, film.long_noise = (_or_stated(film, own) for own in _flight_noise(film, flights))
+    return flights
 
 
 class _Recording(NamedTuple):
@@ -309,40 +291,28 @@ def _kinked(recording: _Recording, before: tuple[int, int], after: tuple[int, in
 
 
 def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
-    """Noise of a frame, and of averages over many frames, from the residuals of cubics fitted to the flights."""
-    noise, long_noise = _noise_of_flights(film, flights)
-    known = film.angle_known[flights.release]
-    if not known.all():
-        own = Flights(*(getattr(flights, f.name)[known] for f in fields(Flights)))
-        angle = (
-            [both[THETA] for both in _noise_of_flights(film, own)] if len(own) else [film.noise[THETA]] * 2
-        )
-        noise, long_noise = np.append(noise[:THETA], angle[0]), np.append(long_noise[:THETA], angle[1])
-    return noise, long_noise
-
-
-def _noise_of_flights(film: Film, flights: Flights) -> tuple[Array, Array]:
-    """`_flight_noise` of flights whose angles are all measured or are not used."""
-    lagged, pairs, freedom, used = np.zeros((NOISE_LAGS + 1, 3)), np.zeros(NOISE_LAGS + 1), 0.0, 0
-    for a, b in zip(flights.first, flights.last, strict=True):
+    """(3,) noise of a frame, and of averages over many frames, from the residuals of cubics fitted to the flights whose
+    quantity was measured; the noise of the film where these are too few."""
+    lagged, pairs = np.zeros((NOISE_LAGS + 1, 3)), np.zeros((NOISE_LAGS + 1, 3))
+    freedom, used = np.zeros(3), np.zeros(3)
+    for a, b, angle_known in zip(flights.first, flights.last, film.angle_known[flights.release], strict=True):
         n = b - a
         if n < 2 * NOISE_LAGS:
             continue
         t = film.t_s[a:b]
         basis = np.linalg.qr(np.vander((t - t[0]) / (t[-1] - t[0]) - 0.5, 4))[0]
-        r = film.pose[a:b] - basis @ (basis.T @ film.pose[a:b])
+        r, measured = film.pose[a:b] - basis @ (basis.T @ film.pose[a:b]), np.array([1, 1, angle_known])
         for k in range(NOISE_LAGS + 1):
-            lagged[k] += (r[k:] * r[: n - k]).sum(axis=0)
-            pairs[k] += n - k
-        freedom += n - 4
-        used += 1
-    if freedom < 50:
-        return film.noise, film.noise
+            lagged[k] += measured * (r[k:] * r[: n - k]).sum(axis=0)
+            pairs[k] += measured * (n - k)
+        freedom += measured * (n - 4)
+        used += measured
+    enough, freedom, pairs = freedom >= 50, np.maximum(freedom, 1), np.maximum(pairs, 1)
     variance = np.maximum(lagged[0] / freedom, SMALLEST_NOISE**2)
     # four fitted parameters give even white noise a small negative correlation
-    correlation = lagged[1:] / pairs[1:, None] / variance + 4.0 * used / (freedom + 4.0 * used)
-    sigma = np.sqrt(variance)
-    return sigma, sigma * np.sqrt(np.maximum(1.0 + 2.0 * correlation.sum(axis=0), 1.0))
+    correlation = lagged[1:] / pairs[1:] / variance + 4.0 * used / (freedom + 4.0 * used)
+    long_sigma = np.sqrt(variance) * np.sqrt(np.maximum(1.0 + 2.0 * correlation.sum(axis=0), 1.0))
+    return np.where(enough, np.sqrt(variance), film.noise), np.where(enough, long_sigma, film.noise)
 
 
 def clearances(block, ground, pose: Array) -> Array:

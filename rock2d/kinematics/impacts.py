@@ -1,18 +1,21 @@
-"""Impacts of a film: pairs of consecutive flights.
+"""Impacts of a film, the contacts in them, and impacts of a table.
 
-An *impact* here is everything between two flights: one touch of the ground, or several.
+An *impact* of a film is everything between two consecutive flights: one touch of the ground, or several.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import itertools
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.kinematics.flights import Segmentation, clearances
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.flights import Film, Flights, clearances, heights
 from rock2d.kinematics.states import Basis, States, move_freely
-from rock2d.records.columns import POSE, POSITION
+from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
@@ -20,6 +23,11 @@ Array = np.ndarray
 
 START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation of an impact starts
 COMPARISON_WINDOW = 2.0  # length of the compared part of the flight after an impact, in √(radius / g)
+NEAR_RADII = 0.5  # clearance in block radii below which the ground may have acted
+SEARCHED_INSTANTS = 33  # instants between two flights at which clearances are computed
+BEFORE_COLUMNS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+AFTER_COLUMNS = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
+VELOCITY_AFTER, SPIN_AFTER = slice(0, 2), 2  # columns of `ImpactTable.after`
 
 
 @dataclass
@@ -36,7 +44,6 @@ class Impacts:
     window_s : recorded time for which the flight after is compared with a simulation
     zone : zone of the nearest facet of the ground
     tangent : (n, 2) direction of that facet
-    order : number of releases of the same block that were filmed before
     """
 
     before: Array
@@ -49,7 +56,6 @@ class Impacts:
     window_s: Array
     zone: Array
     tangent: Array
-    order: Array
 
     def __len__(self) -> int:
         return len(self.before)
@@ -59,34 +65,28 @@ class Impacts:
         return Impacts(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
-def start_instants(world: World, segmentation: Segmentation, basis: Basis, states: States) -> Array:
+def start_instants(world: World, film: Film, flights: Flights, basis: Basis, states: States) -> Array:
     """(flights,) recorded instant, from the middle of each flight, at which a simulation from it starts.
 
     It is the last frame at which the block is well above the ground; NaN if the block is never above it.
     """
-    film, flights = segmentation.film, segmentation.flights
-    blocks = list(world.blocks.values())
-    ground = ground_arrays(world.cross_section)
+    flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
+    t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
+    gap = heights(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
+    well_above = gap > START_HEIGHT_RADII * np.array([b.radius_m for b in world.blocks.values()])[block]
     start = np.full(len(flights), np.nan)
-    for i in range(len(flights)):
-        block = blocks[flights.block[i]]
-        t = film.t_s[flights.first[i] : flights.last[i]] - basis.middle[i]
-        path = move_freely(
-            world, np.full(len(t), flights.block[i]), np.repeat(states.middle[i][None], len(t), 0), t
-        )
-        gap = clearances(block_arrays(block), ground, path[:, POSE])
-        high = np.flatnonzero(gap > START_HEIGHT_RADII * block.radius_m)
-        at = high[-1] if len(high) else int(np.argmax(gap))
+    for i, (a, b) in enumerate(itertools.pairwise(basis.start)):
+        high = np.flatnonzero(well_above[a:b])
+        at = a + (high[-1] if len(high) else int(np.argmax(gap[a:b])))
         if gap[at] > 0.0:
             start[i] = t[at]
     return start
 
 
 def find_impacts(
-    world: World, segmentation: Segmentation, basis: Basis, states: States, start: Array
+    world: World, film: Film, flights: Flights, basis: Basis, states: States, start: Array
 ) -> Impacts:
     """All pairs of consecutive flights, with or without an impact; `start`: see `start_instants`."""
-    film, flights = segmentation.film, segmentation.flights
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
     blocks = list(world.blocks.values())
@@ -102,7 +102,6 @@ def find_impacts(
     return Impacts(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
         world.cross_section.zone_ids[facet], world.cross_section.tangents[facet],
-        release_order(film.release_block)[flights.release[after]].astype(float),
     )  # fmt: skip
 
 
@@ -120,3 +119,127 @@ def ground_axes(tangent: Array, vectors: Array) -> tuple[Array, Array]:
     tx, ty = tangent.T
     x, y = vectors.T
     return tx * x + ty * y, -ty * x + tx * y
+
+
+class Contacts(NamedTuple):
+    """Contacts between pairs of flights: (n,) arrays.
+
+    Attributes
+    ----------
+    touch_s, leave_s : recorded instants at which the block touches and leaves the ground, from the middles of the two
+        flights. Both flights are extrapolated; the instants are those of contact with the ground, or else the instant
+        at which the flights are nearest to each other
+    arriving, leaving : (n, 6) states at these instants
+    clearance_m : least clearance of the outline between the flights
+    """
+
+    touch_s: Array
+    leave_s: Array
+    arriving: Array
+    leaving: Array
+    clearance_m: Array
+
+    def are_impacts(self, tangent: Array, radius_m: Array) -> Array:
+        """(n,) whether the ground is near the outline, or the normal velocity changes its sign; `tangent` (n, 2):
+        direction of the ground."""
+        coming, going = (
+            ground_axes(tangent, states[:, LINEAR_VELOCITY])[1] for states in (self.arriving, self.leaving)
+        )
+        return (self.clearance_m < NEAR_RADII * radius_m) | ((coming < 0.0) & (going > 0.0))
+
+
+def find_contacts(
+    world: World, film: Film, flights: Flights, basis: Basis, states: States, pairs: tuple[Array, Array]
+) -> Contacts:
+    """Contacts between pairs of flights: (n,) indices of those before and of those after."""
+    before, after = pairs
+    block, scale = flights.block[before], world.view.time_scale
+
+    def at(which: Array, dt: Array) -> Array:
+        return move_freely(world, block, states.middle[which], dt * scale)
+
+    apart = basis.middle[after] - basis.middle[before]
+    ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
+    begins = film.t_s[flights.first[after]] - basis.middle[before]
+    one, other = at(before, ends), at(after, ends - apart)
+    off, pace = (other - one)[:, POSITION], (other - one)[:, LINEAR_VELOCITY] * scale
+    nearest = -(off * pace).sum(axis=1) / np.maximum((pace**2).sum(axis=1), 1e-12)  # both fall alike
+    meet = np.clip(ends + nearest, ends, begins)
+    share = np.linspace(0.0, 1.0, SEARCHED_INSTANTS)
+    touch, leave, least = meet.copy(), meet.copy(), np.full(len(before), np.inf)
+    ground, arrays = ground_arrays(world.cross_section), [block_arrays(b) for b in world.blocks.values()]
+    for i in range(len(before)):
+        shape, which = arrays[block[i]], np.full(SEARCHED_INSTANTS, i)
+        down, up = ends[i] + share * (meet[i] - ends[i]), begins[i] + share * (meet[i] - begins[i])
+        gaps = [clearances(shape, ground, at(flight[which], when)[:, POSE])
+                for flight, when in ((before, down), (after, up - apart[i]))]  # fmt: skip
+        touch[i], leave[i] = (_crossed(when, gap) for when, gap in zip((down, up), gaps, strict=True))
+        seen = world.view.true(film.pose[flights.last[before[i]] - 1 : flights.first[after[i]] + 1])
+        least[i] = min(gaps[0].min(), gaps[1].min(), clearances(shape, ground, seen).min())
+    return Contacts(touch, leave - apart, at(before, touch), at(after, leave - apart), least)
+
+
+def _crossed(when: Array, gap: Array) -> float:
+    """The instant at which a clearance first falls to 0; the last one if it does not."""
+    below = np.flatnonzero(gap <= 0.0)
+    if not len(below):
+        return float(when[-1])
+    k = int(below[0])
+    if k == 0 or not np.isfinite(gap[k - 1 : k + 1]).all():  # far from the ground, or on the far side of it
+        return float(when[k])
+    return float(when[k - 1] + (when[k] - when[k - 1]) * gap[k - 1] / (gap[k - 1] - gap[k]))
+
+
+@dataclass
+class ImpactTable:
+    """Impacts of a table.
+
+    Attributes
+    ----------
+    before : (n, 6) recorded states before the impacts
+    after : (n, 3) recorded velocities (vx, vy, omega) after them
+    impact_block, impact_zone, impact_release : (n,) index of block, zone and release of each impact
+    tangent : (n, 2) direction of the nearest facet
+    impact_order : (n,) place of each impact's release in its block's series
+    order : (releases,) place of each release in its block's series
+    """
+
+    before: Array
+    after: Array
+    impact_block: Array
+    impact_zone: Array
+    tangent: Array
+    impact_release: Array
+    impact_order: Array
+    order: Array
+
+    @classmethod
+    def of(cls, experiment: Experiment) -> Self:
+        """Impacts of an experiment with an impact table; rows without a state after are left out."""
+        table = experiment.impacts
+        assert table is not None
+        columns, after = list(BEFORE_COLUMNS), list(AFTER_COLUMNS)
+        table = table.dropna(subset=[*columns, *after]).sort_values("release", kind="stable")
+        names = list(experiment.blocks)
+        releases, index = np.unique(table["release"].to_numpy(), return_inverse=True)
+        block = table["block"].map({name: i for i, name in enumerate(names)}).to_numpy(np.int64)
+        first = np.searchsorted(index, np.arange(len(releases)))
+        before = table[columns].to_numpy(float)
+        cross_section = experiment.cross_section
+        facet = nearest_facets(before[:, POSITION], cross_section.points_m)
+        order = release_order(block[first]).astype(float)
+        return cls(
+            before, table[after].to_numpy(float), block, cross_section.zone_ids[facet], cross_section.tangents[facet],
+            index, order[index], order,
+        )  # fmt: skip
+
+    @property
+    def release_block(self) -> Array:
+        """(releases,) index of the block of each."""
+        return self.impact_block[np.unique(self.impact_release, return_index=True)[1]]
+
+    def only(self, releases: Array) -> Self:
+        """The impacts of some of the releases, given as a mask; releases keep their numbers."""
+        own = releases[self.impact_release]
+        rows = {f.name: getattr(self, f.name)[own] for f in fields(self) if f.name != "order"}
+        return replace(self, **rows)

@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
-from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.registration import (
     LARGEST_GAP_RADII,
     POSSIBLE_BELOW_GROUND,
@@ -158,31 +158,21 @@ def _check_time_step(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"{1 / experiment.fps:.6g} s: one of the two is wrong "
             "(slow-motion files often state the playback rate, not the frame rate of the recording)",
         )
-    lost = 1.0 - len(film.t_s) / max(1.0, sum(_expected_frames(experiment, film)))
+    starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
+    expected = [(film.t_s[b - 1] - film.t_s[a]) * experiment.fps + 1 for a, b in itertools.pairwise(starts)]
+    lost = 1.0 - len(film.t_s) / max(1.0, sum(expected))
     if lost > 0.02:
         found.remarks.append(f"{100 * lost:.0f} % of the frames were lost")
-
-
-def _expected_frames(experiment: Experiment, film: Film) -> list[float]:
-    starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
-    return [(film.t_s[b - 1] - film.t_s[a]) * experiment.fps + 1 for a, b in itertools.pairwise(starts)]
 
 
 def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
     size = np.array([b.radius_m for b in experiment.blocks.values()])[film.release_block]
     setup = max(float(np.ptp(experiment.cross_section.points_m, axis=0).max()), 1e-9)
-    extent = float(np.quantile(np.abs(film.pose[:, POSITION]), 0.95))
-    reach = float(np.abs(experiment.cross_section.points_m).max())
-    if extent > 20 * reach:
-        found.fail(
-            LENGTH_UNIT,
-            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
-            "are they in millimetres or pixels?",
-        )
-    elif float(np.ptp(film.pose[:, POSITION], axis=0).max()) < 2e-3 * setup:
+    extent = float(np.ptp(film.pose[:, POSITION], axis=0).max())
+    if not _check_reach(experiment, film.pose[:, POSITION], found) and extent < 2e-3 * setup:
         found.fail(
             NO_MOTION,
-            f"all positions lie within {np.ptp(film.pose[:, POSITION], axis=0).max():.3g} m of each other on a set-up "
+            f"all positions lie within {extent:.3g} m of each other on a set-up "
             f"of {setup:.3g} m: wrong unit, or a block that never moved",
         )
     turn = np.abs(np.diff(film.pose[:, THETA]))[np.diff(film.release) == 0]
@@ -195,6 +185,19 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
                 ANGLE_UNIT,
                 f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?",
             )
+
+
+def _check_reach(experiment: Experiment, positions: Array, found: Sanity) -> bool:
+    """Whether positions (n, 2) reach far beyond the cross-section, which is a fault."""
+    reach = float(np.abs(experiment.cross_section.points_m).max())
+    extent = float(np.quantile(np.abs(positions), 0.95))
+    if too_far := extent > 20 * reach:
+        found.fail(
+            LENGTH_UNIT,
+            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
+            "are they in millimetres or pixels?",
+        )
+    return too_far
 
 
 def _check_recorded_gravity(experiment: Experiment, gravity: Array | None, found: Sanity) -> None:
@@ -220,9 +223,13 @@ def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found
     setup = setup_world(experiment)
     worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORED_SIGNS.items()}
     below = {axis: below_ground(world, film) for axis, world in worlds.items()}
+    deep = below[""] > IMPOSSIBLE_BELOW_GROUND
+    inside = (
+        f"in {100 * below['']:.{0 if deep else 1}f} % of the frames the block's centre lies inside the ground"
+    )
     if upwards and below["y"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "y"
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND and below["x"] < POSSIBLE_BELOW_GROUND:
+    elif deep and below["x"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "x"
     elif upwards:
         found.fail(
@@ -230,30 +237,19 @@ def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found
             "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?",
         )
         found.suspects.append("mirrored_axis")
-    elif (
-        below[""] > IMPOSSIBLE_BELOW_GROUND and (better := registered_world(setup, film, gravity)) is not None
-    ):
+    elif deep and (better := registered_world(setup, film, gravity)) is not None:
         found.registered, text = better
-        found.remarks.append(
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which {text} would "
-            "explain; the segmentation of the film assumes it"
-        )
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND and _ground_gives_way(setup, film):
-        found.remarks.append(
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which an embankment "
-            "that yields or soft soil would explain"
-        )
-    elif below[""] > IMPOSSIBLE_BELOW_GROUND:
+        found.remarks.append(f"{inside}, which {text} would explain; the segmentation of the film assumes it")
+    elif deep and _ground_gives_way(setup, film):
+        found.remarks.append(f"{inside}, which an embankment that yields or soft soil would explain")
+    elif deep:
         found.fail(
             BELOW_GROUND,
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground: "
-            "the cross-section and the film do not belong together (origin, scale or axes)",
+            f"{inside}: the cross-section and the film do not belong together (origin, scale or axes)",
         )
         found.suspects += ["scale_error", "camera_tilt", "geometry_error"]
     elif below[""] > 0.002:
-        found.remarks.append(
-            f"in {100 * below['']:.1f} % of the frames the block's centre lies inside the ground"
-        )
+        found.remarks.append(inside)
     if found.mirror:
         found.registered = worlds[found.mirror]
 
@@ -312,15 +308,14 @@ def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, fo
     for b, name in enumerate(film.block_names):
         own, radius = gaps[landed & (film.release_block == b)], experiment.blocks[name].radius_m
         gap = float(np.median(own)) if len(own) else 0.0
-        if gap < -DEEP_RADII:
-            found.remarks.append(
-                f"block {name} sinks {-gap * radius:.3g} m into the ground (median of the releases), {-gap:.1f} times "
-                "its radius: are its size and the origin right?"
+        size = f"{abs(gap) * radius:.3g} m"
+        if gap < -DEEP_RADII or gap > LARGEST_GAP_RADII:
+            where = (
+                f"sinks {size} into the ground" if gap < 0 else f"comes no closer to the ground than {size}"
             )
-        elif gap > LARGEST_GAP_RADII:
             found.remarks.append(
-                f"block {name} comes no closer to the ground than {gap * radius:.3g} m (median of the releases), "
-                f"{gap:.1f} times its radius: are its size and the origin right?"
+                f"block {name} {where} (median of the releases), {abs(gap):.1f} times its radius: are its size and the "
+                "origin right?"
             )
     gap = float(np.median(gaps[landed])) if landed.any() else 0.0
     if gap > FAR_RADII and registered_world(setup, film, gravity) is None:
@@ -338,16 +333,10 @@ def check_table(experiment: Experiment, data: ImpactTable) -> Sanity:
     _check_releases(len(data.order), found)
     if found.faults:
         return found
-    reach = float(np.abs(experiment.cross_section.points_m).max())
-    extent = float(np.quantile(np.abs(data.before[:, POSITION]), 0.95))
-    if extent > 20 * reach:
-        found.fail(
-            LENGTH_UNIT,
-            f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
-            "are they in millimetres or pixels?",
-        )
-    mass = np.array([b.mass_kg for b in experiment.blocks.values()])[data.impact_block]
-    inertia = np.array([b.inertia_kg_m2 for b in experiment.blocks.values()])[data.impact_block]
+    _check_reach(experiment, data.before[:, POSITION], found)
+    mass, inertia = np.array([(b.mass_kg, b.inertia_kg_m2) for b in experiment.blocks.values()])[
+        data.impact_block
+    ].T
     energy = [
         0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia * w**2
         for v, w in (

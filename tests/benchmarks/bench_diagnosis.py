@@ -11,7 +11,7 @@ import rock2d.diagnosis.cause_sets as cause_sets
 import rock2d.diagnosis.diagnose as diagnosis
 from rock2d.diagnosis.cross_validation import cross_validate
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.soil_scatter import fit_scatter
+from rock2d.diagnosis.likelihood import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.engines import batch
 from rock2d.processes import one_thread

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.cause_sets import CauseSet, Search
-from rock2d.diagnosis.cross_validation import by_release, cross_validate
+from rock2d.diagnosis.cause_sets import Search
+from rock2d.diagnosis.cross_validation import Validated, by_release
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
@@ -39,7 +39,7 @@ def tried_alone(hidden: dict[str, list[float]], tried: Sequence[str] = TRIED) ->
     data, base = base_fit(experiment, base_start(experiment))
     with Processes(1, (data,)) as processes:
         bars = DiagnosisBars(False, len(tried), 1)
-        search = Search(data, effects(*tried), processes, CauseSet(base, cross_validate(base, data)), bars)
+        search = Search(data, effects(*tried), processes, Validated.of(base, data), bars)
         search.try_alone()
     return search
 
@@ -135,7 +135,7 @@ def test_the_order_in_which_effects_are_tried_does_not_matter(two):
 def test_the_same_predictions_with_other_covariances_are_no_surer(two):
     """What two fits find of the scatter differs by chance; how sure a gain is comes from what they predict."""
     best, less = two.best, next(iter(two.without(two.best).values()))
-    wider = CauseSet(replace(best.fit, scatter=2.0 * best.fit.scatter), best.held_out)
+    wider = Validated(replace(best.fit, scatter=2.0 * best.fit.scatter), best.held_out)
     score = by_release(two.data, best.held_out.residuals, wider.fit.covariance())
     wider.held_out = replace(best.held_out, score=score)
     assert np.abs(score - best.held_out.score).sum() > 10.0

@@ -9,9 +9,8 @@ from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
 from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.likelihood import normal_equations
+from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
 from rock2d.diagnosis.report.sections import checks_sentence
-from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.kinematics.setup_world import base_start
 from tests.kinematics.synthetic_films import base_fit, film, series_order, world
 

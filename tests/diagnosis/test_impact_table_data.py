@@ -13,7 +13,7 @@ from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
+from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import AFTER, BEFORE
 from rock2d.scene.blocks import make_block

@@ -38,7 +38,7 @@ def hardening(releases: int) -> World:
 
 def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
     data, base = base_fit(experiment)
-    return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
+    return data, base, learn(Learnt.of(base, data), data)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def hardened() -> tuple[FilmData, Fit, Learnt]:
 
 def test_what_predicts_held_out_releases_better_is_used_where_something_was_learnt(hardened):
     data, base, learnt = hardened
-    without = Learnt(base, cross_validate(base, data), [])
+    without = Learnt.of(base, data)
     assert best_predicting(data, without, learnt) is learnt
     assert best_predicting(data, without, replace(learnt, changes=[])) is without
     assert best_predicting(data, learnt, without) is learnt
@@ -73,7 +73,7 @@ def test_learning_ends_where_more_changes_cannot_gain_what_is_asked():
     true = catalogue()["air_drag"].apply(hardening(RELEASES), [0.3])
     data, base, both = fitted(film(true, RELEASES, seed=7))
     assert {c.lever for c in both.changes} == {LAW, FLIGHT}
-    start = Learnt(base, cross_validate(base, data), [])
+    start = Learnt.of(base, data)
     gain = sum(c.total for c in both.changes)
     one, again = (learn(start, data, least_total=total) for total in (100.0 * gain, gain))
     assert [c.name for c in one.changes] == [c.name for c in both.changes[:1]]
@@ -161,7 +161,7 @@ def test_a_uniform_acceleration_answers_as_another_gravity_does():
     flights = np.arange(len(before.middle))
     dt = paths.t_s[paths.start[1:] - 1]
     place, rate = response.state_change(flights, dt)
-    block = data.segmentation.flights.block
+    block = data.flights.block
     moved = move_freely(heavier, block, after.middle, dt) - move_freely(setup, block, before.middle, dt)
     assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
     assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)

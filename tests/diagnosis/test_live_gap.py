@@ -14,10 +14,10 @@ import pytest
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import held_out_poses
+from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import live_gap
 from rock2d.diagnosis.report.tables import impact_misses, touch_places
 from rock2d.diagnosis.report.text import share_closed
-from rock2d.diagnosis.segments import Segments
 from rock2d.records.columns import THETA
 from rock2d.wording import spoken
 from tests.browsing import (
@@ -263,7 +263,7 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
     """Simulated velocities are the measured ones and the residual; their rows follow the ticked causes."""
     data, i = diagnosed.data, 2
     began = data.film.t_s[np.searchsorted(data.film.release, data.impacts.release[i])]
-    at = data.film.t_s[data.segmentation.flights.last[data.impacts.before[i]] - 1] - began
+    at = data.film.t_s[data.flights.last[data.impacts.before[i]] - 1] - began
     release = data.film.release_names[data.impacts.release[i]]
     for names, own in of_models(diagnosed).items():
         tick(page, *names)

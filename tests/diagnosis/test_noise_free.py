@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.diagnose import CAMERA_NOISE, diagnose, with_camera_noise
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.noise_free_film import CAMERA_NOISE, with_camera_noise
 from rock2d.files.diagnosis import diagnosis_text
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film

@@ -11,12 +11,11 @@ from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
+from rock2d.kinematics.film_findings import rest_remarks, shape_remarks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.stated_shapes import shape_remarks
 from rock2d.kinematics.window_gravity import window_gravity
 from rock2d.scene.blocks import make_block
 from tests.kinematics.synthetic_films import film, without_angles, world, yielded

@@ -13,7 +13,7 @@ from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.kinematics.film_segments import flightless_remarks
+from rock2d.kinematics.film_findings import flightless_remarks
 from rock2d.kinematics.flights import Flights, load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -74,7 +74,7 @@ def test_states_are_unbiased_and_as_sure_as_they_say(view):
     data = FilmData.of(read, true)
     exact = load_film(clean)
     exact.noise = read.noise
-    truth = replace(data, segmentation=replace(data.segmentation, film=exact)).states(true).middle
+    truth = replace(data, film=exact).states(true).middle
     error = data.states(true).middle - truth
     covariance = data.true_covariance(true, np.arange(len(truth)), np.zeros(len(truth)), truth)
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -90,7 +90,7 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
         experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
     )
     setup = setup_world(experiment)
-    count = [len(FilmData.of(load_film(e), setup).segmentation.flights) for e in (experiment, raised)]
+    count = [len(FilmData.of(load_film(e), setup).flights) for e in (experiment, raised)]
     assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
 
 

@@ -75,12 +75,12 @@ def segments(experiment: Experiment) -> FilmSegments:
 )
 def test_a_light_ball_that_air_holds_back_makes_one_flight(fps, noise, drag):
     data = segments(ball_film(fps, noise, drag_1_m=drag)[0])
-    assert len(data.segmentation.flights) == 1 and len(data.impacts) == 0
+    assert len(data.flights) == 1 and len(data.impacts) == 0
 
 
 @pytest.mark.parametrize("fps", [30.0, 240.0])
 def test_a_ball_that_comes_nearer_to_the_camera_makes_one_flight(fps):
-    assert len(segments(ball_film(fps, 2e-4, perspective_1_s=0.05)[0]).segmentation.flights) == 1
+    assert len(segments(ball_film(fps, 2e-4, perspective_1_s=0.05)[0]).flights) == 1
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.15])
@@ -98,4 +98,4 @@ def test_a_change_of_velocity_in_mid_air_divides_a_flight_but_is_no_impact():
     late = np.maximum(table["t_s"].to_numpy() - 0.35, 0.0)
     table["y_m"] += 0.25 * late
     data = segments(experiment)
-    assert (len(data.segmentation.flights), len(data.impacts), len(data.mid_air)) == (2, 0, 1)
+    assert (len(data.flights), len(data.impacts), len(data.mid_air)) == (2, 0, 1)

@@ -324,7 +324,7 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
     if film.setup.keys.camera.distortion is not None:
         return []
     segments = film.segments
-    bend = lens_bend(segments.film, segments.segmentation.flights, film.setup.pixel_map(size_px), size_px)
+    bend = lens_bend(segments.film, segments.flights, film.setup.pixel_map(size_px), size_px)
     if bend is None:
         return []
     return [

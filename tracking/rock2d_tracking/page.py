@@ -102,7 +102,7 @@ def _flight_residuals(data: FilmSegments) -> tuple[Array, Array, Array]:
     """Residuals of the parabolas in each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1);
     row of the frame among the trusted ones."""
     residuals, when, rows = [], [], []
-    for a, b in zip(data.segmentation.flights.first, data.segmentation.flights.last, strict=True):
+    for a, b in zip(data.flights.first, data.flights.last, strict=True):
         t = np.linspace(-1.0, 1.0, b - a)
         basis = np.linalg.qr(np.vander(data.film.t_s[a:b] - data.film.t_s[a:b].mean(), 3))[0]
         pose = data.film.pose[a:b]
@@ -114,7 +114,7 @@ def _flight_residuals(data: FilmSegments) -> tuple[Array, Array, Array]:
 
 def _residuals(film: TrackedFilm) -> Figure:
     figure, axes = blank_axes(9.0, 2.8, 3)
-    if not len(film.segments.segmentation.flights):
+    if not len(film.segments.flights):
         return figure
     residuals, when, _ = _flight_residuals(film.segments)
     scale = [1.0 / _pixel_m(film), 1.0 / _pixel_m(film), 180 / np.pi]
@@ -127,7 +127,7 @@ def _residuals(film: TrackedFilm) -> Figure:
 
 def _bias(film: TrackedFilm) -> Figure:
     figure, axes = blank_axes(7.0, 2.8, 2)
-    if not len(film.segments.segmentation.flights):
+    if not len(film.segments.flights):
         return figure
     residuals, _, rows = _flight_residuals(film.segments)
     seen = film.frames[film.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")

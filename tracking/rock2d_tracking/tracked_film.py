@@ -13,7 +13,7 @@ from rock2d.errors import InputError, counted
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, load_film
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.gross_errors import reject_gross_errors
@@ -225,10 +225,10 @@ def _measured(
 
 def with_measured_noise(experiment: Experiment, setup: Setup) -> Experiment:
     """The experiment with the noise measured in its flights; unchanged without flights."""
-    cut = segment_film(setup_world(experiment), film_of(experiment, setup))
-    if not len(cut.flights):
+    film = film_of(experiment, setup)
+    if not len(find_flights(setup_world(experiment), film)):
         return experiment
-    x, y, theta = cut.film.noise
+    x, y, theta = film.noise
     position = float(np.sqrt(0.5 * (x * x + y * y)))
     return replace(experiment, position_noise_m=position, angle_noise_rad=float(theta))
 

@@ -11,11 +11,10 @@ import pandas as pd
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.contacts import Contacts, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity
 from rock2d.kinematics.flights import clearances
-from rock2d.kinematics.impacts import Impacts
+from rock2d.kinematics.impacts import Contacts, Impacts, find_contacts
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
@@ -39,7 +38,7 @@ def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGra
     gravity : that of the flights; None if no flight shows it
     """
     middle, misfit = data.states(setup_world(experiment)).middle, _misfit(data, experiment)
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     error = _errors(data, np.arange(len(flights)), np.zeros(len(flights)), misfit)
     names = list(experiment.blocks)
     table = pd.DataFrame({
@@ -88,7 +87,7 @@ def _contacts(
 ) -> pd.DataFrame:
     film = data.film
     contacts = find_contacts(
-        world, data.segmentation, data.basis, data.states(world), (impacts.before, impacts.after)
+        world, data.film, data.flights, data.basis, data.states(world), (impacts.before, impacts.after)
     )
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     table = pd.DataFrame({
@@ -135,7 +134,7 @@ def _instant_errors(data: FilmSegments, contacts: Contacts, impacts: Impacts, mi
 
 
 def _flags(data: FilmSegments, impacts: Impacts, deep: Array, low: Array) -> list[str]:
-    flights, t = data.segmentation.flights, data.film.t_s
+    flights, t = data.flights, data.film.t_s
     gap = t[flights.first[impacts.after]] - t[flights.last[impacts.before] - 1]
     lasts = t[flights.last - 1] - t[flights.first]
     wide = gap > WIDEST_GAP * np.minimum(lasts[impacts.before], lasts[impacts.after])
@@ -145,7 +144,7 @@ def _flags(data: FilmSegments, impacts: Impacts, deep: Array, low: Array) -> lis
 
 def _depths(experiment: Experiment, data: FilmSegments, impacts: Impacts) -> tuple[Array, Array]:
     """(n,) deepest visible penetration between the two flights of an impact, and height of the flight after it."""
-    film, flights = data.film, data.segmentation.flights
+    film, flights = data.film, data.flights
     blocks = list(experiment.blocks.values())
     ground = ground_arrays(experiment.cross_section)
     arrays = [block_arrays(b) for b in blocks]

@@ -19,17 +19,17 @@ from rock2d.diagnosis.budget import Share
 from rock2d.diagnosis.checks import REPLICATES, Check
 from rock2d.diagnosis.cross_validation import Validated
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.diagnose import Diagnosis, zone_below
+from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.gap import CHANNELS, typical_size
+from rock2d.diagnosis.gap import CHANNELS, typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
+from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import tables, text
 from rock2d.diagnosis.report.figures import MISS_CLASSES
 from rock2d.diagnosis.report.practical_indicators import Row
 from rock2d.diagnosis.report.sections import LEARNT_ORIGIN, cause_name, learnt_name, p_text
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
-from rock2d.diagnosis.segments import Segments
 from rock2d.graphics.bar_charts import Axis, chart, share_mark
 from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed, packed_columns
@@ -301,7 +301,7 @@ class Items:
     @classmethod
     def of(cls, result: Diagnosis, data: FilmData, models: Sequence[Validated]) -> Items:
         """All impacts and flights, with residuals on held-out releases."""
-        found, impacts, flights = result.found, data.impacts, data.segmentation.flights
+        found, impacts, flights = result.found, data.impacts, data.flights
         assert found is not None
         setup, film, middle = tables.corrected_setup(result), data.film, data.basis.middle
         began = film.t_s[np.searchsorted(film.release, np.arange(len(data.order)))]

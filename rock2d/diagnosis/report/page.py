@@ -122,7 +122,7 @@ def _counts_sentence(result: Diagnosis) -> str:
     if result.data is not None:
         material += f", {counted(len(result.data.impact_release), 'impact')}"
     if isinstance(result.data, FilmData):
-        material += f", {counted(len(result.data.segmentation.flights), 'flight')}"
+        material += f", {counted(len(result.data.flights), 'flight')}"
     filmed = f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
     return material + filmed
 

@@ -16,8 +16,7 @@ from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
 from rock2d.graphics.pages import Download, download
-from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER
-from rock2d.kinematics.impacts import ground_axes
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ground_axes
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, crossing_values
 from rock2d.scene.blocks import Block
 from rock2d.statistics import wilson_interval

@@ -95,14 +95,14 @@ def states_around(result: Diagnosis, data: FilmData) -> tuple[Array, Array]:
     """(n, 6) states at the end of the flight before each impact and at the beginning of the flight after it, with
     mirrored axes corrected."""
     setup, impacts = corrected_setup(result), data.impacts
-    ends = data.film.t_s[data.segmentation.flights.last[impacts.before] - 1]
+    ends = data.film.t_s[data.flights.last[impacts.before] - 1]
     before = data.states_at(setup, impacts.before, ends - data.basis.middle[impacts.before])
     return before, data.states_at(setup, impacts.after, impacts.begin_s)
 
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     """(k, 2) positions in a few frames of each measured flight, for at most MOST_FLIGHTS flights."""
-    flights = data.segmentation.flights
+    flights = data.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
     for i in chosen:
@@ -129,12 +129,12 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     impacts, middle = data.impacts, data.basis.middle
     start = middle[impacts.before[which]] + impacts.start_s[which]
     begin = middle[impacts.after[which]] + impacts.begin_s[which]
-    flights_end = data.film.t_s[data.segmentation.flights.last[impacts.after[which]] - 1]
+    flights_end = data.film.t_s[data.flights.last[impacts.after[which]] - 1]
     end = np.minimum(flights_end, begin + SHOWN_AFTER * impacts.window_s[which])
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {
         name: recorded_simulation(
-            data, fit.model.world(fit.p, impacts.order[which]), impacts.before[which], t, start, signs
+            data, fit.model.world(fit.p, data.impact_order[which]), impacts.before[which], t, start, signs
         )
         for name, fit in models.fits.items()
     }

@@ -34,7 +34,7 @@ PHASE_SENTENCES = {
     "flight": "arises in flight",
     "rest": "appears where blocks come to rest",
 }
-HINTS = {  # by the lever of a dependence, see `discrepancy`
+HINTS = {  # by the lever of a dependence, see `levers`
     "law": "the law of the soil changes",
     "incident state": "the measured states before impacts are shifted",
     "outcome": "the outcomes of impacts are shifted",

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.derivatives import Jacobian, residual_covariance
-from rock2d.diagnosis.likelihood import log_likelihood
-from rock2d.diagnosis.soil_scatter import PRIOR_SCATTER, fit_scatter, scatter_errors
+from rock2d.diagnosis.likelihood import PRIOR_SCATTER, fit_scatter, log_likelihood, scatter_errors
 
 SOIL = np.array([0.08, 0.03, 0.15])
 

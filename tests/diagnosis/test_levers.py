@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.discrepancy import discrepancies
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.learnt import LEAST_GAIN
+from rock2d.diagnosis.levers import discrepancies
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.contacts import _crossed, find_contacts
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import Flights, Segmentation, load_film
+from rock2d.kinematics.flights import Flights, load_film
+from rock2d.kinematics.impacts import _crossed, find_contacts
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import fit_states, flight_basis
 from rock2d.scene.blocks import make_block
@@ -45,7 +45,7 @@ def test_velocities_are_those_at_the_contact(restitution, lift_m):
     data = FilmSegments.of(load_film(experiment), world)
     pairs = (data.impacts.before, data.impacts.after)
     assert len(data.impacts) >= 2 and not len(data.mid_air)
-    contacts = find_contacts(world, data.segmentation, data.basis, data.states(world), pairs)
+    contacts = find_contacts(world, data.film, data.flights, data.basis, data.states(world), pairs)
     hit_s = np.sqrt(2 * (1.8 - RADIUS_M) / GRAVITY)
     assert data.basis.middle[pairs[0][0]] + contacts.touch_s[0] == pytest.approx(hit_s, abs=1e-3)
     assert contacts.arriving[0, 4] == pytest.approx(-GRAVITY * hit_s, rel=2e-3)
@@ -61,11 +61,10 @@ def test_a_free_flight_that_is_divided_has_no_impact(middle):
     experiment = Experiment("toss", GRAVITY, FPS, 1e-4, 0.01, FLOOR, {"ball": BALL}, trajectories=table)
     film, world = load_film(experiment), setup_world(experiment)
     flights = Flights(*np.array([[0, 0], [0, 0], [0, middle + 2], [middle - 2, 32], [-1, 0]]))
-    cut = Segmentation(film, flights, np.ones(32, int))
     basis = flight_basis(film, flights)
     states = fit_states(world, film, flights, basis)
     pair = (np.array([0]), np.array([1]))
-    contacts = find_contacts(world, cut, basis, states, pair)
+    contacts = find_contacts(world, film, flights, basis, states, pair)
     assert not contacts.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).any()
     low = contacts._replace(clearance_m=np.array([0.2 * RADIUS_M]))
     assert low.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).all()

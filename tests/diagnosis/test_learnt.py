@@ -195,14 +195,14 @@ def test_the_answer_to_a_profile_is_that_of_a_raised_ground(hardened):
     data, base, _ = hardened
     levers = Levers(base, data)
     basis = next(own for own in levers.bases[PROFILE] if own.name == "place")
-    response = levers.response(PROFILE, basis, np.ones(1))
+    response = levers.response(PROFILE, basis)
     x_m = levers.impact_quantities["x_m"]
     hill_m = 1e-4 * np.sin(2.0 * np.pi * x_m)
     coefficients = np.linalg.lstsq(basis.features({"x_m": x_m}), hill_m, rcond=None)[0]
     grid_m = basis.curves[0].grid()
     higher = raised(levers.world.cross_section, grid_m, basis.features({"x_m": grid_m}) @ coefficients)
     change = data.residuals(replace(levers.world, cross_section=higher)).impacts - base.residuals.impacts
-    expected = levers.columns(response).impacts @ coefficients
+    expected = levers.columns(response).impacts @ (coefficients / levers.units[PROFILE])
     assert np.median(np.abs(expected - change)) < 0.25 * np.median(np.abs(change))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rock2d.engines import contact_state
+from rock2d.engines.contact_search import find_features
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
 from rock2d.laws.contact import ContactParameters, parameter_table
@@ -34,7 +35,7 @@ def closest(block, cross_section, pose):
     for axis in range(3):
         memory, found = contact_state.new_contacts(n), contact_state.new_contacts(n)
         q = np.concatenate([pose, np.eye(3)[axis]])
-        contact_state.find_features(q, 1.0, (0, len(cross_section.zones)), compiled, memory, found)
+        find_features(q, 1.0, (0, len(cross_section.zones)), compiled, memory, found)
         rates.append(found.reals[:, contact_state.RATE].copy())
     depth = found.reals[:, contact_state.DEPTH]
     kept = depth > contact_state.NOWHERE

@@ -112,7 +112,7 @@ def studied(field):
         own.setenv("XDG_CACHE_HOME", str(field.parent / "cache"))
         own.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
         own.setattr(command, "SHAPE_SOILS", FEW_SOILS)
-        own.setattr(candidates, "CHANGES", candidates.CHANGES[:1])
+        own.setattr(candidates, "CHANGES", dict(list(candidates.CHANGES.items())[:1]))
         tables = run_field_test(
             scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append
         )
@@ -135,7 +135,7 @@ def test_a_study_finds_the_soil_and_predicts_the_other_block(studied):
 
 def test_a_change_of_the_model_gives_a_scenario_if_there_is_something_to_change(field):
     scenario = load_scenario(field, field.parent)
-    changed = {change.name: candidates._changed(scenario, change) for change in candidates.CHANGES}
+    changed = {name: candidates._changed(scenario, change) for name, change in candidates.CHANGES.items()}
     assert not changed["smooth ground"].roughness and set(changed["one soil"].terrain.zones) == {"slope"}
     assert changed["level ground beyond the stops"].field_test.beyond_deg == 0.0
     assert changed["discs instead of boulders"] is changed["sections a third less high"] is None  # the cube

@@ -25,21 +25,6 @@ def test_the_height_is_that_of_the_highest_surface_and_unknown_beside_the_sectio
     assert np.isnan(cross_section.height_m([-0.1, 4.1])).all()
 
 
-def test_the_highest_place_between_two_x_is_a_corner_or_an_end():
-    cross_section = CrossSection([[0, 0], [2, 4], [3, 1], [3, 2], [4, 0]], list("abcd"))
-    ranges = {
-        (0.5, 1.0): 2.0,
-        (1.0, 2.2): 4.0,
-        (2.5, 3.5): 2.5,
-        (2.9, 3.1): 2.0,
-        (3.5, 3.5): 1.0,
-        (-9.0, -8.0): 0.0,
-    }
-    for (low, high), y in ranges.items():
-        assert cross_section.highest_m(low, high) == pytest.approx(y), (low, high)
-    assert cross_section.highest_m(-np.inf, np.inf) == 4.0
-
-
 def test_the_ground_turns_negative_at_convex_corners_and_positive_in_hollows():
     cross_section = CrossSection([[0, 0], [1, 0], [2, 1], [3, 1]], list("abc"))
     np.testing.assert_allclose(np.rad2deg(cross_section.turns_rad), [0, 45, -45, 0], atol=1e-12)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,8 +156,7 @@ def _joined(results: list[Any]) -> Any:
     """Results of an engine, concatenated."""
     if len(results) == 1:
         return results[0]
-    kind = type(results[0])
-    return kind(*(np.concatenate([getattr(r, each.name) for r in results]) for each in fields(kind)))
+    return type(results[0])(*map(np.concatenate, zip(*results, strict=True)))
 
 
 def _outcome(

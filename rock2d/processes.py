@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -11,6 +12,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 UNGUARDED = 'a script without `if __name__ == "__main__":`'
@@ -73,7 +76,8 @@ class Processes:
     ) -> Iterator[tuple[int, Any]]:
         if self._executor is None:
             self._pool = ExitStack()
-            self._executor = self._pool.enter_context(_pool(self._workers, (self._shared,), _begin_worker))
+            shared = self._pool.enter_context(_in_file(self._shared))
+            self._executor = self._pool.enter_context(_pool(self._workers, (shared,), _begin_worker))
         with _interrupts_held():
             waiting = {self._executor.submit(_work, work, job): k for k, job in jobs.items()}
         for done in as_completed(waiting):
@@ -136,6 +140,17 @@ def _pool(workers: int, given: tuple[Any, ...], begin: Callable[..., None]) -> I
 
 
 @contextmanager
+def _in_file(shared: tuple[Any, ...]) -> Iterator[str]:
+    """Path of a file with this data for workers. The pipe to a new worker must carry little: if the worker ends before
+    it has read everything, this process waits forever."""
+    with TemporaryDirectory(prefix="rock2d_") as folder:
+        path = Path(folder) / "shared"
+        with path.open("wb") as file:
+            pickle.dump(shared, file, pickle.HIGHEST_PROTOCOL)
+        yield str(path)
+
+
+@contextmanager
 def _interrupts_held() -> Iterator[None]:
     """Delay Ctrl-C until the block ends, because a partly started pool cannot be stopped.
 
@@ -167,10 +182,11 @@ def _begin() -> None:
     _follow_parent()
 
 
-def _begin_worker(shared: tuple[Any, ...]) -> None:
+def _begin_worker(shared: str) -> None:
     global _shared
-    _shared = shared
     _begin()
+    with open(shared, "rb") as file:
+        _shared = pickle.load(file)
     one_thread()
     gc.collect()
     gc.freeze()  # modules and shared data stay: the garbage collector need not walk over them

@@ -106,7 +106,7 @@ from rock2d.processes import as_finished, check_not_imported
 check_not_imported()
 with Path(__file__).with_name("begun").open("a") as file:
     file.write("once ")
-list(as_finished(abs, [(-1,), (-2,)], 2))
+list(as_finished(print, [(1,), (2,)], 2, (bytes(1_000_000),)))  # more than a pipe takes
 """
 
 

@@ -25,8 +25,8 @@ class Processes:
     """Worker processes for several rounds of jobs. They start with the first round that needs them, and end with the
     block.
 
-    If one worker is enough, jobs run in this process, else in `workers` processes with one thread each; `shared` is
-    sent to each of them once.
+    A single job runs in this process with all its threads, several in `workers` processes with one thread each;
+    `shared` is sent to each of them once.
     """
 
     def __init__(self, workers: int, shared: tuple[Any, ...] = ()) -> None:
@@ -52,7 +52,7 @@ class Processes:
         Jobs of a worker that died are repeated. Raises the errors of `work`, and ChildProcessError if workers keep
         dying.
         """
-        if min(self._workers, len(jobs)) <= 1 and self._executor is None:
+        if min(self._workers, len(jobs)) <= 1:
             for k, job in enumerate(jobs):
                 yield k, work(*self._shared, *job)
             return

@@ -26,6 +26,7 @@ from rock2d.diagnosis.evidence import (
     gain_left_by_forms,
     outside_probability,
     single_answers,
+    unexplained_probability,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
@@ -219,7 +220,7 @@ def _attribution(search: Search) -> Attribution:
     data = search.data
     evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
-    p_outside = _outside_probability(search, (of_final, of_first))
+    p_outside = max(_outside_probability(search, (of_final, of_first)), unexplained_probability(evidence))
     learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)

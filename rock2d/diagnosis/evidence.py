@@ -269,7 +269,7 @@ def _evidence_of_member(
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
             p_chance = max(p_chance, chance_p_value(own_gain.total, np.max(others_chance_gains, axis=0)))
-        p_no_closure = probability_of_no_closure(search, name)
+        p_no_closure = probability_of_no_closure(search, name, learnt, without)
     large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
     rival_z = {
         rival: z
@@ -366,15 +366,17 @@ def impossible_size(effect: Effect, sizes: Sequence[float], large_gain: bool) ->
     return min(sizes) < LEAST_SIZE and not large_gain, max(sizes) > LARGEST_SIZE and not is_choice
 
 
-def probability_of_no_closure(search: Search, name: str) -> float:
-    """Probability that an effect closes no part of the gap, neither alone nor as a member of the best set."""
+def probability_of_no_closure(search: Search, name: str, learnt: Validated, without: Validated) -> float:
+    """Probability that an effect closes no part of the gap: neither alone, nor as a member of the best set, nor beside
+    the learnt changes (`learnt`; the same model without the effect: `without`)."""
     sizes = ResidualSizes(search.data, search.best.fit.covariance())
     draws = GapBootstrap(sizes, seed=0)
 
     def gap(with_effect: Validated) -> Array:
         return draws.gap(sizes.of_joint_channels(with_effect.held_out.residuals))
 
-    pairs = [(search.alone[name], search.base), (search.best, search.without(search.best)[name])]
+    best = search.best
+    pairs = [(search.alone[name], search.base), (best, search.without(best)[name]), (learnt, without)]
     return min(float(np.mean(gap(without) <= gap(with_effect))) for with_effect, without in pairs)
 
 
@@ -407,6 +409,17 @@ def outside_probability(learnt: Gain, left: float) -> float:
     p = probability_from_p_value(TRIED_DEPENDENCES * float(ndtr(-learnt.significance)))
     p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
     return max(p, LEAST_OUTSIDE_PROBABILITY)
+
+
+def unexplained_probability(evidence: Mapping[str, Evidence]) -> float:
+    """Probability that something acts that is none of the effects: the largest over refused members that are not
+    negligible. The gain of such a member is no chance, and neither it nor a rival explains it. 0 if an effect is named,
+    because the form of its law may leave such a gain."""
+    if any(member.named(name) for name, member in evidence.items()):
+        return 0.0
+    return max(
+        (member.p_acts - member.p for member in evidence.values() if not member.negligible), default=0.0
+    )
 
 
 def inclusion_probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.cross_validation import Validated, by_release
 from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.evidence import probability_of_no_closure
 from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -64,6 +66,20 @@ def test_two_hidden_effects_are_found_and_measured(two):
     assert found["zone_contrast"][-1] == FACE
     for smaller in two.without(two.best).values():
         assert two.gain(two.best, smaller).significant
+
+
+def test_an_effect_that_closes_a_part_only_beside_what_is_learnt_closes_it(two):
+    """Neither alone nor in the set does it close anything here."""
+    base, tilted = two.base, two.alone["camera_tilt"]
+    search = SimpleNamespace(
+        data=two.data,
+        base=base,
+        best=base,
+        alone={"camera_tilt": base},
+        without=lambda _: {"camera_tilt": base},
+    )
+    assert probability_of_no_closure(search, "camera_tilt", base, base) == 1.0
+    assert probability_of_no_closure(search, "camera_tilt", tilted, base) < 0.01
 
 
 def test_screening_expects_most_of_the_effect_that_is_there(two):

@@ -16,6 +16,7 @@ from rock2d.diagnosis.evidence import (
     probability_from_p_value,
     single_answers,
     size,
+    unexplained_probability,
 )
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.significance import Gain
@@ -117,6 +118,16 @@ def test_what_is_refused_and_not_negligible_is_unknown():
     assert answers["unknown"] > 0.9
     small = replace(refused, negligible=True)
     assert single_answers({"adhesion": small}, 0.03, EFFECTS)["none"] > 0.9
+
+
+def test_what_acts_and_is_no_effect_lies_outside():
+    """A weak member leaves no doubt that it, or nothing, acts; beside a name the form of its law may leave the gain."""
+    refused = found(own_gain=100.0, replacement_gain=1000.0)
+    assert unexplained_probability({"adhesion": refused}) > 0.9
+    assert unexplained_probability({"adhesion": refused, "air_drag": found()}) == 0.0
+    weak = found(chance=0.02)
+    assert 0.2 < weak.p_acts < 0.5 and unexplained_probability({"adhesion": weak}) < 0.01
+    assert unexplained_probability({"adhesion": replace(refused, negligible=True)}) == 0.0
 
 
 def test_the_place_where_an_effect_acts_is_no_size():

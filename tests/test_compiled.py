@@ -6,7 +6,7 @@ import pytest
 
 from rock2d import compiled
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs owners of files")
+needs_owners = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs owners of files")
 
 
 @pytest.fixture
@@ -18,6 +18,7 @@ def root(tmp_path, monkeypatch):
     return tmp_path / "rock2d" / "numba"
 
 
+@needs_owners
 def test_the_folder_is_private(root, capsys):
     old = os.umask(0)
     try:
@@ -30,6 +31,7 @@ def test_the_folder_is_private(root, capsys):
         assert os.stat(folder).st_mode & 0o777 == 0o700
 
 
+@needs_owners
 def test_a_folder_that_others_can_write_is_not_used(root, capsys):
     compiled._choose_cache()
     os.chmod(compiled.numba.config.CACHE_DIR, 0o777)
@@ -39,6 +41,7 @@ def test_a_folder_that_others_can_write_is_not_used(root, capsys):
     assert "other users can write" in capsys.readouterr().err
 
 
+@needs_owners
 def test_a_folder_below_one_that_others_can_write_is_not_used(root, capsys):
     root.parent.parent.chmod(0o777)
     compiled._choose_cache()

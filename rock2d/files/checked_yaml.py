@@ -93,13 +93,13 @@ def mistake(
     return PydanticCustomError("mistake", "{message}", context)
 
 
-def yaml_text(data: Any, **settings: Any) -> str:
-    """The text of a YAML file, its keys in their order. `settings`: attributes of ruamel's `YAML`, such as width."""
+def yaml_text(data: Any, width: int | None = None) -> str:
+    """The text of a YAML file, its keys in their order. `width`: longest line."""
     from ruamel.yaml import YAML
 
     yaml, text = YAML(typ="safe", pure=True), io.StringIO()
-    for name, value in {"sort_base_mapping_type_on_output": False, **settings}.items():
-        setattr(yaml, name, value)
+    yaml.width = width
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # ruamel annotates None alone
     yaml.dump(data, text)
     return text.getvalue()
 

@@ -293,7 +293,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
         kind: f"{kind}.csv",
     }
     head = "# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n"
-    text = head + yaml_text(keys, width=110, allow_unicode=True)
+    text = head + yaml_text(keys, width=110)
     (folder / EXPERIMENT).write_text(text, encoding="utf-8")
 
 

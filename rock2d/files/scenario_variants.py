@@ -104,4 +104,4 @@ def _replaced(here: Any, path: DataPath, value: float) -> Any:
 def scenario_text(scenario: Scenario) -> str:
     """The scenario as the text of a YAML file from which it is loaded again."""
     assert scenario.document is not None
-    return yaml_text(scenario.document.data, default_flow_style=None, width=120)
+    return yaml_text(scenario.document.data, width=120)

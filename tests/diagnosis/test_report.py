@@ -19,7 +19,7 @@ from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.report import page
-from rock2d.diagnosis.report.text import share_closed, size
+from rock2d.diagnosis.report.text import predicted_words, share_closed, size
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
@@ -274,11 +274,12 @@ def test_remarks_are_shown_and_escaped(written):
     experiment = film(world(), 2)
     result = Diagnosis(
         experiment,
-        Sanity([Fault("length_unit", "a <b>fault</b>")], ["a <i>remark</i>"]),
+        Sanity([Fault("length_unit", "a <b>fault</b>")], ["a <i>remark</i>", "is the scale right?"]),
         setup_world(experiment),
     )
     page, _ = written(result)
-    assert "a <b>fault</b>" in page.text and "a <i>remark</i>" in page.text
+    assert "a <b>fault</b>" in page.text and "a <i>remark</i>." in page.text
+    assert "is the scale right?" in page.text and "?." not in page.text
 
 
 def test_impact_table_has_no_film(diagnosed, written):
@@ -320,6 +321,12 @@ def test_sizes_have_units_that_a_person_can_use():
     assert size(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"
     assert size(scale, {"value": 0.96, "ci95": [0.95, 0.97]}) == "−4.0 %"
     assert size(tilt, {"value": 0.0349, "ci95": [0.03, 0.04]}).endswith("°")
+
+
+def test_misses_are_numbers_without_powers_of_ten():
+    miss = {"base": 1013.4, "augmented": 18.44, "floor": 0.0}
+    words = predicted_words({"typical": miss, "tail": miss, "units": {"mm": 0.28, "deg": 0.32}})
+    assert "1 013 σ without and 18.4 σ with it (median; 0 σ" in words
 
 
 def test_first_screen_tells_misses_in_mm_and_the_checks(report):

@@ -188,7 +188,12 @@ def key_figures(content: Mapping[str, Any], chain: Sequence[str]) -> list[Tile]:
     closed = share_closed(gap["closure"], gap["closure_ci95"])
     if verdict == "unknown":
         with_it = best_model(content, chain)
-        tiles.append(("Gap closed", closed, f"by the best model, with {with_it}; 95 % interval"))
+        by = (
+            f"by the best model, with {with_it}; 95 % interval"
+            if with_it
+            else "by no effect and nothing learnt"
+        )
+        tiles.append(("Gap closed", closed, by))
         return [*tiles, *_predicted_tile(content), *_place_tile(content)]
     low, high = (round(100 * v) for v in gap["closure_ci95"])
     remark = "no predictable residual remains" if low == high else "95 % interval"
@@ -240,11 +245,15 @@ def predicted_words(own: Mapping[str, Any]) -> str:
     """Errors of predictions of whole segments in words, from the key `predicted`."""
     typical, tail, units = own["typical"], own["tail"], own["units"]
     return (
-        f"from one flight to the next, held-out releases: they miss {typical['base']:.3g} σ without and "
-        f"{typical['augmented']:.3g} σ with it (median; {typical['floor']:.3g} σ is noise and soil), the worst 5 % "
-        f"{tail['base']:.3g} σ and {tail['augmented']:.3g} σ or more; 1 σ is {units['mm']:.2g} mm and "
-        f"{units['deg']:.2g}°"
+        f"from one flight to the next, held-out releases: they miss {_three_digits(typical['base'])} σ without and "
+        f"{_three_digits(typical['augmented'])} σ with it (median; {_three_digits(typical['floor'])} σ is noise and "
+        f"soil), the worst 5 % {_three_digits(tail['base'])} σ and {_three_digits(tail['augmented'])} σ or more; "
+        f"1 σ is {units['mm']:.2g} mm and {units['deg']:.2g}°"
     )
+
+
+def _three_digits(value: float) -> str:
+    return number(value, abs(value) / 10.0)
 
 
 def _closed_by(content: Mapping[str, Any], effect: str) -> str:

@@ -136,7 +136,7 @@ def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
 
 @cli.command()
 @click.argument("experiment", type=click.Path(path_type=Path))
-@click.option("--diagnosis", type=click.Path(path_type=Path), required=True, help="A diagnosis.json.")
+@click.option("--diagnosis", type=click.Path(path_type=Path), required=True, help="Output of diagnose.")
 @click.option("--base-only", is_flag=True, help="The paper's law refitted, without the diagnosed effect.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV to write.")
 def predict(experiment, diagnosis, base_only, out) -> None:

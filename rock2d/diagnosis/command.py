@@ -155,13 +155,17 @@ def _shares(part: dict[str, Any]) -> str:
     return f"{100 * part['closes']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
+def _diagnosis_file(given: Path) -> Path:
+    return given / DIAGNOSIS if given.is_dir() else given
+
+
 def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[str], None]) -> dict[str, Any]:
     """Compare two diagnoses (folders or files); writes comparison.json and comparison.html, returns the first."""
     from rock2d.diagnosis.comparison import comparison
     from rock2d.diagnosis.report.comparison_page import comparison_lines, comparison_page
     from rock2d.graphics.rendering import Made
 
-    given = [path / DIAGNOSIS if path.is_dir() else path for path in (first, second)]
+    given = [_diagnosis_file(path) for path in (first, second)]
     a, b = (read_diagnosis(path)[1] for path in given)
     files = dict(zip("ab", map(str, given), strict=True))
     content = {**comparison(a, b), "files": files}
@@ -180,8 +184,8 @@ def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[st
 def run_prediction(
     experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, report: Callable[[str], None]
 ) -> None:
-    """Predict the film or impact table of an experiment folder with a diagnosis; writes a CSV file."""
-    read, content = load_experiment(experiment), read_for_prediction(diagnosis)
+    """Predict the film or impact table of an experiment folder with a diagnosis (folder or file); writes a CSV file."""
+    read, content = load_experiment(experiment), read_for_prediction(_diagnosis_file(diagnosis))
     check_file(out)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

@@ -179,11 +179,12 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
 def test_commands_write_what_they_say(tmp_path, content):
     write_experiment(tmp_path / "film", film(TILTED, 6, seed=5))
     (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
-    file, out = tmp_path / "diagnosis.json", tmp_path / "p.csv"
-    result = commanded("predict", tmp_path / "film", "--diagnosis", file, "--out", out, "--base-only")
-    assert result.exit_code == 0, result.output
-    table = pd.read_csv(tmp_path / "p.csv")
-    assert list(table.columns) == list(COLUMNS) and len(table) > 100
+    for given in (tmp_path / "diagnosis.json", tmp_path):  # file or folder
+        out = tmp_path / f"{given.stem}.csv"
+        result = commanded("predict", tmp_path / "film", "--diagnosis", given, "--out", out, "--base-only")
+        assert result.exit_code == 0, result.output
+        table = pd.read_csv(out)
+        assert list(table.columns) == list(COLUMNS) and len(table) > 100
 
 
 def one_release() -> Experiment:

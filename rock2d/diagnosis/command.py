@@ -112,7 +112,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     low, high = gap["closure_ci95"]
     closed = f"share closed {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
     if gap["closure"] == 0.0 and high == 0.0:
-        closed = "no significant gap"
+        closed = "no significant gap" if verdict == "none" else "nothing closes a part of it"
     lines.append(
         f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
     )

@@ -114,3 +114,4 @@ def test_numbers_are_said_as_they_are_known():
     assert share_closed(0.97, (0.951, 0.984)) == "97 % (95 to 98 %)"
     assert share_closed(-0.001, (-0.001, 0.012)) == "0 % (0 to 1 %)"
     assert share_closed(1.0, (1.0, 1.0)) == "100 %"
+    assert share_closed(0.0, (0.0, 0.0)) == "nothing"

@@ -50,7 +50,7 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
     """Share of the gap that a model closes, with its interval."""
     low, high = (round(100 * v) for v in ci95)
     if low == high == 0 and value == 0.0:
-        return "no gap to close"
+        return "nothing"
     text = f"{round(100 * value)} %"
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
 
@@ -191,7 +191,7 @@ def key_figures(content: Mapping[str, Any], chain: Sequence[str]) -> list[Tile]:
         by = (
             f"by the best model, with {with_it}; 95 % interval"
             if with_it
-            else "by no effect and nothing learnt"
+            else "no effect closes a part, and nothing is learnt"
         )
         tiles.append(("Gap closed", closed, by))
         return [*tiles, *_predicted_tile(content), *_place_tile(content)]

@@ -136,7 +136,8 @@ def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
 
 @cli.command()
 @click.argument("experiment", type=click.Path(path_type=Path))
-@click.option("--diagnosis", type=click.Path(path_type=Path), required=True, help="Output of diagnose.")
+@click.option("--diagnosis", type=click.Path(path_type=Path), required=True,
+              help="Folder of a diagnosis, or its diagnosis.json.")  # fmt: skip
 @click.option("--base-only", is_flag=True, help="The paper's law refitted, without the diagnosed effect.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV to write.")
 def predict(experiment, diagnosis, base_only, out) -> None:

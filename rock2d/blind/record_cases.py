@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.blind.cases import FEWEST_CASE_RELEASES, HELDOUT_SHARE, LEAST_STRENGTH
+from rock2d.blind.cases import FEWEST_CASE_RELEASES, LEAST_STRENGTH
 from rock2d.blind.injection import SERIES_EFFECTS, injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
@@ -34,6 +34,7 @@ from rock2d.files.folders import make_folder
 from rock2d.scene.world import World
 
 SHARE_OF_RECORDS = 1.0 / 3.0  # share of the cases that are based on a record, if as many can be
+HELDOUT_SHARE = 0.4  # held-out releases over those of the fit: a record has few
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,6 @@ END_MARGIN_S = 1e-9  # so that the simulation includes the last frame
 # Frames by which an impact of the model, with or without the cause, may lie inside a flight of the record. It looks
 # like a longer contact if no flight could be seen in between.
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
-# effects with a size for each release; in a record of pieces, for each piece
-SERIES_EFFECTS = ("soil_compaction",)
 
 
 @dataclass(frozen=True)

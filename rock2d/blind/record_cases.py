@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, LEAST_STRENGTH
-from rock2d.blind.injection import SERIES_EFFECTS, injected, of_releases
+from rock2d.blind.injection import injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
@@ -92,7 +92,7 @@ def bases_of(
 ) -> list[int | None]:
     """For each case the number of the record on which it is based; None for a made case. A case is made if one of its
     causes has no size, is outside the catalogue, or grows from release to release."""
-    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(SERIES_EFFECTS)
+    rng, possible = np.random.default_rng(seed), {n for n in effects_of_size("") if not catalogue()[n].grows}
     eligible = [i for i, case_causes in enumerate(causes) if possible.issuperset(case_causes)]
     count = round(SHARE_OF_RECORDS * len(causes)) if records else 0
     number = {int(i): k % records for k, i in enumerate(rng.permutation(eligible)[:count])}

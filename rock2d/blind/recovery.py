@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.case_files import CASES
-from rock2d.blind.injection import SERIES_EFFECTS, injected
+from rock2d.blind.injection import injected
 from rock2d.blind.running import RESULTS
 from rock2d.diagnosis.detection import TRUTH, Curve, detection_curves, limits_of
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
@@ -114,10 +114,12 @@ def make_cases(
             added = values[parameter.name]
             expected = from_scale(parameter, to_scale(parameter, added) + to_scale(parameter, has))
             expected = float(np.hypot(has, added)) if effect.scatter else expected
+            growth = (
+                changed.releases / changed.pieces if effect.grows else 1.0
+            )  # it grows from piece to piece
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
-                "pieces": changed.pieces, "cut": changed.cut,
-                "expected": expected * (changed.releases / changed.pieces if name in SERIES_EFFECTS else 1.0),
+                "pieces": changed.pieces, "cut": changed.cut, "expected": expected * growth,
             }  # fmt: skip
             on_case()
     curve_values = {n: asdict(c) for n, c in curves.items()}

@@ -37,21 +37,17 @@ def signal_to_noise(case: Case) -> float:
 
 
 def signals_to_noise(case: Case) -> tuple[float, list[float]]:
-    """Signal-to-noise of the hidden causes of a case together, and of each cause: of the part of its contribution that
-    the other causes cannot imitate."""
+    """Signal-to-noise of the hidden causes of a case together, and of each cause: of the part of its signature that the
+    other causes cannot imitate. Each signature is that of the cause alone: beside a cause that moves some statistics
+    beyond their limit, the others would change alone, and that would look like a larger signal."""
     if len(case.hidden) <= 1:
         cause = signal_to_noise(case)
         return cause, [cause] * len(case.hidden)
-    together, *others = signatures(case, [case.hidden, *(
-        [h for h in case.hidden if h is not cause] for cause in case.hidden
-    )])  # fmt: skip
-    added = np.array([together - other for other in others]).reshape(len(others), len(together))
+    together, *alone = signatures(case, [case.hidden, *([cause] for cause in case.hidden)])
     ratios = []
-    for i, contribution in enumerate(added):
-        rest = np.delete(added, i, axis=0).T
-        ratios.append(
-            float(np.linalg.norm(contribution - rest @ np.linalg.lstsq(rest, contribution, rcond=None)[0]))
-        )
+    for i, own in enumerate(alone):
+        rest = np.delete(np.array(alone), i, axis=0).T
+        ratios.append(float(np.linalg.norm(own - rest @ np.linalg.lstsq(rest, own, rcond=None)[0])))
     return float(np.linalg.norm(together)), ratios
 
 

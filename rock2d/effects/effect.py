@@ -84,6 +84,7 @@ class Effect:
         or to add to the model. Keys of files stand in backticks
     scatter : the (only) parameter is the standard deviation of a quantity that varies from impact to impact
         with mean zero; `apply` takes one value of that quantity
+    grows : it grows from release to release of a series
     columns : names of the columns of a contact row, or of a block's `air`, that its law reads
     normal, friction, tangential, flight, recoil, departure : compiled laws, see `rock2d.effects.forces`
     damping : (columns) -> largest derivative of its forces by the speed of a contact in N s/m, arrays of any shape
@@ -98,6 +99,7 @@ class Effect:
     apply: Callable[[World, Sequence[float]], World]
     remedy: Callable[[Any], str] | None = None
     scatter: bool = False
+    grows: bool = False
     columns: Sequence[str] = ()
     normal: Any = None
     friction: Any = None

@@ -44,6 +44,7 @@ EFFECT = Effect(
     source="stiffness that grows with the number of blows towards that of the densest state",
     phase="impact",
     origin="ground",
+    grows=True,
     parameters=(
         Parameter(
             "rate", "1", 0.0, 0.0, 0.3, "growth of k_l and k_ul with the first release of the same block"

@@ -60,8 +60,7 @@ RESISTANCES = {"air_drag": "flight_damping", "flight_damping": "air_drag"}
 MOST_RIVALS = 2  # rivals that may share the name of a member
 NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at which it is named as a cause
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
-# in the world, causes in the camera), and for another effect. Nothing of another effect grows from release
-# to release.
+# in the world, causes in the camera), and for another effect; but no law leaves what grows from release to release.
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 FORM_STEEPNESS = 3.0
 # Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an

@@ -23,11 +23,7 @@ from typing import Any
 
 from rock2d.compiled import kernel
 from rock2d.effects import catalogue
-from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES, LAW_COLUMNS, N_COLUMNS
-
-# column of a row of `columns.engine_rows` that is 1 if any effect acts in contact
-ANY_EFFECT_ACTS = N_COLUMNS
-FIRST_EFFECT_COLUMN = LAW_COLUMNS  # first column of effects in a row
+from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES
 
 
 def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
-from rock2d.effects.columns import N_COLUMNS
-from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, ground_forces, recoil
+from rock2d.effects.columns import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, N_COLUMNS
+from rock2d.effects.forces import ground_forces, recoil
 from rock2d.engines.free_flight import in_air
 from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
 from rock2d.laws.contact import (

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.effects.columns import damping_Ns_m
-from rock2d.effects.forces import FIRST_EFFECT_COLUMN
+from rock2d.effects.columns import FIRST_EFFECT_COLUMN, damping_Ns_m
 from rock2d.engines.contact_search import changes_feature, find_features, hand_over
 from rock2d.engines.contact_state import (
     ACTING,

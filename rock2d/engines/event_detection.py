@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, normal
+from rock2d.effects.columns import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN
+from rock2d.effects.forces import normal
 from rock2d.engines.contact_search import changes_feature
 from rock2d.engines.contact_state import (
     ACTIVE,

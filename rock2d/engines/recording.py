@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.effects.forces import FIRST_EFFECT_COLUMN, departure
+from rock2d.effects.columns import FIRST_EFFECT_COLUMN
+from rock2d.effects.forces import departure
 from rock2d.engines.contact_state import ACTIVE, ZONE, kinetic_energy
 from rock2d.engines.event_detection import hermite_root
 from rock2d.engines.free_flight import fly, in_air

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
-from rock2d.effects.forces import ANY_EFFECT_ACTS
+from rock2d.effects.columns import ANY_EFFECT_ACTS
 from rock2d.engines import contact_state, contact_step, rest
 from rock2d.engines.contact_search import GUARD, set_anchor
 from rock2d.engines.contact_state import (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rock2d
-from rock2d.effects.columns import LAW_COLUMNS, N_COLUMNS, widened
+from rock2d.effects.columns import FIRST_EFFECT_COLUMN, N_COLUMNS, widened
 from rock2d.effects.geometry_error import as_built
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
@@ -126,7 +126,7 @@ def test_tables_of_the_laws_columns_alone_go_on_working():
     ]
     assert np.array_equal(results[0], results[1])
     assert np.array_equal(results[0], results[2])
-    assert table.shape[1] == LAW_COLUMNS < N_COLUMNS
+    assert table.shape[1] == FIRST_EFFECT_COLUMN < N_COLUMNS
 
 
 def test_a_world_of_many_releases_has_a_table_for_each():
@@ -209,15 +209,15 @@ USE = """
 import numpy as np
 from rock2d.laws.contact import ContactParameters
 from rock2d.effects import catalogue, forces
-from rock2d.effects.columns import column, engine_rows, widened
+from rock2d.effects.columns import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, column, engine_rows, widened
 
 row = widened(ContactParameters().row())
 row[column("stiffer_N_m")] = 3e4
 row = engine_rows(row)
 depth, rate, slip, peak, bottom, force_n = 1e-3, 0.5, 0.1, 1e-3, 8e-4, 10.0
-whole, factor, drag = forces.ground_forces(row, forces.FIRST_EFFECT_COLUMN, (depth, rate, slip, peak, bottom), force_n)
+whole, factor, drag = forces.ground_forces(row, FIRST_EFFECT_COLUMN, (depth, rate, slip, peak, bottom), force_n)
 hits = forces.ground_forces.whole.stats.cache_hits
-print(whole, factor, drag, row[forces.ANY_EFFECT_ACTS], len(catalogue()), sum(hits.values()))
+print(whole, factor, drag, row[ANY_EFFECT_ACTS], len(catalogue()), sum(hits.values()))
 """
 
 

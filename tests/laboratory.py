@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rock2d.engines.batch import Ensemble
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
@@ -68,7 +68,7 @@ def flight(
 
 def ensemble(block: Block, ground: CrossSection = SETUP, *laws) -> Ensemble:
     """One block on one ground, for the batch engine, with `LAW` unless laws are given."""
-    return Ensemble([block], [ground], [parameter_table(law, ground.zone_names) for law in laws or (LAW,)])
+    return Ensemble([block], [ground], [contact_table(law, ground.zone_names) for law in laws or (LAW,)])
 
 
 def after(impact: dict) -> np.ndarray:

@@ -30,7 +30,7 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.graphics.figure_style import blank_figure, finish, save_figure
 from rock2d.graphics.palette import block_colours
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
 from rock2d.version import __version__
@@ -143,7 +143,7 @@ def prepared_run(
         "gravity_m_s2": scenario.gravity_m_s2,
         "time_limit_s": scenario.longest_release_s(),
     }
-    table = parameter_table(scenario.contact_parameters(block), cross_section.zone_names)
+    table = contact_table(scenario.contact_parameters(block), cross_section.zone_names)
     law = scenario.rebound_parameters(block)
     ensemble = Ensemble([block], [cross_section], [table])
 

@@ -32,7 +32,7 @@ from rock2d.laws.rebound import (
     BALL_INERTIA_FACTOR,
     M_HALF,
     R_T,
-    SLOPE_REDUCTION_IS_RANDOM,
+    SLOPE_REDUCTION_DRAWN,
     TAN_PHI,
     ReboundParameters,
     rebound,
@@ -312,7 +312,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
             table[k, M_HALF],
             table[k, R_T],
             table[k, ALPHA],
-            table[k, SLOPE_REDUCTION_IS_RANDOM],
+            table[k, SLOPE_REDUCTION_DRAWN],
         )
         alpha = slope_reduction(p, uniform(seed, count))
         vx1, vy1, omega1 = rebound((vx, vy, omega), (tx, ty), alpha, (mass, radius), p)

@@ -23,7 +23,7 @@ from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import Body, WorldArrays, block_arrays, centroid_depth, ground_arrays
 from rock2d.engines.recording import close_impact, end_impact, note_pressure, open_impact
-from rock2d.laws.contact import ContactParameters, contact_rows
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
@@ -102,7 +102,9 @@ class PymunkRelease:
     ) -> None:
         self.block, self.cross_section = block, cross_section
         self.gravity = float(gravity_m_s2)
-        self.table = engine_rows(contact_rows(parameters, cross_section.zone_names))
+        if not isinstance(parameters, np.ndarray):
+            parameters = contact_table(parameters, cross_section.zone_names)
+        self.table = engine_rows(parameters)
         self.contact_step = contact_step_s or contact_step.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
         if self.q.shape != (N_STATE,) or not np.isfinite(self.q).all():

@@ -18,7 +18,7 @@ from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -123,9 +123,7 @@ class Descents:
         zones = (EDGE, *self._terrain.zones)
         grounds = [_with_zone_order(ground, zones) for ground in self.rough_sections(scenario)]
         block_ids = np.repeat([names.index(name) for name in self.releases.blocks], self.copies)
-        tables = [
-            parameter_table(scenario.contact_parameters(block), zones) for block in self.blocks.values()
-        ]
+        tables = [contact_table(scenario.contact_parameters(block), zones) for block in self.blocks.values()]
         found = run_batch(
             Ensemble(list(self.blocks.values()), grounds, tables), self.states, block_ids=block_ids,
             cross_section_ids=np.arange(len(grounds)), table_ids=block_ids, gravity_m_s2=scenario.gravity_m_s2,

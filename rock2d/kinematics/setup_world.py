@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.files.experiment import Experiment
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -18,7 +18,7 @@ TABLE_MASS_KG = 0.0226  # mean mass of the blocks of Table 4
 
 def setup_world(experiment: Experiment) -> World:
     """The world of an experiment without effects, with the paper's Table 4 as its law."""
-    table = parameter_table(ContactParameters(), experiment.cross_section.zone_names)[None]
+    table = contact_table(ContactParameters(), experiment.cross_section.zone_names)[None]
     return World(experiment.blocks, experiment.cross_section, table, experiment.gravity_m_s2)
 
 

@@ -67,7 +67,7 @@ class ContactParameters:
         return float(np.inf if angle == 90 else np.tan(np.deg2rad(angle)))
 
 
-def parameter_table(
+def contact_table(
     parameters: Mapping[str, ContactParameters] | ContactParameters, zone_names: tuple[str, ...]
 ) -> np.ndarray:
     """(zones, columns) rows in the order of `zone_names`; the key "default" holds for zones that are not named.
@@ -77,13 +77,6 @@ def parameter_table(
     if isinstance(parameters, ContactParameters):
         parameters = {"default": parameters}
     return np.array([zone.row() for zone in by_zone(parameters, zone_names, "contact")])
-
-
-def contact_rows(
-    parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray, zone_names: tuple[str, ...]
-) -> np.ndarray:
-    """`parameter_table` of parameters; rows (zones, columns), for example with effects, are returned unchanged."""
-    return parameters if isinstance(parameters, np.ndarray) else parameter_table(parameters, zone_names)
 
 
 def contact_time_s(p: ContactParameters, mass_kg: float) -> float:

@@ -21,7 +21,7 @@ from rock2d.scene.cross_section import by_zone
 REBOUND_LAW_COLUMNS = (
     "tan_phi", "momentum_half_kg_m_s", "tangential_restitution", "slope_reduction_rad", "slope_reduction_drawn",
 )  # fmt: skip
-TAN_PHI, M_HALF, R_T, ALPHA, SLOPE_REDUCTION_IS_RANDOM = range(len(REBOUND_LAW_COLUMNS))
+TAN_PHI, M_HALF, R_T, ALPHA, SLOPE_REDUCTION_DRAWN = range(len(REBOUND_LAW_COLUMNS))
 
 BALL_INERTIA_FACTOR = 0.4  # I / (m r²) of the ball
 
@@ -119,7 +119,7 @@ def rebound_local(v_t, v_n, omega, mass, radius, p):
 @njit
 def slope_reduction(p, draw):
     """The α of one impact, in rad: constant, or U(0, α) from `draw` in [0, 1)."""
-    return p[ALPHA] * draw if p[SLOPE_REDUCTION_IS_RANDOM] > 0.0 else p[ALPHA]
+    return p[ALPHA] * draw if p[SLOPE_REDUCTION_DRAWN] > 0.0 else p[ALPHA]
 
 
 @njit

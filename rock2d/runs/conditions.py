@@ -22,7 +22,7 @@ from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records.columns import N_STATE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.found_causes import Causes, centre_of_mass_states
@@ -213,7 +213,7 @@ class Conditions:
         laws = engine.parameters(scenario, block)
         if engine.law != "deterministic":
             return block, laws
-        rows = parameter_table(laws, self.cross_section.zone_names)
+        rows = contact_table(laws, self.cross_section.zone_names)
         return (block, rows) if self._causes is None else self._causes.applied(block, rows)
 
     @cached_property

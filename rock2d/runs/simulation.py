@@ -203,7 +203,7 @@ def simulate(
     >>> result.to_pandas("stops")["stop"].tolist()
     ['rest', 'rest']
     """
-    from rock2d.laws.contact import parameter_table
+    from rock2d.laws.contact import contact_table
     from rock2d.runs.conditions import Condition
 
     chosen = engine_named(engine)
@@ -218,7 +218,7 @@ def simulate(
             warnings.warn(UnusualWarning(doubt.text), stacklevel=2)
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
     limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
-    law = parameter_table(by_zone, cross_section.zone_names) if deterministic else by_zone
+    law = contact_table(by_zone, cross_section.zone_names) if deterministic else by_zone
     condition = Condition(block, cross_section, law, {})
     tracks = [
         chosen.track(

@@ -18,7 +18,7 @@ from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.files.scenario import load_scenario
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
 from tests.benchmarks.calibration import kernel_s, wait
@@ -48,7 +48,7 @@ def ensemble_of(scenario, block_name):
     """The ensemble of one block, and what its runs share."""
     cross_section = scenario.make_cross_section()
     block = scenario.make_blocks()[block_name]
-    table = parameter_table(scenario.contact_parameters(block), cross_section.zone_names)
+    table = contact_table(scenario.contact_parameters(block), cross_section.zone_names)
     shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
     return Ensemble([block], [cross_section], [table]), shared
 

@@ -39,9 +39,9 @@ ground, block = scenario.make_cross_section(), scenario.make_blocks()["cube"]
 states = np.array([s.state for s in incident_states(scenario, 1, 10) if s.block == "cube"])
 """
 BATCH = """
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.engines.batch import Ensemble, run_batch
-table = parameter_table(scenario.contact_parameters(block), ground.zone_names)
+table = contact_table(scenario.contact_parameters(block), ground.zone_names)
 print(run_batch(Ensemble([block], [ground], [table]), states).ends[0])
 """
 POINT_MASS = """

@@ -14,7 +14,7 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import AFTER, BEFORE
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -44,7 +44,7 @@ def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
 
 
 def plain_world() -> World:
-    return World(SQUARE, FLOOR, parameter_table(HARD, FLOOR.zone_names)[None])
+    return World(SQUARE, FLOOR, contact_table(HARD, FLOOR.zone_names)[None])
 
 
 def test_true_law_reproduces_the_table():

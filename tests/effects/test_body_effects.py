@@ -9,7 +9,7 @@ from rock2d.engines import contact_state
 from rock2d.engines.contact_search import find_features
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.blocks import make_block, states_at
 from rock2d.scene.cross_section import CrossSection
@@ -185,7 +185,7 @@ def test_both_engines_agree(name):
     states = np.array(
         [[rng.uniform(0, 0.1), 0.09, rng.uniform(0, 6), 1.2, -1.4, rng.normal(-20, 15)] for _ in range(12)]
     )
-    table = parameter_table(LAW, SETUP.zone_names)
+    table = contact_table(LAW, SETUP.zone_names)
     batch = run(replace(world(SETUP, (block,)), contact=table[None]), states, impact_limit=1, impact_room=1,
                 step_fraction=0.03)  # fmt: skip
     errors = []

@@ -15,7 +15,7 @@ from rock2d.effects.columns import FIRST_EFFECT_COLUMN, N_COLUMNS, widened
 from rock2d.effects.geometry_error import as_built
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import K_L, K_UL, parameter_table
+from rock2d.laws.contact import K_L, K_UL, contact_table
 from rock2d.records.columns import E_RESIDUAL, VELOCITIES_AFTER
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
 from rock2d.scene.rough_ground import Roughness, roughened
@@ -119,7 +119,7 @@ def test_both_engines_agree_with_every_effect(name):
 
 
 def test_tables_of_the_laws_columns_alone_go_on_working():
-    table, states = parameter_table(LAW, SETUP.zone_names), falling(5)
+    table, states = contact_table(LAW, SETUP.zone_names), falling(5)
     results = [
         run_batch(Ensemble(list(world().blocks.values()), [SETUP], [t]), states).ends
         for t in (table[:, :6], table, widened(table))

@@ -5,7 +5,7 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.pymunk_engine import PymunkRelease
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.laboratory import CUBE, LAW, SETUP, SLAB, SPHERE
@@ -17,7 +17,7 @@ MECHANICAL = [name for name, effect in CATALOGUE.items() if not effect.camera]
 
 def world(cross_section=SETUP, blocks=(SPHERE, CUBE, SLAB), law=LAW, **changes) -> World:
     """A world without effects."""
-    contact = parameter_table(law, cross_section.zone_names)[None]
+    contact = contact_table(law, cross_section.zone_names)[None]
     return World({b.name: b for b in blocks}, cross_section, contact, **changes)
 
 

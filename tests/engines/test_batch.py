@@ -5,13 +5,13 @@ import pytest
 
 from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records.columns import STOPS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import BLOCKS, CUBE, LAW, SETUP, SPHERE, TO_CREST, ensemble
 
-TABLE = parameter_table(LAW, SETUP.zone_names)
+TABLE = contact_table(LAW, SETUP.zone_names)
 
 
 def states(n: int, seed: int) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import AFTER, BEFORE, E_CORRECTED, E_INITIAL, N_STATE, STOP_BURIED, STOP_REST
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -56,7 +56,7 @@ def test_a_release_does_not_depend_on_its_companions(name):
     """To the last bit, whatever the size of the blocks and the number of zones beside it."""
     large = make_block("large", "square", 900.0, "uniform", side_m=2.0)
     slope = CrossSection([[-0.3, 0.11], [1.7, -0.69]], ["slope"])
-    table, other = parameter_table(LAW, slope.zone_names), parameter_table(LAW, SETUP.zone_names)
+    table, other = contact_table(LAW, slope.zone_names), contact_table(LAW, SETUP.zone_names)
     start = thrown(20, 4) * [0.3, 1.0, 1.0, 1.0, 1.0, 3.0]
     alone = run_batch(ensemble(BLOCKS[name], slope), start)
     states = np.concatenate([start, [[0.0, 3.0, 0.1, 1.0, 0.0, 2.0]]])

@@ -6,7 +6,7 @@ import pytest
 from rock2d import make_block
 from rock2d.engines.batch import run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import ensemble
 
@@ -16,7 +16,7 @@ LAW = ContactParameters(
 )
 # 38.7 deg
 SLOPE = CrossSection([[-10.0, 8.0], [90.0, -72.0]], ["scree"], {"line": [[25.0, -20.0], [25.0, 0.0]]})
-ONE, TABLE = ensemble(BALL, SLOPE, LAW), parameter_table(LAW, SLOPE.zone_names)
+ONE, TABLE = ensemble(BALL, SLOPE, LAW), contact_table(LAW, SLOPE.zone_names)
 END_S = 4.0
 STARTS = np.array(
     [[0.0, 0.8 + 0.1 * i, 0.0, 4.0 + 0.5 * (i % 5), -3.0 - 0.5 * (i % 3), -10.0 - i] for i in range(12)]

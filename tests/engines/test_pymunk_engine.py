@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rock2d.engines import contact_step
 from rock2d.engines.pymunk_engine import K_FORCE, N_ROW, CallbackError, PymunkRelease, run_pymunk
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import AUDIT_NAMES, TIME
 from rock2d.records.track import Track, ballistic
 from rock2d.scene.blocks import make_block
@@ -116,7 +116,7 @@ def test_free_flight_is_the_exact_parabola(name):
 def test_contact_steps_converge_with_at_least_third_order_over_four_halvings():
     law = ContactParameters(friction_angle_deg=90, k_r_Nm_rad=0.025)
     state = [0, 1.2 * SPHERE.radius_m, 0, 1, -2, 30]
-    step = contact_step.contact_steps_s(SPHERE, parameter_table(law, ("floor",)), 0.4)[1]
+    step = contact_step.contact_steps_s(SPHERE, contact_table(law, ("floor",)), 0.4)[1]
 
     def outcome(h):
         return velocities(run_pymunk(SPHERE, FLOOR, law, state, contact_step_s=h, impact_limit=1), SPHERE)
@@ -129,7 +129,7 @@ def test_contact_steps_converge_with_at_least_third_order_over_four_halvings():
 
 @pytest.mark.parametrize("block", [SPHERE, CUBE, SLAB], ids=lambda b: b.name)
 def test_halving_the_contact_step_changes_first_rebounds_by_less_than_a_thousandth(block):
-    step = contact_step.contact_steps_s(block, parameter_table(LAW, SETUP.zone_names))[1]
+    step = contact_step.contact_steps_s(block, contact_table(LAW, SETUP.zone_names))[1]
     changes = []
     for seed in range(12):
         state = random_state(seed)

@@ -6,7 +6,7 @@ import numpy as np
 
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from tests.engines import test_batch, test_point_mass, test_point_mass_batch
 from tests.laboratory import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE, random_state
 from tests.programs import other_hash_seed, printed
@@ -14,7 +14,7 @@ from tests.programs import other_hash_seed, printed
 
 def digests() -> dict[str, str]:
     """Engine -> digest of what it gives."""
-    two = Ensemble([CUBE, SPHERE], [SETUP], [parameter_table(LAW, SETUP.zone_names)])
+    two = Ensemble([CUBE, SPHERE], [SETUP], [contact_table(LAW, SETUP.zone_names)])
     cubes = test_point_mass_batch.ensemble("slope_embankment", "cube_1m", 300)[2]
     thrown = test_point_mass.run([-0.5, 0.7, 0.2, 1.5, 0.5, 30], law=test_point_mass.RANDOM_LAW, seed=7)
     given = {

@@ -10,7 +10,7 @@ from rock2d.effects.columns import engine_rows
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.contact_step import contact_steps_s
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records.columns import AFTER, BEFORE, I_PENETRATION, IMPACT_NAMES, STOPS
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, random_site, random_states
 from tests.hunt.integrator import Impact, LeftOutError, Outcome
@@ -34,7 +34,7 @@ class Compared(NamedTuple):
 def batch_impact(case: Case, fraction: float = BATCH_STEP_FRACTION) -> Array:
     """The first impact (17,) of a release in the batch engine. Raises LeftOutError if it does not end."""
     site = case.site
-    table = parameter_table(site.soils, site.cross_section.zone_names)
+    table = contact_table(site.soils, site.cross_section.zone_names)
     result = run_batch(
         Ensemble([site.block], [site.cross_section], [table]), case.state[None], gravity_m_s2=GRAVITY_M_S2,
         time_limit_s=site.time_limit_s, impact_limit=1, impact_room=1, step_fraction=fraction,
@@ -47,7 +47,7 @@ def batch_impact(case: Case, fraction: float = BATCH_STEP_FRACTION) -> Array:
 def pymunk_impact(case: Case, refinement: float = 1.0) -> Array:
     """The same in the pymunk engine, at `refinement` times its step; NaN if it does not end."""
     site = case.site
-    table = parameter_table(site.soils, site.cross_section.zone_names)
+    table = contact_table(site.soils, site.cross_section.zone_names)
     track = run_pymunk(
         site.block, site.cross_section, table, case.state, gravity_m_s2=GRAVITY_M_S2,
         time_limit_s=site.time_limit_s, impact_limit=1,

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.records import columns
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, Site, random_site, random_states
@@ -67,7 +67,7 @@ class Finding(NamedTuple):
 
 def run_cases(sites: list[Site], states: list[Array]):
     """`run_batch` of releases (k, 6) on each of several sites."""
-    tables = [parameter_table(s.soils, s.cross_section.zone_names) for s in sites]
+    tables = [contact_table(s.soils, s.cross_section.zone_names) for s in sites]
     ensemble = Ensemble([s.block for s in sites], [s.cross_section for s in sites], tables)
     ids = np.repeat(np.arange(len(sites)), [len(s) for s in states])
     limits = np.array([s.time_limit_s for s in sites])[ids]

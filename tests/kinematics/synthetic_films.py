@@ -16,7 +16,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.laboratory import CUBE, SPHERE
@@ -32,7 +32,7 @@ BLOCKS = {"sphere": SPHERE, "cube": CUBE}
 def world(order: np.ndarray | None = None, law: ContactParameters = LAW) -> World:
     """A set-up like the paper's, with the base law."""
     cross_section = CrossSection(POINTS, ZONES)
-    table = parameter_table(law, cross_section.zone_names)[None]
+    table = contact_table(law, cross_section.zone_names)[None]
     return World(BLOCKS, cross_section, table, order=np.zeros(1) if order is None else order)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.laws.rebound import normal_restitution
 from rock2d.laws.soil_scaling import (
     SOIL_GRAVITY_M_S2,
@@ -59,7 +59,7 @@ def samples(name: str, soil: object, ratio: float, law_of: Block | None = None) 
     """Poses (releases, times, 3) with lengths in units of the ratio, at times that have the ratio √ratio."""
     block, pace = scaled(name, ratio), np.sqrt(ratio)
     source = law_of or block
-    table = parameter_table(soil_contact(soil, source.mass_kg, source.size_m), ("floor",))
+    table = contact_table(soil_contact(soil, source.mass_kg, source.size_m), ("floor",))
     ensemble = Ensemble([block], [floor(ratio)], [table])
     times = pace * np.linspace(0.0, DURATION_S, 40)
     result = run_batch(ensemble, released(ratio), times_s=times, time_limit_s=pace * DURATION_S,
@@ -139,7 +139,7 @@ def test_both_laws_have_the_restitution_of_the_class_at_the_reference_impact(soi
     r_n = normal_restitution(-speed, block.mass_kg, rebound.momentum_half_kg_m_s)
     assert r_n == pytest.approx(soil.restitution, rel=1e-12)
     # the engine without gravity: a single impact, straight down
-    table = parameter_table(replace(soil_contact(soil, block.mass_kg, block.size_m), k_t_N_m=0.0), ("floor",))
+    table = contact_table(replace(soil_contact(soil, block.mass_kg, block.size_m), k_t_N_m=0.0), ("floor",))
     result = run_batch(
         Ensemble([block], [floor(1.0)], [table]), np.array([[0, 0.6, 0, 0, -speed, 0]]), gravity_m_s2=0.0,
         time_limit_s=3.0, impact_limit=1, step_fraction=0.02,

@@ -9,7 +9,7 @@ from rock2d_tracking.setup_file import Setup
 
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import contact_table
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.kinematics.synthetic_films import LAW, film_table
@@ -38,7 +38,7 @@ def followed(film: list[np.ndarray], setup: Setup, size_px: tuple[int, int]) -> 
 
 def falls(frames: int = 220, fps: float = 1000.0) -> Experiment:
     """One release of each block, `frames` frames long, without noise."""
-    world = World(BLOCKS, CROSS_SECTION, parameter_table(LAW, CROSS_SECTION.zone_names)[None])
+    world = World(BLOCKS, CROSS_SECTION, contact_table(LAW, CROSS_SECTION.zone_names)[None])
     t = np.tile(np.arange(frames) / fps, (3, 1))
     ensemble, tables = world_ensemble(world)
     ids = {"block_ids": np.arange(3), "table_ids": tables}

@@ -56,8 +56,9 @@ L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFEC
     L_OFFSET + 1, L_OFFSET + 9
 )
 N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
-# columns of a contact's row of rates: deformation of its springs at the end of a step, and their rates at a stage
-TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
+# columns of a contact's row of rates: deformation of its springs at the end of a step, before friction and cap limit
+# it, and their rates at a stage
+UNLIMITED_DISPLACEMENT, UNLIMITED_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
 # point after it, and the outcome (`trial_step.step_to_event`): peak penetration, states of the springs, normal force of
 # the law before and after, acting force, tangential force before and after, rolling moment, and plastic work
@@ -188,7 +189,7 @@ class LoadedContacts(NamedTuple):
 
     rows: np.ndarray  # (contacts, N_LOADED)
     which: np.ndarray  # (contacts,) index of the contact of a row
-    rates: np.ndarray  # (contacts, 4) TAKEN_DISPLACEMENT ... SPIN_RATE
+    rates: np.ndarray  # (contacts, 4) UNLIMITED_DISPLACEMENT ... SPIN_RATE
     trial: np.ndarray  # (contacts, 16) DEPTH_0 ... PLASTIC_WORK
     state: np.ndarray  # (6,) state of the block at the end of a trial step
 
@@ -288,12 +289,12 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     pressed = rows[a, L_PRESSED] != 0.0
     if pressed:
         force_n = max(force_n, LEAST_FORCE_N)
-    drag = taken = push = 0.0
+    drag = power_e = push = 0.0
     if effects and rows[a, L_ACTS] != 0.0:
         rate, law_n = -(ux * nx + uy * ny), force_n
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
         mu *= factor
-        taken = (force_n - law_n) * rate + drag * slip
+        power_e = (force_n - law_n) * rate + drag * slip
     grip = force_n if pressed else 0.0
     indentation = rows[a, L_LAW + ROLLING_IN_INDENTATION]
     spin = omega if grip > 0.0 or indentation > 0.0 else 0.0
@@ -307,4 +308,4 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     if effects and rows[a, L_ACTS] != 0.0:
         push = recoil(rows[a], L_EFFECTS) * fx
     moment, winding = rx * fy - ry * fx - rolling, slip if pressed else 0.0
-    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, taken, push
+    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, power_e, push

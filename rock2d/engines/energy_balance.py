@@ -10,12 +10,12 @@ from rock2d.records.columns import (
     AUDIT_NAMES,
     CORRECTED,
     E_CORRECTED,
+    E_DISSIPATED,
     E_ELASTIC,
     E_INITIAL,
     E_KINETIC,
     E_POTENTIAL,
     E_RESIDUAL,
-    E_TAKEN,
     EFFECTS,
     ELASTIC,
     ENERGY_NAMES,
@@ -51,7 +51,7 @@ def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) ->
     """
     out = np.empty((len(starts), len(ENERGY_NAMES)))
     out[:, E_KINETIC], out[:, E_POTENTIAL] = mechanical_energy(masses, ends)
-    out[:, E_ELASTIC], out[:, E_TAKEN] = audit[:, ELASTIC], audit[:, : len(AUDIT_NAMES)]
+    out[:, E_ELASTIC], out[:, E_DISSIPATED] = audit[:, ELASTIC], audit[:, : len(AUDIT_NAMES)]
     out[:, E_INITIAL] = sum(mechanical_energy(masses, starts))
     out[:, E_CORRECTED] = audit[:, CORRECTED]
     out[:, E_RESIDUAL] = out[:, :E_INITIAL].sum(axis=1) - out[:, E_INITIAL]
@@ -84,5 +84,5 @@ def audit_tolerance(effects_J: Array) -> Array:
 
 def unclosed(balances: Array) -> Array:
     """(n,) bool: whether the residual of a balance exceeds `audit_tolerance`."""
-    allowed = audit_tolerance(balances[:, E_TAKEN][:, EFFECTS])
+    allowed = audit_tolerance(balances[:, E_DISSIPATED][:, EFFECTS])
     return np.abs(balances[:, E_RESIDUAL]) > allowed * np.abs(balances[:, E_INITIAL])

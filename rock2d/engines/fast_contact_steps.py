@@ -181,7 +181,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         if h <= 0.0 or (done > 0 and t + h >= limit.next_sample):
             break
         counts, view = (zero if unpressed else active, active), (world.block, anchor, active, loaded)
-        why, taken, (c1, s1), works, (error, scale), halved = step_to_event(
+        why, elapsed, (c1, s1), works, (error, scale), halved = step_to_event(
             q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view
         )
         if why > 0:
@@ -192,14 +192,14 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
             audit[EFFECTS] += works[2]
             audit[RECOIL] += works[3]
         else:
-            correct_energy(q, q1, taken, error, scale, body, audit)
+            correct_energy(q, q1, elapsed, error, scale, body, audit)
         for a in range(active):
             ints[which[a], INDEX] = _follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
             )
         copy(q1, q)
         c, s = c1, s1
-        t = later(t, taken)
+        t = later(t, elapsed)
         done += 1
         lifted = note_pressure(current, lifted, force, deepest, t, q)
         if hops:

@@ -256,9 +256,9 @@ def end_impact(q, current, row, block, audit):
     _apply_departure(q, row, audit[RECOIL])
     _apply_departure(current[AFTER], row, audit[RECOIL])
     audit[RECOIL] = 0.0
-    taken = before - kinetic_energy(q, block)
-    audit[EFFECTS] += taken
-    return taken != 0.0
+    dissipated = before - kinetic_energy(q, block)
+    audit[EFFECTS] += dissipated
+    return dissipated != 0.0
 
 
 @kernel

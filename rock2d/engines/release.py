@@ -228,11 +228,11 @@ def _fly(q, tau, world, rules, recorder, workspace):
     body, lines = Body(world.block, world.gravity), recorder.lines
     copy(q, old)
     counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
-    taken = fly(q, tau, world.gravity, world.block)
+    dissipated = fly(q, tau, world.gravity, world.block)
     if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
-    recorder.audit[EFFECTS] += taken
+    recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, flying, body, lines)
     counts[SAMPLES] = note_samples(
         (t, tau), old, q, not airy, world.gravity, recorder.samples, counts[SAMPLES]

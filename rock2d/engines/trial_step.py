@@ -43,10 +43,10 @@ from rock2d.engines.contact_state import (
     SLIP,
     SLIP_RATE,
     SPIN_RATE,
-    TAKEN_DISPLACEMENT,
-    TAKEN_ROTATION,
     TANGENTIAL_0,
     TANGENTIAL_1,
+    UNLIMITED_DISPLACEMENT,
+    UNLIMITED_ROTATION,
     contact_rates,
     kinetic_energy,
     note_pressed,
@@ -109,7 +109,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect,
         )
         if pressing == 0:
             for a in range(active):
-                rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]
+                rates[a, UNLIMITED_DISPLACEMENT], rates[a, UNLIMITED_ROTATION] = 0.0, rows[a, L_ROTATION]
         c1, s1 = direction
         if turning:
             c1, s1 = np.cos(q1[THETA]), np.sin(q1[THETA])
@@ -169,8 +169,8 @@ def _note_outcome(a, loaded, effects):
         mu, acting = mu * factor, abs(force_n) + abs(drag)
     else:
         trial[a, TANGENTIAL_0] = tangential_force(rows[a, L_DISPLACEMENT], normal_0, k_t, mu)
-    force_t = tangential_force(rates[a, TAKEN_DISPLACEMENT], force_n, k_t, mu)
-    rotation = rates[a, TAKEN_ROTATION]
+    force_t = tangential_force(rates[a, UNLIMITED_DISPLACEMENT], force_n, k_t, mu)
+    rotation = rates[a, UNLIMITED_ROTATION]
     moment = k_r * rotation
     if cap > 0.0 and k_r > 0.0:
         moment = rolling_moment(
@@ -208,11 +208,11 @@ def _step_error(q, q1, h, works, body, active, loaded):
         pressing += new
         if k_t > 0.0:
             old, new = trial[a, TANGENTIAL_0], trial[a, TANGENTIAL_1]
-            slips = slips or new != k_t * rates[a, TAKEN_DISPLACEMENT]
+            slips = slips or new != k_t * rates[a, UNLIMITED_DISPLACEMENT]
             stored_t += 0.5 * (new * new - old * old) / k_t
         if k_r > 0.0:
             moment, rotation = trial[a, MOMENT_1], rows[a, L_ROTATION]
-            turns = turns or moment != k_r * rates[a, TAKEN_ROTATION]
+            turns = turns or moment != k_r * rates[a, UNLIMITED_ROTATION]
             stored_r += 0.5 * (moment * moment / k_r - k_r * rotation * rotation)
     work_t = max(work_t, stored_t) if slips else stored_t
     work_r = max(work_r, stored_r) if turns else stored_r
@@ -299,8 +299,8 @@ def _oscillation(q, h, body, rows):
 def runge_kutta(q, direction, h, body, contacts, q1, effects):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
-    contacts : (number of active contacts, rows and rates of `LoadedContacts`); at the end TAKEN_DISPLACEMENT and
-        TAKEN_ROTATION of the rates hold the springs' new tangential displacement and rotation
+    contacts : (number of active contacts, rows and rates of `LoadedContacts`), of which UNLIMITED_DISPLACEMENT and
+        UNLIMITED_ROTATION are filled
     effects : whether effects of the catalogue may act; compiled twice, because their code slows the plain law down
 
     Returns (work in J on the tangential springs, on the rolling springs and of effects; velocity in m/s that recoiling
@@ -369,8 +369,8 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
                 rows[a, L_ROTATION] + ahead * rates[a, SPIN_RATE], effects,
             )  # fmt: skip
             fx, fy, moment = fx + f, fy + g, moment + m
-            rates[a, TAKEN_DISPLACEMENT] += weight * slip
-            rates[a, TAKEN_ROTATION] += weight * spin
+            rates[a, UNLIMITED_DISPLACEMENT] += weight * slip
+            rates[a, UNLIMITED_ROTATION] += weight * spin
             rates[a, SLIP_RATE], rates[a, SPIN_RATE] = slip, spin
             work_t += weight * power_t
             work_r += weight * power_r
@@ -396,6 +396,6 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
         q1[X], q1[Y] = q1[X] + up * nx, q1[Y] + up * ny
         q1[VX], q1[VY] = q1[VX] + faster * nx, q1[VY] + faster * ny
     for a in range(active):
-        rates[a, TAKEN_DISPLACEMENT] = rows[a, L_DISPLACEMENT] + h * rates[a, TAKEN_DISPLACEMENT]
-        rates[a, TAKEN_ROTATION] = rows[a, L_ROTATION] + h * rates[a, TAKEN_ROTATION]
+        rates[a, UNLIMITED_DISPLACEMENT] = rows[a, L_DISPLACEMENT] + h * rates[a, UNLIMITED_DISPLACEMENT]
+        rates[a, UNLIMITED_ROTATION] = rows[a, L_ROTATION] + h * rates[a, UNLIMITED_ROTATION]
     return h * work_t, h * work_r, h * work_e, h * pushed

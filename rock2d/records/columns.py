@@ -69,5 +69,5 @@ N_AUDIT = ELASTIC + 1
 # ground) at the start, residual of the balance (0 if it closes), and the sum of corrections of steps
 ENERGY_NAMES = ("kinetic", "potential", "elastic", *AUDIT_NAMES, "initial", "residual", "corrected")
 E_KINETIC, E_POTENTIAL, E_ELASTIC = range(3)
-E_TAKEN = slice(E_ELASTIC + 1, E_ELASTIC + 1 + len(AUDIT_NAMES))
-E_INITIAL, E_RESIDUAL, E_CORRECTED = range(E_TAKEN.stop, len(ENERGY_NAMES))
+E_DISSIPATED = slice(E_ELASTIC + 1, E_ELASTIC + 1 + len(AUDIT_NAMES))
+E_INITIAL, E_RESIDUAL, E_CORRECTED = range(E_DISSIPATED.stop, len(ENERGY_NAMES))

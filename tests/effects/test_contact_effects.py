@@ -10,7 +10,7 @@ from rock2d.effects.adhesion import ONSET_SHARE
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
-from rock2d.records.columns import E_TAKEN, EFFECTS, VELOCITIES_AFTER
+from rock2d.records.columns import E_DISSIPATED, EFFECTS, VELOCITIES_AFTER
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.effects.worlds import CATALOGUE, FLOOR, elastic, pymunk_release, run, with_effect, world
@@ -35,7 +35,7 @@ def rebound(w, vx=0.0, vy=-2.0, omega=0.0, **options) -> dict[str, np.ndarray]:
 
 def taken_by_effects(result) -> float:
     """Energy in J that effects took in the first release of an ensemble."""
-    return result.energy_J[0, E_TAKEN][EFFECTS]
+    return result.energy_J[0, E_DISSIPATED][EFFECTS]
 
 
 def first_impact(w, state) -> dict:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.records.columns import BEFORE, E_TAKEN, EFFECTS
+from rock2d.records.columns import BEFORE, E_DISSIPATED, EFFECTS
 from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import energies, pymunk_release, run, with_effect, world
 from tests.laboratory import CUBE, SETUP, SPHERE
@@ -70,10 +70,10 @@ def test_both_engines_fly_alike_and_account_for_the_energy(name):
         sim.step()
     scale = energies(w, [0, 0, 0, 2.0, 1.0, 0])[0]
     assert abs(sim.energy_balance()["residual"]) < 1e-6 * scale
-    assert energies(w, result.ends[0, 1:])[0] + result.energy_J[0, E_TAKEN].sum() == pytest.approx(
+    assert energies(w, result.ends[0, 1:])[0] + result.energy_J[0, E_DISSIPATED].sum() == pytest.approx(
         start, abs=1e-6 * scale
     )
-    assert (result.energy_J[0, E_TAKEN][EFFECTS] > 1e-4 * scale) == (name != "magnus_lift")
+    assert (result.energy_J[0, E_DISSIPATED][EFFECTS] > 1e-4 * scale) == (name != "magnus_lift")
     at = run(w, state[None], time_limit_s=sim.time).ends[0]
     assert sim.q == pytest.approx(at[1:], rel=2e-6)
 

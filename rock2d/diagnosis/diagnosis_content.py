@@ -51,7 +51,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
             if parameter.low == parameter.neutral:  # one-sided, such as a standard deviation
                 low = max(low, min(parameter.low, value))
             entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
-            if (name := parameter.called(float(value))) is not None:
+            if (name := parameter.choice_name(float(value))) is not None:
                 entries[-1]["choice"] = name
         size = len(effect.parameters)
         values_of_effects[effect.name] = {

@@ -109,7 +109,7 @@ class Model:
             return effect.apply(world, values)
         each = np.reshape(values, (len(self.flown), -1))
         without = effect.apply(world, [p.neutral for p in effect.parameters])
-        return effect.on_each(without, dict(zip(self.flown, each, strict=True)))
+        return effect.on_blocks(without, dict(zip(self.flown, each, strict=True)))
 
     @property
     def named_size(self) -> int:

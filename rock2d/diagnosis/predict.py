@@ -74,7 +74,7 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
             world = known[name].apply(world, values)
             by_block = [q.get("by_block", {}) for q in parameters.values()]
             blocks = [block for block in world.blocks if all(block in q for q in by_block)]
-            world = known[name].on_each(world, {b: [q[b]["value"] for q in by_block] for b in blocks})
+            world = known[name].on_blocks(world, {b: [q[b]["value"] for q in by_block] for b in blocks})
     return world
 
 

@@ -37,7 +37,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 def remedy(fitted: FittedEffect) -> str:
     """Compare the drag coefficient with usual values."""
     value = fitted.values["drag_per_mass_1_m"]
-    blocks, by_block = fitted.setup.blocks, fitted.each.get("drag_per_mass_1_m", {})
+    blocks, by_block = fitted.setup.blocks, fitted.by_block.get("drag_per_mass_1_m", {})
     drag = {name: number(coefficient(block, value)) for name, block in blocks.items()}
     comparison = ""
     if by_block:

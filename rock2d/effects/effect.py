@@ -51,7 +51,7 @@ class Parameter:
         """Whether it is a choice without a neutral one: then no small step leads from no effect to the effect."""
         return bool(self.choices) and not self.has_neutral_choice
 
-    def called(self, value: float) -> str | None:
+    def choice_name(self, value: float) -> str | None:
         """Name of a choice; None for a quantity."""
         return dict(zip(self.choices, self.choice_names, strict=False)).get(value)
 
@@ -123,7 +123,7 @@ class Effect:
         """Whether it changes only the record, not the motion."""
         return self.origin == CAMERA
 
-    def on_each(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
+    def on_blocks(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
         """The world with the effect on some blocks; `values`: block -> values of the parameters. Only for an effect
         that changes only blocks."""
         changed = {name: self.apply(world, parameters).blocks[name] for name, parameters in values.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class FittedEffect:
     setup : the world as stated
     fps : stated frame rate
     impacts_only : whether the record is a table of impacts instead of a film
-    each : parameter name -> block -> value as in diagnosis.json, for parameters with a value for each block
+    by_block : parameter name -> block -> value as in diagnosis.json, for parameters with a value for each block
     """
 
     effect: Effect
@@ -38,7 +38,7 @@ class FittedEffect:
     setup: World
     fps: float
     impacts_only: bool
-    each: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    by_block: Mapping[str, Mapping[str, Any]]
 
     @classmethod
     def of(
@@ -54,8 +54,8 @@ class FittedEffect:
         values = {p.name: p.neutral for p in effect.parameters if p.may_be_missing}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
-        each = {key: entry["by_block"] for key, entry in parameters.items() if "by_block" in entry}
-        return cls(effect, values, half, law, setup, fps, impacts_only, each)
+        by_block = {key: entry["by_block"] for key, entry in parameters.items() if "by_block" in entry}
+        return cls(effect, values, half, law, setup, fps, impacts_only, by_block)
 
     def world(self, changes: Mapping[str, float] | None = None) -> World:
         """The set-up with the effect, at the fitted values or with some of them changed."""

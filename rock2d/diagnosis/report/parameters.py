@@ -96,7 +96,7 @@ def _effect_rows(models: Models) -> list[tuple[str, ...]]:
             low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
             least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))
             if parameter.choices:
-                shown, between, plausible = parameter.called(value) or number(value), "", ""
+                shown, between, plausible = parameter.choice_name(value) or number(value), "", ""
             else:
                 shown, between = number(value, 0.5 * (high - low)), interval(low, high) if high > low else ""
                 plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")

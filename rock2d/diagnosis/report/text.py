@@ -274,7 +274,7 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
 def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
     """A fitted parameter with its unit; a factor as a change in %."""
     if parameter.choices:
-        return parameter.called(own["value"]) or f"{own['value']:g}"
+        return parameter.choice_name(own["value"]) or f"{own['value']:g}"
     value, unit = in_degrees(parameter, own["value"])
     low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
     if is_factor(parameter):

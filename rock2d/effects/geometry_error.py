@@ -52,15 +52,15 @@ def as_built(
     return CrossSection(points, cross_section.zones, cross_section.measure_lines)
 
 
-def _turn(points: np.ndarray, rise: Embankment, facing_rad: float) -> None:
+def _turn(points: np.ndarray, bank: Embankment, facing_rad: float) -> None:
     """Turn a facing about its foot, in place."""
-    run, height = points[rise.crest] - points[rise.left]
+    run, height = points[bank.crest] - points[bank.left]
     angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
     shear = 1.0 / np.tan(angle) - run / height
-    room = points[rise.crest_end, 0] if rise.crest_end > rise.crest else points[rise.right, 0]
-    shear = min(shear, (1.0 - CREST_LEFT) * (room - points[rise.crest, 0]) / height)
-    face = slice(rise.left + 1, rise.crest + 1)
-    points[face, 0] += shear * (points[face, 1] - points[rise.left, 1])
+    free_x = points[bank.crest_end, 0] if bank.crest_end > bank.crest else points[bank.right, 0]
+    shear = min(shear, (1.0 - CREST_LEFT) * (free_x - points[bank.crest, 0]) / height)
+    face = slice(bank.left + 1, bank.crest + 1)
+    points[face, 0] += shear * (points[face, 1] - points[bank.left, 1])
 
 
 def remedy(fitted: FittedEffect) -> str:
@@ -68,11 +68,11 @@ def remedy(fitted: FittedEffect) -> str:
     built = fitted.world().cross_section
     turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])
     more, less = "steeper", "flatter"
-    rise = fitted.setup.cross_section.embankment
-    height = 1e3 * (rise.height_m if rise is not None else fitted.setup.mean_size_m)
+    bank = fitted.setup.cross_section.embankment
+    height = 1e3 * (bank.height_m if bank is not None else fitted.setup.mean_size_m)
     level, fine = height * fitted.values["ditch_level"], height * fitted.half["ditch_level"]
     what = "the facing", "the ditch"
-    if rise is None:
+    if bank is None:
         what, more, less = ("the ground", "it"), "turned, up to the right", "turned, down to the right"
     points = ", ".join(f"[{x:.4g}, {y:.4g}]" for x, y in built.points_m)
     return (

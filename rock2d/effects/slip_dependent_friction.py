@@ -33,7 +33,7 @@ def remedy(fitted: FittedEffect) -> str:
     """Measure the friction angle at low and at high speed."""
     change, speed = fitted.values["change"], fitted.values["speed_m_s"]
     rest = float(fitted.law["friction_angle_deg"])
-    fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(0.05, 1.0 + change)))
+    fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(LEAST_RATIO, 1.0 + change)))
     return (
         f"Drag a block over the soil at speeds well below and above {number(speed)} m/s: the friction angle "
         f"should {'grow' if change > 0 else 'fall'} from {number(rest)}° to {number(float(fast))}°. If it "

@@ -41,18 +41,18 @@ def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], flo
     return (float(middle[0]), float(middle[1])), float(high[0] - low[0])
 
 
-def with_view(world: World, centre: Sequence[float] | None = None, **changes: Any) -> World:
+def with_view(world: World, shift: Sequence[float] | None = None, **changes: Any) -> World:
     """The world seen by another camera.
 
-    The axis of the camera moves by `centre` × the width of `aim_and_width`, from its previous aim or the default one.
-    Without `centre` it stays. `changes`: other fields of `World.view`.
+    The aim of the camera moves by `shift` (right, up) × the width of `aim_and_width`, from the previous aim or the
+    default one. Without `shift` it stays. `changes`: other fields of `World.view`.
     """
-    aim = world.view.centre_m
-    if centre is not None:
-        (x, y), width = aim_and_width(world.cross_section)
-        before = (x, y) if aim is None else aim
-        aim = (before[0] + width * centre[0], before[1] + width * centre[1])
-    return replace(world, view=replace(world.view, centre_m=aim, **changes))
+    aim = world.view.aim_m
+    if shift is not None:
+        default, width = aim_and_width(world.cross_section)
+        x, y = default if aim is None else aim
+        aim = (x + width * shift[0], y + width * shift[1])
+    return replace(world, view=replace(world.view, aim_m=aim, **changes))
 
 
 def with_blocks(world: World, change: Callable[[Block], Block]) -> World:

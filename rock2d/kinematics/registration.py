@@ -96,7 +96,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
     grid = width * np.linspace(-1.0, 1.0, CAMERA_GRID)
     for right in grid:
         for up in grid:
-            yield replace(world, view=View(tilt, scale, centre_m=(x + right, y + up))), text
+            yield replace(world, view=View(tilt, scale, aim_m=(x + right, y + up))), text
 
 
 def _cross_sections(world: World) -> Iterator[tuple[World, str]]:

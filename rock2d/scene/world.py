@@ -33,14 +33,14 @@ class View:
     scale: float = 1.0
     time_scale: float = 1.0
     lens_per_m2: float = 0.0
-    centre_m: tuple[float, float] | None = None  # point at which the camera aims; None: the origin
+    aim_m: tuple[float, float] | None = None  # point at which the camera aims; None: not stated
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def axis_m(self) -> tuple[float, float]:
-        """Point (x, y) in m at which the axis of the camera meets the plane."""
-        return (0.0, 0.0) if self.centre_m is None else self.centre_m
+        """Point (x, y) in m at which the axis of the camera meets the plane: `aim_m`, or the origin."""
+        return (0.0, 0.0) if self.aim_m is None else self.aim_m
 
     def record(self, pose: Array) -> Array:
         """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""

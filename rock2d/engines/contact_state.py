@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.columns import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, N_COLUMNS
 from rock2d.effects.forces import ground_forces, recoil
-from rock2d.engines.free_flight import in_air
+from rock2d.engines.free_flight import air_acts
 from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
 from rock2d.laws.contact import (
     CONTACT_LAW_COLUMNS,
@@ -255,7 +255,7 @@ def note_pressed(active, loaded, h):
 @kernel
 def effects_act(block, active, rows):
     """Whether effects of the catalogue act on the block, in the air or in a loaded contact."""
-    act = in_air(block)
+    act = air_acts(block)
     for a in range(active):
         act = act or rows[a, L_ACTS] != 0.0
     return act

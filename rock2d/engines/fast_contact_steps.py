@@ -203,7 +203,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         done += 1
         lifted = note_pressure(current, lifted, force, deepest, t, q)
         if hops:
-            why = zero + HOPPED
+            why = np.int64(HOPPED)
             break
     for a in range(active):
         j = which[a]

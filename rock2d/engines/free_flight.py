@@ -43,7 +43,7 @@ LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
 
 
 @kernel(forceinline=True)
-def in_air(block):
+def air_acts(block):
     """Whether air acts on the block."""
     return block.air.size > 0
 
@@ -54,7 +54,7 @@ def fly(q, tau, gravity, block):
 
     With air this is one classical Runge-Kutta step, and tau must be below `air_stride`.
     """
-    if not in_air(block):
+    if not air_acts(block):
         q[X] += q[VX] * tau
         q[Y] += q[VY] * tau - 0.5 * gravity * tau * tau
         q[THETA] += q[OMEGA] * tau
@@ -82,7 +82,7 @@ def fly(q, tau, gravity, block):
 @kernel
 def air_stride(q, gravity, block):
     """(longest step in s, bound of the acceleration in m/s² that air adds meanwhile at any point of the block)."""
-    if not in_air(block):
+    if not air_acts(block):
         return np.inf, 0.0
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY] + gravity * block.radius)
     spin = max(abs(q[OMEGA]), speed / block.radius)

@@ -20,7 +20,7 @@ from rock2d.compiled import copy, njit
 from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_state, contact_step, rest
 from rock2d.engines.energy_balance import energy_balance
-from rock2d.engines.free_flight import air_stride, fly, in_air
+from rock2d.engines.free_flight import air_acts, air_stride, fly
 from rock2d.engines.geometry import Body, WorldArrays, block_arrays, centroid_depth, ground_arrays
 from rock2d.engines.recording import close_impact, end_impact, note_pressure, open_impact
 from rock2d.laws.contact import ContactParameters, contact_table
@@ -347,7 +347,7 @@ def run_pymunk(
         release,
         block.name,
         knots[:, :N_INSTANT],
-        flew & (not in_air(sim._block)),
+        flew & (not air_acts(sim._block)),
         impact_mappings(sim.impacts, cross_section.zone_names),
         stop,
         gravity_m_s2,

@@ -11,7 +11,7 @@ from rock2d.effects.columns import FIRST_EFFECT_COLUMN
 from rock2d.effects.forces import departure
 from rock2d.engines.contact_state import ACTIVE, ZONE, kinetic_energy
 from rock2d.engines.event_detection import hermite_root
-from rock2d.engines.free_flight import fly, in_air
+from rock2d.engines.free_flight import air_acts, fly
 from rock2d.records.columns import (
     AFTER,
     AFTER_INSTANT,
@@ -83,7 +83,7 @@ def note_crossings(interval, q0, q1, flight, body, record):
         side0 = (q0[Y] - lines[k, LINE_Y]) * ax - (q0[X] - lines[k, LINE_X]) * ay
         side1 = (q1[Y] - lines[k, LINE_Y]) * ax - (q1[X] - lines[k, LINE_X]) * ay
         when = -1.0
-        if flight and in_air(block):
+        if flight and air_acts(block):
             if side0 * side1 >= 0.0:
                 continue
             rate0, rate1 = q0[VY] * ax - q0[VX] * ay, q1[VY] * ax - q1[VX] * ay

@@ -35,7 +35,7 @@ from rock2d.engines.fast_contact_steps import (
     floats,
     goes_deeper,
 )
-from rock2d.engines.free_flight import air_stride, fly, in_air, time_aloft
+from rock2d.engines.free_flight import air_acts, air_stride, fly, time_aloft
 from rock2d.engines.geometry import BlockArrays, Body, GroundArrays, WorldArrays, centroid_depth, facet_range
 from rock2d.engines.recording import (
     close_impact,
@@ -224,18 +224,18 @@ def _clear_time(q, world, tree, step_sizes, workspace):
 def _fly(q, tau, world, rules, recorder, workspace):
     """Fly for tau (s). Returns why the release ends, or GOES_ON."""
     counts, reals, old = workspace.counts, workspace.reals, workspace.old
-    t, flying, airy = reals[TIME], counts[ACTIVE_CONTACTS] == 0, in_air(world.block)
+    t, parabola = reals[TIME], not air_acts(world.block)
     body, lines = Body(world.block, world.gravity), recorder.lines
     copy(q, old)
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if parabola else 0.0)
     dissipated = fly(q, tau, world.gravity, world.block)
     if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
-    new = note_crossings((t, tau), old, q, flying, body, lines)
+    new = note_crossings((t, tau), old, q, True, body, lines)
     counts[SAMPLES] = note_samples(
-        (t, tau), old, q, not airy, world.gravity, recorder.samples, counts[SAMPLES]
+        (t, tau), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES]
     )
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
@@ -259,12 +259,12 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
         if t_end == t:
             return GOES_ON
     else:
-        near = counts[STEPS] >= 0
+        near = True
         flying, t_end = _full_step(q, world, step_sizes, rules, recorder, workspace)
     gone = t_end - t
     if near:
         note_crossings((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
-    parabola = flying and not in_air(world.block)
+    parabola = flying and not air_acts(world.block)
     counts[SAMPLES] = note_samples(
         (t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES]
     )
@@ -347,7 +347,7 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
         h = FLOATING_STEPS * h if floating else (h_loading * reals[GROWTH] if loading else h)
     pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius, 1e-300)
     h = min(h, rules.time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * block.radius / pace))
-    half = _half_width(q, h, world.gravity, block.radius)
+    half = (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + world.gravity * h) * h + 1.1 * block.radius
     near = facet_range(world.ground, q[X] - half, q[X] + half)
     if active == 0 and counts[SEARCHED] == 0:
         contact_state.clear(memory)
@@ -359,8 +359,8 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
     if counts[STALE] != 0:
         contact_step.refresh_depths(q, near, world, memory, found)
         counts[STALE] = 0
-    airy = in_air(block)
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
+    parabola = flying and not air_acts(block)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if parabola else 0.0)
     contacts = memory, found, workspace.loaded
     t_end = later(t, contact_step.step(q, h, near, world, contacts, recorder.audit, floating))
     before = active
@@ -410,12 +410,6 @@ def _reach(q, h, world, memory):
     energy = contact_state.kinetic_energy(q, world.block) + contact_state.stored_energy(memory, world.law)
     span = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
     return span * (np.sqrt(2.0 * energy / world.block.mass) + abs(world.gravity) * span)
-
-
-@kernel(forceinline=True)
-def _half_width(q, h, gravity, radius):
-    """Half the width in m of the ground that a contact step searches."""
-    return (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + gravity * h) * h + 1.1 * radius
 
 
 @kernel

@@ -53,7 +53,7 @@ from rock2d.engines.contact_state import (
     placed,
 )
 from rock2d.engines.event_detection import lands
-from rock2d.engines.free_flight import fly, in_air
+from rock2d.engines.free_flight import air_acts, fly
 from rock2d.engines.geometry import SMOOTH_FACET, is_ball
 from rock2d.laws.contact import (
     K_L,
@@ -380,7 +380,7 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
         ax, ay, alpha = fx * per_mass, fy * per_mass - gravity, moment * per_inertia
         if effects:
             bx = by = beta = 0.0
-            if in_air(block):
+            if air_acts(block):
                 bx, by, beta = flight(block.air, vx, vy, omega, block.mass, block.inertia)
             bx += push
             pushed += weight * push

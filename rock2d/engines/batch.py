@@ -42,13 +42,9 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-FIRST_KNOTS, KNOTS_PER_IMPACT = (
-    4096,
-    64,
-)  # first room for the knots of a track, and least number of them per impact
+FIRST_KNOTS = 4096  # first room for the knots of a track
+KNOTS_PER_IMPACT = 64  # knots per impact for which there is room
 BATCH_STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
-
-
 PACKED_MASS, PACKED_INERTIA = 2, 3  # columns of Packed.block_reals
 
 
@@ -116,12 +112,11 @@ class BatchResult(NamedTuple):
 def pack(ensemble: Ensemble) -> Packed:
     """Flat arrays of an ensemble."""
     blocks = [block_arrays(b) for b in ensemble.blocks]
-    grounds = [ground_arrays(t) for t in ensemble.cross_sections]
-    trees = [_tree(t) for t in ensemble.cross_sections]
-    names = [list(t.measure_lines.values()) for t in ensemble.cross_sections]
-    lines = np.full((len(grounds), max(map(len, names)), 4), np.nan)
-    for i, ends in enumerate(names):
-        for k, line in enumerate(ends):
+    grounds = [ground_arrays(c) for c in ensemble.cross_sections]
+    trees = [_tree(c) for c in ensemble.cross_sections]
+    lines = np.full((len(grounds), max(len(c.measure_lines) for c in ensemble.cross_sections), 4), np.nan)
+    for i, cross_section in enumerate(ensemble.cross_sections):
+        for k, line in enumerate(cross_section.measure_lines.values()):
             lines[i, k] = line.reshape(4)
 
     def starts(lengths: list[int]) -> Array:
@@ -275,7 +270,7 @@ def run_batch_track(
     rules = StopRules(0.0, 0, False, False, np.inf)
     room = FIRST_KNOTS
     while True:
-        most = max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT)
+        most = room // KNOTS_PER_IMPACT
         outputs = _new_outputs(packed, most, 0, np.empty((1, 0, contact_state.N_SAVED)), room)
         used = _run_releases(0, 1, packed, inputs, float(gravity_m_s2), rules, outputs)
         count = int(outputs.impact_count[0])

@@ -71,13 +71,11 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
 
-LARGEST_STEP_ERROR = (
-    0.0005  # largest energy error of a step, as a share of the energy; otherwise it is halved
-)
+# largest energy error of a step, as a share of the energy; otherwise it is halved
+LARGEST_STEP_ERROR = 0.0005
 MOST_HALVINGS = 12  # most halvings of a step
-LARGEST_CORRECTION = (
-    0.01  # largest correction, as a share of the impulse of a step; the rest is corrected later
-)
+# largest correction, as a share of the impulse of a step; the rest is corrected later
+LARGEST_CORRECTION = 0.01
 LEAST_ERROR = 1e-7  # share of the kinetic energy: a smaller error never halves a step
 POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angles: several machine epsilons
 

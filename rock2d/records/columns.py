@@ -22,11 +22,7 @@ def after(name: str) -> str:
 
 # how a release ends
 STOPS = ("time", "rest", "exit", "impacts", "spent", "buried", "reached")
-UNRESOLVED_STOPS = (
-    "time",
-    "impacts",
-    "buried",
-)  # cut short, or outside the range of the law: it could have gone on
+UNRESOLVED_STOPS = ("time", "impacts", "buried")  # cut short, or outside the law: it could have gone on
 STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED, STOP_REACHED = range(len(STOPS))
 
 # an instant: time and state (knots, ends, crossings)

@@ -111,9 +111,7 @@ class Block:
         length = np.hypot(*edge.T)
         before = np.roll(edge, 1, axis=0)
         cos_turn = (before * edge).sum(axis=1) / (length * np.roll(length, 1))
-        shortening = np.sqrt(
-            (1 - cos_turn) / (1 + cos_turn)
-        )  # tan(turn / 2): of both faces, per rounding radius
+        shortening = np.sqrt((1 - cos_turn) / (1 + cos_turn))  # of both faces, per radius: tan(turn / 2)
         return float((length / (shortening + np.roll(shortening, -1))).min())
 
     @cached_property

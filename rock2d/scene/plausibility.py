@@ -27,10 +27,8 @@ HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m an
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
-UNITS = {
-    1000.0: "t instead of kg",
-    1e-3: "g instead of kg",
-}  # factor that gives a usual density -> likely mistake
+# factor that gives a usual density -> likely mistake
+UNITS = {1000.0: "t instead of kg", 1e-3: "g instead of kg"}
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,8 @@ from rock2d.scene.shapes.shape import NO_CORNERS, Profile, Shape, Size, positive
 
 def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:
     radius = 0.5 * positive(name, "diameter_m", sizes.get("diameter_m"))
-    per_mass = {
-        "uniform": 0.5 * radius**2,
-        "solid_sphere": 0.4 * radius**2,
-    }  # 1/2 r² of a disc, 2/5 r² of a ball
-    return Profile((radius, radius), NO_CORNERS, per_mass)
+    inertia_per_mass_m2 = {"uniform": 0.5 * radius**2, "solid_sphere": 0.4 * radius**2}
+    return Profile((radius, radius), NO_CORNERS, inertia_per_mass_m2)
 
 
 SHAPE = Shape(

@@ -36,7 +36,7 @@ from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 # step of a flight through air, as a share of the time in which air or gravity change the motion by its own size
 STRIDE_SHARE = 0.1
-NODE_FACETS = 4  # facets in a leaf
+LEAF_FACETS = 4  # facets in a leaf
 UNBOUNDED = 1.0e300  # bound of an empty box, and time of an event that never happens
 # columns of a node: a box, and a line (normal, largest offset along it) above which no facet of the node rises
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
@@ -98,15 +98,15 @@ def air_stride(q, gravity, block):
 def facet_tree(points):
     """(2 m, 7) nodes of a binary tree over the facets of `points` (n + 1, 2), C order.
 
-    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold NODE_FACETS facets each.
+    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold LEAF_FACETS facets each.
     """
     n = len(points) - 1
     leaves = 1
-    while leaves * NODE_FACETS < n:
+    while leaves * LEAF_FACETS < n:
         leaves *= 2
     tree = np.empty((2 * leaves, 7))
     tree[:, :HIGH_X], tree[:, HIGH_X:] = UNBOUNDED, -UNBOUNDED
-    held, first = NODE_FACETS, leaves  # facets that a node holds, first node of the level
+    held, first = LEAF_FACETS, leaves  # facets that a node holds, first node of the level
     while first >= 1:
         for k in range((n + held - 1) // held):
             begin, end = k * held, min((k + 1) * held, n)
@@ -233,8 +233,8 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
                 stack[top] = near
                 top += 1
             continue
-        start = (node - leaves) * NODE_FACETS
-        for f in range(start, min(start + NODE_FACETS, n)):
+        start = (node - leaves) * LEAF_FACETS
+        for f in range(start, min(start + LEAF_FACETS, n)):
             tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
             px, py = facets[f, POINT_X], facets[f, POINT_Y]
             dx, dy = q[X] - px, q[Y] - py

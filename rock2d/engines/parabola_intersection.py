@@ -20,7 +20,7 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-BOX_FACETS = 4  # facets in a leaf of the tree
+LEAF_FACETS = 4  # facets in a leaf of the tree
 # columns of a facet: start, unit tangent, length
 START_X, START_Y, ALONG_X, ALONG_Y, FACET_LENGTH = range(5)
 # columns of a box: x range; slope m and greatest y - m x; x between which there are facets of this box only
@@ -33,7 +33,7 @@ class Surface(NamedTuple):
     facets : (n, 5) start x, y, unit tangent x, y, length; zones : (n,) zone ids
     boxes : (2 leaves - 1, 6) x_low, x_high, slope m and greatest y - m x: boxes along the ground, open downwards; then
         the x range in which all facets belong to this box. The children of box i are 2i+1 and 2i+2; the last `leaves`
-        boxes hold BOX_FACETS facets each
+        boxes hold LEAF_FACETS facets each
     x_low_m, x_high_m : ends of the cross-section; reach_m : see the module
     """
 
@@ -59,7 +59,7 @@ def make_surface(cross_section: CrossSection) -> Surface:
     facets = np.ascontiguousarray(np.column_stack([points[:-1], cross_section.tangents, length]))
     reach = 1e-12 * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
     leaves = 1
-    while leaves * BOX_FACETS < len(facets):
+    while leaves * LEAF_FACETS < len(facets):
         leaves *= 2
     left, right = float(points[:, 0].min()) - reach, float(points[:, 0].max()) + reach
     surface = Surface(facets, cross_section.zone_ids, _tree(points, leaves, reach), left, right, reach)
@@ -76,8 +76,8 @@ def _tree(points, leaves, reach):
     for j in range(last):
         before[j + 1] = max(before[j], before[j + 1])
         after[last - j - 1] = min(after[last - j], after[last - j - 1])
-    held, first = leaves * BOX_FACETS, 0  # facets a box holds, first box of the level
-    while held >= BOX_FACETS:
+    held, first = leaves * LEAF_FACETS, 0  # facets a box holds, first box of the level
+    while held >= LEAF_FACETS:
         for i in range(first, 2 * first + 1):
             start = (i - first) * held
             stop = min(start + held, last)
@@ -131,7 +131,7 @@ def next_impact(surface, stack, flight, gravity, current, limit):
     per_vx = 1.0 / vx if abs(vx) > 1e-300 else 0.0
     first_child = 1 if vx >= 0.0 else 2  # the child that the flight reaches first
     # most flights are short: search the leaf where this one starts, then larger and larger parts around it
-    searched = 0 if current < 0 else first_leaf + current // BOX_FACETS
+    searched = 0 if current < 0 else first_leaf + current // LEAF_FACETS
     box, top, met = searched, 0, True
     while True:
         # both children are checked without a branch, which the processor could not predict
@@ -144,8 +144,8 @@ def next_impact(surface, stack, flight, gravity, current, limit):
             met = near_met | far_met
             box = near if near_met else far
         if met:
-            start = (box - first_leaf) * BOX_FACETS
-            for j in range(start, min(start + BOX_FACETS, len(facets))):
+            start = (box - first_leaf) * LEAF_FACETS
+            for j in range(start, min(start + LEAF_FACETS, len(facets))):
                 tau, v_n = facet_impact(facets, j, flight, gravity, j == current, surface.reach_m)
                 # if two facets are met at once, at a joint, the harder impact counts
                 if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
@@ -243,8 +243,8 @@ def lifted_to_surface(surface, stack, x, y):
             stack[top], stack[top + 1] = 2 * i + 1, 2 * i + 2
             top += 2
             continue
-        start = (i - first_leaf) * BOX_FACETS
-        for j in range(start, min(start + BOX_FACETS, len(facets))):
+        start = (i - first_leaf) * LEAF_FACETS
+        for j in range(start, min(start + LEAF_FACETS, len(facets))):
             x0, y0, tx, ty, length = _facet(facets, j)
             x1 = x0 + length * tx
             if tx == 0.0 or not min(x0, x1) <= x < max(x0, x1):

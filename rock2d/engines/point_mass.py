@@ -95,7 +95,7 @@ class Inputs(NamedTuple):
     stop_speed: float
 
 
-class PointMassBatch(NamedTuple):
+class PointMassResult(NamedTuple):
     """Results of an ensemble of n releases, as `point_mass_release` writes them.
 
     Attributes
@@ -188,7 +188,7 @@ def run_point_mass_batch(
     time_limit_s: float,
     impact_room: int = 0,
     stop_speed_m_s: float | None = None,
-) -> PointMassBatch:
+) -> PointMassResult:
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega of the centroid; SI); see `run_point_mass`.
 
     `seeds` (n,) are whole numbers in [0, 2^64), each the `seed` of its release in `run_point_mass`; `impact_room` is
@@ -221,7 +221,7 @@ def run_point_mass_batch(
     )  # fmt: skip
     surface = make_surface(cross_section)
     lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
-    outputs = PointMassBatch(
+    outputs = PointMassResult(
         np.zeros(n, np.int64), np.empty((n, 2, N_INSTANT)), np.zeros(n, np.int64),
         np.full((n, len(lines), N_INSTANT), np.nan), np.full((n, impact_room, N_REBOUND), np.nan),
     )  # fmt: skip
@@ -272,7 +272,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
     """Run release `i` and write its results at [i]; allocates only one small stack.
 
     `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
-    `outputs`: PointMassBatch, with crossings that are NaN.
+    `outputs`: PointMassResult, with crossings that are NaN.
     An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
     mass, radius, size, table, gravity, time_limit, stop_speed = inputs

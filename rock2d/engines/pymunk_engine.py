@@ -50,8 +50,8 @@ LONGEST_FLIGHT_STRIDE = 2.0  # longest step in flight, in √(radius / g)
 ROOM = 64  # rows for the knots and the impacts of one call
 # columns of a knot: instant and state, number of active contacts, sum of forces in N, whether the block flew freely
 # since the knot before
-K_ACTIVE, K_FORCE, K_FLEW = range(N_INSTANT, N_INSTANT + 3)
-N_ROW = K_FLEW + 1
+KNOT_ACTIVE, KNOT_FORCE, KNOT_FLEW = range(N_INSTANT, N_INSTANT + 3)
+N_ROW = KNOT_FLEW + 1
 
 
 class Impacts(NamedTuple):
@@ -262,7 +262,7 @@ class PymunkRelease:
         self.time += dt
         knots = np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q)
         self._near = _range(self._near_facets)
-        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(bool(knots[-1, K_ACTIVE] > 0))
+        self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(bool(knots[-1, KNOT_ACTIVE] > 0))
         return knots
 
     def _check_depth_and_rest(self, touching: bool) -> tuple[float, bool]:
@@ -285,7 +285,7 @@ def _flight_knot(time_s: float, q: np.ndarray) -> np.ndarray:
     """A knot without contacts, (1, N_ROW)."""
     knot = np.zeros((1, N_ROW))
     knot[0, :N_INSTANT] = time_s, *q
-    knot[0, K_FLEW] = 1.0
+    knot[0, KNOT_FLEW] = 1.0
     return knot
 
 
@@ -342,7 +342,7 @@ def run_pymunk(
             break
     sim.close()
     knots = np.concatenate(strides)
-    flew = np.roll(knots[:, K_FLEW] > 0, -1)  # of the time that follows a knot
+    flew = np.roll(knots[:, KNOT_FLEW] > 0, -1)  # of the time that follows a knot
     return Track(
         release,
         block.name,
@@ -373,8 +373,8 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
         t, (force, depth, active) = stride.start + gone, contact_state.pressure(memory, world.law)
         _knot(rows[used], t, q)
         row = rows[used]
-        row[K_ACTIVE], row[K_FORCE] = active, force
-        row[K_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
+        row[KNOT_ACTIVE], row[KNOT_FORCE] = active, force
+        row[KNOT_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
         used += 1
         if flags[OPEN] == 0:
             open_if_touching(t, q, active, memory, impacts)
@@ -386,7 +386,7 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
             count, flags[OPEN] = close_impact(current, flags[LIFTED] != 0, closed, count), 0
             if not _same(q, row[INSTANT_STATE]):  # an effect has changed the velocities at this instant
                 _knot(rows[used], t, q)
-                rows[used, K_FLEW] = 1.0
+                rows[used, KNOT_FLEW] = 1.0
                 used += 1
     return used, count, gone
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.engines import contact_step
-from rock2d.engines.pymunk_engine import K_FORCE, N_ROW, CallbackError, PymunkRelease, run_pymunk
+from rock2d.engines.pymunk_engine import KNOT_FORCE, N_ROW, CallbackError, PymunkRelease, run_pymunk
 from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import AUDIT_NAMES, TIME
 from rock2d.records.track import Track, ballistic
@@ -194,7 +194,7 @@ def test_the_change_of_momentum_is_the_impulse_of_the_recorded_force(name):
     while sim.time < 0.02:
         for knot in sim.step():
             times.append(knot[0])
-            forces.append(knot[K_FORCE])
+            forces.append(knot[KNOT_FORCE])
     impulse = np.trapezoid(forces, times)
     assert sim.q[3] == pytest.approx(0.5, abs=1e-12)  # nothing pushes sideways
     assert block.mass_kg * (sim.q[4] + 2.0) == pytest.approx(impulse, rel=1e-3)

@@ -74,19 +74,19 @@ def contact_steps_s(
     of the force; the normal force of a circle has no lever. Damping c of effects counts as the rate c (1/m + r²/I). For
     parameters (zones, columns) two numbers; for tables (n, zones, columns) two (n,) arrays.
     """
-    lever, reach = block.reach_m, block.reach_m
+    lever = block.reach_m
     if block.smooth:
         lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) + float(np.hypot(*block.centre_of_mass_m))
-    free = 1 / block.mass_kg + lever**2 / block.inertia_kg_m2
-    freest = 1 / block.mass_kg + reach**2 / block.inertia_kg_m2
+    inverse_mass_n = 1 / block.mass_kg + lever**2 / block.inertia_kg_m2
+    inverse_mass_t = 1 / block.mass_kg + block.reach_m**2 / block.inertia_kg_m2
 
     def greatest(values: np.ndarray) -> Any:
         return np.fmax.reduce(values, axis=-1)  # zones that a table lacks are NaN
 
-    tangential = greatest(tables[..., K_T]) * freest
+    tangential = greatest(tables[..., K_T]) * inverse_mass_t
     others = np.maximum(tangential, greatest(tables[..., K_R]) / block.inertia_kg_m2)
-    damping = (greatest(damping_Ns_m(tables)) * freest) ** 2
-    loading, unloading = (np.maximum(greatest(tables[..., k]) * free, others) for k in (K_L, K_UL))
+    damping = (greatest(damping_Ns_m(tables)) * inverse_mass_t) ** 2
+    loading, unloading = (np.maximum(greatest(tables[..., k]) * inverse_mass_n, others) for k in (K_L, K_UL))
     return fraction / np.sqrt(loading + damping), fraction / np.sqrt(unloading + damping)
 
 

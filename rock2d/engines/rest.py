@@ -1,4 +1,4 @@
-"""Detection of rest, compiled; all engines use the same rule."""
+"""Detection of rest in the engines of the contact law, compiled."""
 
 from __future__ import annotations
 

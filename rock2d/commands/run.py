@@ -23,7 +23,7 @@ from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.resolution import precision_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import PRINTED, print_tables, residual_text, table_note
-from rock2d.scene.site_scales import line_remarks
+from rock2d.scene.plausibility import line_remarks
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -41,7 +41,7 @@ from rock2d.files.setup_keys import (
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import with_earthworks, with_numbered_earthworks
-from rock2d.scene.site_scales import site_time_limit_s
+from rock2d.scene.time_limit import site_time_limit_s
 
 if TYPE_CHECKING:
     from rock2d.files.surveys.terrain_sections import TerrainSections

@@ -6,7 +6,7 @@ Each check compares two numbers of the input with each other, or one number with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m an
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
+MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
 UNITS = {1000.0: "t instead of kg", 1e-3: "g instead of kg"}
 
@@ -185,6 +186,46 @@ def highest_speed_m_s(states: Array, ground: CrossSection, gravity_m_s2: float) 
     """Highest speed after a fall without loss from the starts (n, 6) to the lowest ground."""
     fall = np.maximum(states[:, 1] - ground.points_m[:, 1].min(), 0.0)
     return float(np.sqrt((states[:, 3:5] ** 2).sum(axis=1) + 2.0 * gravity_m_s2 * fall).max())
+
+
+def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[str]:
+    """A remark on each measure line that the centroid of a block cannot cross, or only far above its foot.
+
+    The centroid stays at least the inradius of the block away from the surface, except for the penetration. So blocks
+    cross a line close to a steep facing only above the facing.
+    """
+    import shapely
+
+    surface = shapely.LineString(cross_section.points_m)
+    lines = {
+        name: (shapely.Point(cross_section.foot_and_head(ends)[0]), shapely.LineString(ends))
+        for name, ends in cross_section.measure_lines.items()
+    }
+    remarks = []
+    for block in blocks:
+        out_of_reach = surface.buffer(block.inradius_m)
+        for name, (foot, line) in lines.items():
+            pieces = [
+                piece
+                for piece in shapely.get_parts(shapely.difference(line, out_of_reach))
+                if not piece.is_empty
+                and not cross_section.covers(np.array(piece.interpolate(0.5, normalized=True).coords))[0]
+            ]
+            lowest = min((foot.distance(piece) for piece in pieces), default=np.inf)
+            if not pieces:
+                remarks.append(
+                    f"the centroid of block {block.name} cannot cross measure line {name}: the whole line is closer to "
+                    f"the ground than {block.inradius_m:.3g} m"
+                )
+            elif (
+                lowest > MOST_INRADII_ABOVE_FOOT * block.inradius_m
+                and foot.distance(surface) < block.inradius_m
+            ):
+                remarks.append(
+                    f"the centroid of block {block.name} can cross measure line {name} only {lowest:.3g} m or more "
+                    f"above its foot: below, the line is closer to the ground than {block.inradius_m:.3g} m"
+                )
+    return remarks
 
 
 def _numbered(ground: CrossSection) -> Iterator[tuple[str, Embankment]]:

@@ -11,7 +11,13 @@ import rock2d
 from rock2d.errors import UnusualWarning
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, start_doubts
+from rock2d.scene.plausibility import (
+    contact_doubts,
+    density_kg_m3,
+    highest_speed_m_s,
+    line_remarks,
+    start_doubts,
+)
 from tests.programs import commanded, refusal
 from tests.scenarios_of_tests import SHIPPED
 
@@ -20,6 +26,8 @@ GROUND = CrossSection(
     [[0.0, 50.0], [60.0, 0.0], [66.0, 0.0], [69.0, 4.0], [71.0, 4.0], [75.0, 0.0], [90.0, 0.0]],
     ["slope", "ditch", "face", "crest", "back", "out"],
 )
+BALL = make_block("ball", "circle", 1400, diameter_m=1.0)
+SLAB = make_block("slab", "rectangle", 5400, length_m=2.0, height_m=1.0)
 
 
 def said(path: Path) -> list[str]:
@@ -132,3 +140,31 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
         "run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out"
     )
     assert re.search(f"warning: point_mass: .*{words}", run.output)
+
+
+def site(**lines) -> CrossSection:
+    """A site with an embankment of 4 m with vertical faces, and these measure lines."""
+    points = [[0, 40], [60, 0], [80, 0], [80, 4], [83, 4], [83, 0], [110, 0]]
+    return CrossSection(points, ["slope", "ditch", "facing", "crest", "back", "run_out"], lines)
+
+
+def test_a_line_close_before_a_vertical_facing_cannot_be_crossed():
+    ground = site(close=[[79.9, 0], [79.9, 4]], off=[[79.0, 0], [79.0, 4]])
+    (remark,) = line_remarks(ground, [BALL])
+    assert "block ball cannot cross measure line close" in remark and "0.5 m" in remark
+
+
+def test_a_line_that_can_be_crossed_above_the_facing_only_says_how_high():
+    """0.3 m before the facing a centroid 0.5 m from the surface is at the crest's height plus √(0.5² - 0.3²) m."""
+    (remark,) = line_remarks(site(close=[[79.7, 0], [79.7, 30]]), [SLAB])
+    assert "block slab can cross measure line close only 4.4 m or more above its foot" in remark
+
+
+def test_usual_lines_are_not_remarked():
+    """Upright from the ground, up a facing of 60 degrees, from above the ground, and a sloping one."""
+    lines = {"ditch": [[70, 0], [70, 20]], "crest": [[80, 4], [80, 20]], "high": [[79.9, 6], [79.9, 20]],
+             "slope": [[30, 20], [30, 40]], "across": [[30, 20], [40, 40]]}  # fmt: skip
+    assert not line_remarks(site(**lines), [BALL, SLAB])
+    points = [[0, 0], [10, 0], [12, 2 * np.sqrt(3)], [14, 2 * np.sqrt(3)]]
+    inclined = CrossSection(points, ["ditch", "facing", "crest"], {"low": [[11, np.sqrt(3)], [11, 9]]})
+    assert not line_remarks(inclined, [BALL, SLAB])

@@ -6,6 +6,7 @@ import numpy as np
 
 from rock2d.engines.batch import Ensemble
 from rock2d.laws.contact import ContactParameters, contact_table
+from rock2d.records.columns import I_AFTER, OMEGA, VX
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
@@ -33,6 +34,7 @@ CONTRAST = {
 }
 G = 9.81
 AFTER = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
+VELOCITIES_AFTER = slice(I_AFTER + VX, I_AFTER + OMEGA + 1)  # in a row of an impact
 
 
 def rough(seed: int) -> CrossSection:

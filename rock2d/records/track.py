@@ -27,8 +27,8 @@ class Track:
     knots : (n, 7) rows t_s, x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s; times never decrease (an
         instantaneous rebound is two knots at one time)
     flight : (n,) bool, True where the block flies freely from this knot to the next
-    impacts : one mapping for each impact, keys of IMPACT_COLUMNS without release and block; values after an impact
-        that had not ended when the track stopped are NaN
+    impacts : one mapping for each impact, keys of IMPACT_NAMES; values after an impact that had not ended when the
+        track stopped are NaN
     stop : "rest" | "exit" (left the cross-section) | "time" (time limit) | "impacts" (their limit) | "buried"
         (the centroid sank below the surface)
     energy_J : final energy balance, keys of ENERGY_NAMES; empty if the engine computes none

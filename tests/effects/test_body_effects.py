@@ -10,11 +10,10 @@ from rock2d.engines.contact_search import find_features
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
 from rock2d.laws.contact import ContactParameters, contact_table
-from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.blocks import make_block, states_at
 from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import FLOOR, elastic, run, with_effect, world
-from tests.laboratory import BLOCKS, CUBE, LAW, SETUP, SLAB, SPHERE, after
+from tests.laboratory import BLOCKS, CUBE, LAW, SETUP, SLAB, SPHERE, VELOCITIES_AFTER, after
 
 SIDE = 0.019
 RIDGE = CrossSection([[-1, -0.6], [0, 0], [1, -0.9]], ["left", "right"])

@@ -16,7 +16,7 @@ from rock2d.effects.geometry_error import as_built
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import K_L, K_UL, contact_table
-from rock2d.records.columns import E_RESIDUAL, VELOCITIES_AFTER
+from rock2d.records.columns import E_RESIDUAL
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
 from rock2d.scene.rough_ground import Roughness, roughened
 from rock2d.scene.world import World
@@ -33,7 +33,7 @@ from tests.effects.worlds import (
     with_effect,
     world,
 )
-from tests.laboratory import LAW, SETUP, after
+from tests.laboratory import LAW, SETUP, VELOCITIES_AFTER, after
 
 NAMES = {
     "air_drag", "flight_damping", "magnus_lift", "camera_tilt", "scale_error", "frame_rate_error", "lens_distortion",

@@ -10,11 +10,11 @@ from rock2d.effects.adhesion import ONSET_SHARE
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
-from rock2d.records.columns import E_DISSIPATED, EFFECTS, VELOCITIES_AFTER
+from rock2d.records.columns import E_DISSIPATED, EFFECTS
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.effects.worlds import CATALOGUE, FLOOR, elastic, pymunk_release, run, with_effect, world
-from tests.laboratory import SPHERE, after
+from tests.laboratory import SPHERE, VELOCITIES_AFTER, after
 
 M, R = SPHERE.mass_kg, SPHERE.radius_m
 NO_ROLLING = {"k_r_Nm_rad": 0.0}

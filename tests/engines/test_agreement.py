@@ -8,8 +8,8 @@ import pytest
 
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.records.columns import STOPS, VELOCITIES_AFTER
-from tests.laboratory import BLOCKS, CONTRAST, LAW, SETUP, after, ensemble
+from rock2d.records.columns import STOPS
+from tests.laboratory import BLOCKS, CONTRAST, LAW, SETUP, VELOCITIES_AFTER, after, ensemble
 
 # Releases of each block on each zone: 5 blocks, 6 zones, 240 in all. A fault in one of 15 releases of a block, or in
 # one of 80 of all, is met with 95 %.

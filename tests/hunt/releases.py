@@ -31,6 +31,7 @@ from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, Site, random_site, random_states
 from tests.hunt.impact_check import batch_impact, pymunk_impact
 from tests.hunt.own_geometry import LeftOutError
+from tests.laboratory import VELOCITIES_AFTER
 
 Array = np.ndarray
 
@@ -214,14 +215,14 @@ def _scale(case: Case) -> Array:
 def _batch(case: Case, refinement: float) -> Array | None:
     """(3,) velocities after the first impact over `_scale`, by the batch engine; None if it did not end."""
     try:
-        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[columns.VELOCITIES_AFTER] / _scale(case)
+        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[VELOCITIES_AFTER] / _scale(case)
     except LeftOutError:
         return None
 
 
 def _pymunk(case: Case, refinement: float) -> Array | None:
     """`_batch` by the pymunk engine."""
-    after = pymunk_impact(case, refinement)[columns.VELOCITIES_AFTER] / _scale(case)
+    after = pymunk_impact(case, refinement)[VELOCITIES_AFTER] / _scale(case)
     return None if np.isnan(after).any() else after
 
 

@@ -36,7 +36,7 @@ EFFECT = Effect(
     phase="impact",
     origin="block",
     parameters=(
-        Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over half the width of the narrowest block"),
+        Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over the largest that fits into every block"),
     ),
     apply=apply,
     remedy=remedy,

@@ -20,8 +20,7 @@ from rock2d.engines.energy_balance import Masses, energy_balance, energy_balance
 from rock2d.engines.free_flight import facet_tree
 from rock2d.engines.geometry import CACHED_ARRAYS, CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
-from rock2d.engines.release import StopRules
-from rock2d.engines.release import release as release_kernel
+from rock2d.engines.release import StopRules, run_release
 from rock2d.records.columns import (
     ENERGY_NAMES,
     INSTANT_STATE,
@@ -340,7 +339,7 @@ def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
         )
         ids = (inputs.block_ids[i], inputs.cross_section_ids[i], inputs.table_ids[i])
         steps = (inputs.step_sizes[i, 0], inputs.step_sizes[i, 1])
-        code, t, count, used = release_kernel(
+        code, t, count, used = run_release(
             packed, q, ids, gravity, steps, own_rules, recorder, outputs.saved_contacts[i]
         )
         outputs.stop[i] = code

@@ -94,7 +94,7 @@ class StopRules(NamedTuple):
     impact_limit: int  # number of impacts after which the release ends; 0: no limit
     spent: bool  # stop when the remaining energy is too small for any measure line that was not crossed
     captured: bool  # stop when the remaining energy cannot move the block on, see `rest.captured`
-    suspend_x: float  # m; a release that reaches it is suspended, in flight at the start of the stride
+    suspend_x: float  # m; a release is suspended there, see `batch.run_batch`
 
 
 class Workspace(NamedTuple):
@@ -129,7 +129,7 @@ def _ground(packed, i):
 
 
 @njit
-def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
+def run_release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
     """Run one release; q becomes its last state.
 
     packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
@@ -157,7 +157,7 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
 
 @kernel
 def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
-    """`release` on prepared arrays: one phase after the other, until a phase ends the release."""
+    """`run_release` on prepared arrays: one phase after the other, until a phase ends the release."""
     recorder, saved = outputs
     samples, counts, reals = recorder.samples, workspace.counts, workspace.reals
     workspace.anchor[GUARD], reals[GROWTH], reals[SHARE] = 0.0, 1.0, 1.0
@@ -306,9 +306,9 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     h = step_sizes[1] * growth
     near = len(lines.ends) > 0 and near_line(q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), lines)
     next_sample = samples.times[at] if at < samples.times.size else np.inf
-    hop = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
-    several = 1 if near or len(recorder.knots) > 0 else counts[NEXT_CHECK] - counts[STEPS]
-    limit = SeriesLimits(several, rules.time_limit, next_sample, hop, rules.suspend_x)
+    longest_hop = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
+    most_steps = 1 if near or len(recorder.knots) > 0 else counts[NEXT_CHECK] - counts[STEPS]
+    limit = SeriesLimits(most_steps, rules.time_limit, next_sample, longest_hop, rules.suspend_x)
     grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
     t_end, done, lifted, why, reals[SHARE] = fast_contact_steps(
         q, t, (limit, grown), anchor, world, (memory, workspace.loaded),

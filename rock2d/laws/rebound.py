@@ -17,11 +17,8 @@ from rock2d.compiled import njit
 from rock2d.errors import ParameterError
 from rock2d.scene.cross_section import by_zone
 
-# columns of a parameter row
-REBOUND_LAW_COLUMNS = (
-    "tan_phi", "momentum_half_kg_m_s", "tangential_restitution", "slope_reduction_rad", "slope_reduction_drawn",
-)  # fmt: skip
-TAN_PHI, M_HALF, R_T, ALPHA, SLOPE_REDUCTION_DRAWN = range(len(REBOUND_LAW_COLUMNS))
+# columns of a parameter row: tan φ, M½ in kg m/s, r_t, α in rad, and 1 if α is drawn, else 0
+TAN_PHI, M_HALF, R_T, ALPHA, SLOPE_REDUCTION_DRAWN = range(5)
 
 BALL_INERTIA_FACTOR = 0.4  # I / (m r²) of the ball
 
@@ -69,7 +66,7 @@ class ReboundParameters:
         return self.slope_reduction == "uniform" and self.slope_reduction_deg > 0
 
     def row(self) -> np.ndarray:
-        """The columns REBOUND_LAW_COLUMNS, which the compiled law reads; the last is 1 if α is drawn, else 0."""
+        """The parameter row that the compiled law reads."""
         return np.array(
             [
                 np.tan(np.deg2rad(self.friction_angle_deg)),

@@ -133,7 +133,6 @@ def run_point_mass(
     release: int = 0,
     gravity_m_s2: float = 9.81,
     time_limit_s: float,
-    rng: np.random.Generator | None = None,
     seed: int | None = None,
     stop_speed_m_s: float | None = None,
 ) -> Track:
@@ -149,24 +148,22 @@ def run_point_mass(
     - "exit": it flew beyond the left- or rightmost point, or started there;
     - "time": the time limit.
 
-    `seed` (in [0, 2^64), else drawn from `rng`) is the seed of the random stream of the release; only slope reductions
-    drawn from U(0, α) need it. Penetration and force of impacts are NaN, because this law does not know them.
+    `seed` (in [0, 2^64)) is the seed of the random stream of the release; only slope reductions drawn from U(0, α) need
+    it. Penetration and force of impacts are NaN, because this law does not know them.
 
     Raises ValueError if the state is not six finite numbers; if gravity, time limit or stop speed is not
-    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed` or `rng`.
+    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed`.
     """
     state = np.array(state6, float)  # contiguous, whatever is given: the kernel is compiled once
     if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
-    if seed is None and rng is None and any(p.random for p in parameters.values()):
-        raise ValueError("slope_reduction is uniform: a seed or a random generator is needed")
-    if seed is None:
-        seed = 0 if rng is None else int(rng.integers(2**64, dtype=np.uint64))
+    if seed is None and any(p.random for p in parameters.values()):
+        raise ValueError("slope_reduction is uniform: a seed is needed")
 
     room = FIRST_IMPACTS
     while True:
         found = run_point_mass_batch(
-            block, cross_section, parameters, state[None], np.array([seed], np.uint64), gravity_m_s2=gravity_m_s2,
+            block, cross_section, parameters, state[None], np.array([seed or 0], np.uint64), gravity_m_s2=gravity_m_s2,
             time_limit_s=time_limit_s, impact_room=room, stop_speed_m_s=stop_speed_m_s,
         )  # fmt: skip
         count = int(found.impact_count[0])

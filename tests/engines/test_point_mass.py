@@ -26,9 +26,8 @@ SETUP = CrossSection(POINTS, ZONES)
 
 
 def run(state, cross_section=SETUP, law=SPHERE_LAW, seed=0, block=SPHERE, time_limit_s=20.0, **more):
-    rng = np.random.default_rng(seed)
     return run_point_mass(
-        block, cross_section, law, np.array(state, float), time_limit_s=time_limit_s, rng=rng, **more
+        block, cross_section, law, np.array(state, float), time_limit_s=time_limit_s, seed=seed, **more
     )
 
 
@@ -210,9 +209,9 @@ def test_drawn_slope_reductions_are_uniform():
     assert abs(np.corrcoef(numbers[:-1], numbers[1:])[0, 1]) < 0.03
 
 
-def test_without_friction_or_reduction_no_generator_is_needed_and_with_a_draw_it_is():
+def test_without_a_drawn_reduction_no_seed_is_needed_and_with_one_it_is():
     run_point_mass(SPHERE, SETUP, SPHERE_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
-    with pytest.raises(ValueError, match="random generator"):
+    with pytest.raises(ValueError, match="a seed is needed"):
         run_point_mass(SPHERE, SETUP, RANDOM_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
 
 

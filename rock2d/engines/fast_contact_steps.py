@@ -170,17 +170,17 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
     zero: Any = np.int64(0)
     done, why, share = zero, zero, sizes.share
     while done < limit.steps and q[X] < limit.suspend_x:
-        loading, unpressed = _branches(active, rows, trial, sizes, effects)
-        unpressed = unpressed and lifted
+        loading, floating = _branches(active, rows, trial, sizes, effects)
+        floating = floating and lifted
         h, hops = share * (sizes.loading if loading else sizes.other), False
-        if unpressed:
-            h, hops = _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects)
+        if floating:
+            h, hops = _floating_step(q, active, loaded, ints, world, anchor, limits, effects)
         if hops and done > 0:
             break
         h = min(h, limit.time_limit - t)
         if h <= 0.0 or (done > 0 and t + h >= limit.next_sample):
             break
-        counts, view = (zero if unpressed else active, active), (world.block, anchor, active, loaded)
+        counts, view = (zero if floating else active, active), (world.block, anchor, active, loaded)
         why, elapsed, (c1, s1), works, (error, scale), halved = step_to_event(
             q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view
         )
@@ -235,7 +235,7 @@ def _inspect(q, q1, h, whole, effects, view):
 
 
 @kernel(forceinline=True)
-def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
+def _floating_step(q, active, loaded, ints, world, anchor, limits, effects):
     """(length in s of a step without pressed contacts, whether it is a hop)."""
     block, (limit, sizes) = world.block, limits
     if not effects and is_ball(block):
@@ -252,14 +252,14 @@ def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
 @kernel(forceinline=True)
 def _branches(active, rows, trial, sizes, effects):
     """(whether every contact goes deeper in first loading, whether no contact presses within `sizes.floating`)."""
-    loading, unpressed = True, True
+    loading, floating = True, True
     for a in range(active):
         d0, peak = trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK]
         loading = loading and d0 >= peak and goes_deeper(d0, trial[a, RATE_0], sizes.loading)
-        unpressed = unpressed and floats(d0 - rows[a, L_BOTTOM], trial[a, RATE_0], sizes.floating)
-        unpressed = unpressed and not (effects and rows[a, L_ACTS] != 0.0)
-        unpressed = unpressed and rows[a, L_LAW + ROLLING_IN_INDENTATION] == 0.0
-    return loading, unpressed
+        floating = floating and floats(d0 - rows[a, L_BOTTOM], trial[a, RATE_0], sizes.floating)
+        floating = floating and not (effects and rows[a, L_ACTS] != 0.0)
+        floating = floating and rows[a, L_LAW + ROLLING_IN_INDENTATION] == 0.0
+    return loading, floating
 
 
 @kernel(forceinline=True)

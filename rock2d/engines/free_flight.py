@@ -250,8 +250,9 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
 
 
 @kernel(forceinline=True)
-def time_aloft(q, extra, world, tree, stack, h_contact):
-    """`time_to_ground`, or a sharper bound from `gap_to_ground` for a polygon that may touch within a contact step.
+def time_to_contact(q, extra, world, tree, stack, h_contact):
+    """Lower bound in s of the time to contact of a flying block: `time_to_ground`, or for a polygon that may touch
+    within a contact step the sharper one from `gap_to_ground`.
 
     extra : bound of the acceleration in m/s² without gravity; h_contact : contact step in s
     """

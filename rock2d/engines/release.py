@@ -35,7 +35,7 @@ from rock2d.engines.fast_contact_steps import (
     floats,
     goes_deeper,
 )
-from rock2d.engines.free_flight import air_acts, air_stride, fly, time_aloft
+from rock2d.engines.free_flight import air_acts, air_stride, fly, time_to_contact
 from rock2d.engines.geometry import BlockArrays, Body, GroundArrays, WorldArrays, centroid_depth, facet_range
 from rock2d.engines.recording import (
     close_impact,
@@ -215,7 +215,7 @@ def _clear_time(q, world, tree, step_sizes, workspace):
     if workspace.counts[ACTIVE_CONTACTS] > 0:
         return 0.0, 0.0
     longest, extra = air_stride(q, world.gravity, world.block)
-    tau = time_aloft(q, extra, world, tree, workspace.stack, h_contact)
+    tau = time_to_contact(q, extra, world, tree, workspace.stack, h_contact)
     least = h_contact if world.block.sides.shape[0] > 0 else LEAST_STRIDE * h_contact
     return (tau if tau >= least else 0.0), longest
 

@@ -24,7 +24,7 @@ COUNTS = (  # as in reference/notes.h
     "events: rolling spring at its limit or not",
 )  # fmt: skip
 PARTS = {  # functions of the kernel, and what they do; all others are "the rest"
-    "flights": ("time_aloft", "time_to_ground", "node_time", "gap_to_ground", "gap_to_found", "cross"),
+    "flights": ("time_to_contact", "time_to_ground", "node_time", "gap_to_ground", "gap_to_found", "cross"),
     "search of the ground": ("step", "find_features", "offer", "point_depth", "near_depth", "set_anchor", "commit"),
     "trial steps": ("runge_kutta", "__sincos_fma", "__sincos", "__cos_fma", "__sin_fma"),
     "next event": ("hermite_root", "first_event", "first_loaded_event", "law_event", "place", "hop_s"),

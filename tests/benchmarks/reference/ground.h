@@ -201,7 +201,7 @@ static double gap_to_ground(const double *q, Range near, const World *w) {
     return gap;
 }
 
-static APART double time_aloft(const double *q, const World *w, double h_contact) {
+static APART double time_to_contact(const double *q, const World *w, double h_contact) {
     double tau = time_to_ground(q, w);
     if (tau < h_contact && w->corners > 0) {
         Range near = facet_range(w, q[X] - 2.0 * w->radius, q[X] + 2.0 * w->radius);

@@ -58,7 +58,7 @@ typedef struct {
     double offset, peak, displacement, rotation, bottom;
     bool pressed;
     int64_t which;
-    double taken_displacement, taken_rotation, slip_rate, spin_rate; /* of the springs, in a step */
+    double unlimited_displacement, unlimited_rotation, slip_rate, spin_rate; /* of the springs, in a step */
     double depth_0, rate_0, depth_1, rate_1, arm;                    /* before and after a trial step */
     double peak_1, displacement_1, rotation_1, normal_0, normal_1, tangential_0, tangential_1, moment_1, plastic;
 } Loaded;

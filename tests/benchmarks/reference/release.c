@@ -165,7 +165,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
         flying = active == 0;
         for (int i = 0; i < N_STATE; i++) old[i] = q[i];
         if (flying) {
-            double tau = time_aloft(q, w, h_contact);
+            double tau = time_to_contact(q, w, h_contact);
             if (tau >= (w->corners > 0 ? h_contact : 0.01 * h_contact)) {
                 tau = least(tau, time_limit - t);
                 fly(q, tau, w->gravity);

@@ -81,7 +81,7 @@ static APART void runge_kutta(const double *q, double c0, double s0, double h, c
     double ax = 0.0, ay = 0.0, alpha = 0.0, per_mass = 1.0 / w->mass, per_inertia = 1.0 / w->inertia;
     double dx = 0.0, dy = 0.0, dtheta = 0.0, dvx = 0.0, dvy = 0.0, domega = 0.0, work_t = 0.0, work_r = 0.0;
     for (int64_t a = 0; a < active; a++)
-        loaded[a].taken_displacement = loaded[a].taken_rotation = loaded[a].slip_rate = loaded[a].spin_rate = 0.0;
+        loaded[a].unlimited_displacement = loaded[a].unlimited_rotation = loaded[a].slip_rate = loaded[a].spin_rate = 0.0;
     bool oscillates = w->corners == 0 && active == 1 && loaded->feature.kind == SMOOTH_FACET && loaded->pressed;
     double half = 0.0, end = 0.0, rate = 0.0;
     if (oscillates) oscillation(q, h, w, loaded, &half, &end, &rate);
@@ -113,7 +113,7 @@ static APART void runge_kutta(const double *q, double c0, double s0, double h, c
             fx += f, fy += e, moment += at.rx * e - at.ry * f - rolling;
             work_t += weight * (force_t * slip), work_r += weight * (rolling * omega);
             if (!l->pressed) slip = 0.0;
-            l->taken_displacement += weight * slip, l->taken_rotation += weight * spin;
+            l->unlimited_displacement += weight * slip, l->unlimited_rotation += weight * spin;
             l->slip_rate = slip, l->spin_rate = spin;
         }
         ax = fx * per_mass, ay = fy * per_mass - g, alpha = moment * per_inertia;
@@ -128,8 +128,8 @@ static APART void runge_kutta(const double *q, double c0, double s0, double h, c
         q1[X] += up * at.nx, q1[Y] += up * at.ny, q1[VX] += faster * at.nx, q1[VY] += faster * at.ny;
     }
     for (int64_t a = 0; a < active; a++) {
-        loaded[a].taken_displacement = loaded[a].displacement + h * loaded[a].taken_displacement;
-        loaded[a].taken_rotation = loaded[a].rotation + h * loaded[a].taken_rotation;
+        loaded[a].unlimited_displacement = loaded[a].displacement + h * loaded[a].unlimited_displacement;
+        loaded[a].unlimited_rotation = loaded[a].rotation + h * loaded[a].unlimited_rotation;
     }
     *taken_t = h * work_t, *taken_r = h * work_r;
 }
@@ -142,8 +142,8 @@ static inline APART void note_outcome(Loaded *l) {
     l->normal_1 = force_at(after, peak, l->bottom, p->k_l, p->k_ul);
     if (after > peak) plastic = plastic_work(after, p->k_l, p->k_ul) - plastic_work(peak, p->k_l, p->k_ul), peak = after;
     l->tangential_0 = tangential_force(l->displacement, l->normal_0, p->k_t, p->mu);
-    l->tangential_1 = tangential_force(l->taken_displacement, l->normal_1, p->k_t, p->mu);
-    double rotation = l->taken_rotation, moment = p->k_r * rotation;
+    l->tangential_1 = tangential_force(l->unlimited_displacement, l->normal_1, p->k_t, p->mu);
+    double rotation = l->unlimited_rotation, moment = p->k_r * rotation;
     if (p->cap > 0.0 && p->k_r > 0.0) moment = rolling_moment(rotation, l->normal_1, l->arm, p), rotation = moment / p->k_r;
     l->peak_1 = peak, l->plastic = plastic, l->moment_1 = moment, l->rotation_1 = rotation;
     l->displacement_1 = p->k_t > 0.0 ? l->tangential_1 / p->k_t : 0.0;
@@ -168,11 +168,11 @@ static inline APART bool step_error(const double *q, const double *q1, double h,
         pressing += new;
         if (k_t > 0.0) {
             old = l->tangential_0, new = l->tangential_1;
-            slips = slips || new != k_t * l->taken_displacement;
+            slips = slips || new != k_t * l->unlimited_displacement;
             stored_t += 0.5 * (new * new - old * old) / k_t;
         }
         if (k_r > 0.0) {
-            turns = turns || l->moment_1 != k_r * l->taken_rotation;
+            turns = turns || l->moment_1 != k_r * l->unlimited_rotation;
             stored_r += 0.5 * (l->moment_1 * l->moment_1 / k_r - k_r * l->rotation * l->rotation);
         }
     }
@@ -215,9 +215,9 @@ static inline void note_branches(const Loaded *loaded, int64_t active) {
             branch_of[j].slips = branch_of[j].turns = -1;
             continue;
         }
-        note_branch(&branch_of[j].slips, p->k_t > 0.0 && l->tangential_1 != p->k_t * l->taken_displacement,
+        note_branch(&branch_of[j].slips, p->k_t > 0.0 && l->tangential_1 != p->k_t * l->unlimited_displacement,
                     FRICTION_EVENTS);
-        note_branch(&branch_of[j].turns, p->k_r > 0.0 && l->moment_1 != p->k_r * l->taken_rotation, ROLLING_EVENTS);
+        note_branch(&branch_of[j].turns, p->k_r > 0.0 && l->moment_1 != p->k_r * l->unlimited_rotation, ROLLING_EVENTS);
     }
 #else
     (void)loaded, (void)active;
@@ -367,7 +367,7 @@ static APART double step(double *q, double h, Range near, const World *w, Contac
     Pose at = pose_of(q);
     if (floating)
         for (int64_t a = 0; a < active; a++)
-            loaded[a].taken_displacement = 0.0, loaded[a].taken_rotation = loaded[a].rotation;
+            loaded[a].unlimited_displacement = 0.0, loaded[a].unlimited_rotation = loaded[a].rotation;
     int halvings = 0, landings = 0;
     while (true) {
         note_pressed(loaded, active, whole);
@@ -522,7 +522,7 @@ static APART int fast_contact_steps(double *q, double *now, int64_t steps, doubl
             NOTE(TRIALS);
             if (unpressed)
                 for (int64_t a = 0; a < active; a++)
-                    loaded[a].taken_displacement = 0.0, loaded[a].taken_rotation = loaded[a].rotation;
+                    loaded[a].unlimited_displacement = 0.0, loaded[a].unlimited_rotation = loaded[a].rotation;
             if (w->corners > 0) c1 = cos(q1[THETA]), s1 = sin(q1[THETA]);
             double moved = fabs(q1[X] - anchor->x) + fabs(q1[Y] - anchor->y) + arm * fabs(q1[THETA] - anchor->theta);
             if (moved >= anchor->guard) why = GUARD_LEFT;

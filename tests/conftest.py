@@ -40,7 +40,7 @@ FIRST = (
     "design/test_uncertainty.py",
     "design/test_several_embankments.py",
     "diagnosis/test_noise_free.py",
-    "runs/test_found_causes.py",
+    "runs/test_acting_effects.py",
 )
 _TESTS = Path(__file__).parent
 COARSE_DPI = 60

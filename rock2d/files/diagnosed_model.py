@@ -108,7 +108,7 @@ class FittedModel(NamedTuple):
     ----------
     name : name in tables
     soil : parameters of the contact law, as a scenario gives them
-    effects : effect -> parameter -> value; empty for the paper's law
+    effects : effect -> parameter -> value; empty for the base law
     p : its probability among the alternatives
     """
 
@@ -142,7 +142,7 @@ class DiagnosedModel:
     fingerprint : SHA-256 of the file
     schema : version of its format
     experiment, verdict : as the file gives them
-    before : the paper's law, refitted
+    before : the base law
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
     model : the model that a run uses
     blocks : blocks of the experiment; empty if the file does not name them

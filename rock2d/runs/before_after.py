@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.files.scenario import Scenario
+from rock2d.runs.acting_effects import ActingEffects
 from rock2d.runs.campaigns.job import crossings_job
-from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
 from rock2d.statistics import DESIGN_PERCENTILE, percentile_estimate
@@ -44,13 +44,13 @@ class Model(NamedTuple):
 
 
 def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
-    """The scenario with the refitted law of the paper, and with each alternative of its diagnosis. Before an
-    alternative whose effects act and whose soil differs from that of the refitted law stands its soil alone."""
+    """The scenario with the base law, and with each alternative of its diagnosis. Before an alternative whose effects
+    act and whose soil differs from that of the base law stands its soil alone."""
     diagnosed = scenario.diagnosed
     assert diagnosed is not None
     models = [diagnosed.before]
     for found in diagnosed.alternatives:
-        if Causes.of(found, scenario).anything and found.soil != diagnosed.before.soil:
+        if ActingEffects.of(found, scenario).any_acts and found.soil != diagnosed.before.soil:
             models.append(found._replace(name=found.name.replace("after", "soil"), effects={}))
         models.append(found)
     return [

@@ -24,8 +24,8 @@ from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import N_STATE
+from rock2d.runs.acting_effects import ActingEffects, centre_of_mass_states
 from rock2d.runs.engines import engine_named
-from rock2d.runs.found_causes import Causes, centre_of_mass_states
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
@@ -131,8 +131,8 @@ class Conditions:
 
     def __post_init__(self) -> None:
         check_engine(self.scenario, self.engine)
-        ground = self._causes.ground() if self._causes else self.scenario.make_cross_section()
-        blocks = self._causes.blocks if self._causes else self.scenario.make_blocks()
+        ground = self._effects.ground() if self._effects else self.scenario.make_cross_section()
+        blocks = self._effects.blocks if self._effects else self.scenario.make_blocks()
         object.__setattr__(self, "blocks", tuple(blocks.values()))
         object.__setattr__(self, "cross_section", ground)
 
@@ -203,9 +203,9 @@ class Conditions:
         return [Condition(block, self.cross_section, of_block, {}) for block, of_block in pairs]
 
     @cached_property
-    def _causes(self) -> Causes | None:
+    def _effects(self) -> ActingEffects | None:
         diagnosed = self.scenario.diagnosed
-        return None if diagnosed is None else Causes.of(diagnosed.model, self.scenario)
+        return None if diagnosed is None else ActingEffects.of(diagnosed.model, self.scenario)
 
     def _with_effects(self, scenario: Scenario, block: Block) -> tuple[Block, Any]:
         """A block and its parameters, with the effects of the diagnosis."""
@@ -214,11 +214,11 @@ class Conditions:
         if engine.law != "deterministic":
             return block, laws
         rows = contact_table(laws, self.cross_section.zone_names)
-        return (block, rows) if self._causes is None else self._causes.applied(block, rows)
+        return (block, rows) if self._effects is None else self._effects.applied(block, rows)
 
     @cached_property
     def _roughness(self) -> dict[str, Roughness]:
-        found = {} if self._causes is None else self._causes.roughness()
+        found = {} if self._effects is None else self._effects.roughness()
         return found | {zone: keys.make() for zone, keys in self.scenario.roughness.items()}
 
     @cached_property

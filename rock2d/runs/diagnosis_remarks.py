@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.effects import catalogue
 from rock2d.files.diagnosed_model import DiagnosedModel
-from rock2d.runs.found_causes import ROUGHNESS, Causes
+from rock2d.runs.acting_effects import ROUGHNESS, ActingEffects
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,8 +55,8 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
             "set-up of the film only; `rock2d predict` uses them there"
         )
     for model in diagnosed.alternatives:
-        causes = Causes.of(model, scenario)
-        remarks += [_effect_remark(name, causes) for name in model.effects]
+        acting = ActingEffects.of(model, scenario)
+        remarks += [_effect_remark(name, acting) for name in model.effects]
     remarks += _interval_remarks(scenario, diagnosed)
     return remarks + _scale_remarks(diagnosed, scenario.make_blocks())
 
@@ -77,8 +77,8 @@ def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:
     return ["no effect was found: only the refitted soil is used"]
 
 
-def _effect_remark(name: str, causes: Causes) -> str:
-    effect, values = catalogue()[name], causes.model.effects[name]
+def _effect_remark(name: str, acting: ActingEffects) -> str:
+    effect, values = catalogue()[name], acting.model.effects[name]
     if effect.camera:
         return f"{name} does not act: it is an error of the film, not a property of block or ground"
     numbers = ", ".join(
@@ -87,8 +87,8 @@ def _effect_remark(name: str, causes: Causes) -> str:
         for q in effect.parameters
     )
     if name == ROUGHNESS:
-        return f"{name} acts as ground with slopes that vary, sd {numbers}: {_pieces(causes)}"
-    if name in causes.without_effect():
+        return f"{name} acts as ground with slopes that vary, sd {numbers}: {_pieces(acting)}"
+    if name in acting.without_change():
         why = {
             "soil_compaction": "each release is the first of its series",
             "zone_contrast": "no zone of this cross-section belongs to an embankment alone",
@@ -103,12 +103,12 @@ def _effect_remark(name: str, causes: Causes) -> str:
     return f"{name} acts: {numbers}{more}"
 
 
-def _pieces(causes: Causes) -> str:
-    roughness = causes.roughness()
+def _pieces(acting: ActingEffects) -> str:
+    roughness = acting.roughness()
     if not roughness:
         return "its value is 0"
     piece = next(iter(roughness.values())).length_m
-    length = np.hypot(*np.diff(causes.cross_section.points_m, axis=0).T)
+    length = np.hypot(*np.diff(acting.cross_section.points_m, axis=0).T)
     short = int((length < piece).sum())
     note = f"; {short} facets are shorter and stay smooth" if short else ""
     return f"each release has its own surface of pieces of {piece:.3g} m, the mean size of the blocks{note}"

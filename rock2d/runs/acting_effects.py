@@ -1,4 +1,4 @@
-"""Apply the effects of a diagnosis to the releases of a scenario.
+"""The acting effects of a diagnosis, applied to the releases of a scenario.
 
 An effect acts if it changes blocks, soil or ground. Effects of the camera concern the film only and do not act. Each
 release of a scenario counts as the first of its series.
@@ -31,8 +31,8 @@ ROUGHNESS = "surface_roughness"
 
 
 @dataclass(frozen=True)
-class Causes:
-    """The effects of a diagnosed model on a site.
+class ActingEffects:
+    """The effects of a diagnosed model that act on a site.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Causes:
     gravity_m_s2: float
 
     @classmethod
-    def of(cls, model: FittedModel, scenario: Scenario) -> Causes:
+    def of(cls, model: FittedModel, scenario: Scenario) -> ActingEffects:
         """On the site of a scenario."""
         return cls(model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2)
 
@@ -58,13 +58,13 @@ class Causes:
         return tuple(name for name in self.model.effects if not (known[name].camera or known[name].scatter))
 
     @property
-    def anything(self) -> bool:
+    def any_acts(self) -> bool:
         """Whether any effect acts."""
         return bool(self.acting or self.roughness())
 
     def ground(self) -> CrossSection:
         """The cross-section with the effects."""
-        return self._applied(
+        return self._with_effects(
             self.blocks, np.zeros((1, len(self.cross_section.zone_names), len(CONTACT_LAW_COLUMNS)))
         ).cross_section
 
@@ -85,13 +85,13 @@ class Causes:
         """
         if not self.acting:
             return block, parameters
-        world = self._applied(self.blocks, parameters[None])
+        world = self._with_effects(self.blocks, parameters[None])
         if block is not self.blocks[block.name]:
-            changed = self._applied({**self.blocks, block.name: block}, parameters[None])
+            changed = self._with_effects({**self.blocks, block.name: block}, parameters[None])
             return changed.blocks[block.name], world.contact[0]
         return world.blocks[block.name], world.contact[0]
 
-    def without_effect(self) -> list[str]:
+    def without_change(self) -> list[str]:
         """Acting effects that change nothing on this site, for example an effect of the embankment without one."""
         rows = np.tile([1.0, 2.0, 1.0, 1.0, 1.0, 0.0, 0.0], (1, len(self.cross_section.zone_names), 1))
         return [name for name in self.acting if not self._changes(name, rows)]
@@ -114,7 +114,7 @@ class Causes:
     def _world(self, blocks: Mapping[str, Block], rows: Array) -> World:
         return World(blocks, self.cross_section, rows, self.gravity_m_s2)
 
-    def _applied(self, blocks: Mapping[str, Block], rows: Array) -> World:
+    def _with_effects(self, blocks: Mapping[str, Block], rows: Array) -> World:
         world = self._world(blocks, rows)
         for name in self.acting:
             world = catalogue()[name].apply(world, self.model.values(name))

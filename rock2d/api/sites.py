@@ -217,7 +217,7 @@ def write_report(
     from rock2d.design.report import write_report as write_page
     from rock2d.errors import InputError
     from rock2d.files.folders import make_folder
-    from rock2d.runs.resolution import unresolved_remarks
+    from rock2d.runs.release_remarks import unresolved_remarks
 
     scenario, folder = result.scenario, Path(folder)
     if scenario.experiment is not None:

@@ -20,9 +20,9 @@ from rock2d.runs.before_after import Model, diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
-from rock2d.runs.resolution import precision_remarks, source_remarks, unresolved_remarks
+from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, residual_text, table_note
+from rock2d.runs.release_remarks import precision_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
-from rock2d.runs.tables import PRINTED, print_tables, residual_text, table_note
 from rock2d.scene.plausibility import line_remarks
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def run_scenarios(
     predict: Path | None = None,
 ) -> bool:
     """Run scenario files with every engine of the request, each in its own folder. Returns False if more than 1 % of
-    the releases of a block are unresolved (see `runs.resolution`).
+    the releases of a block are unresolved (see `runs.release_remarks`).
 
     A scenario with a field test is a study of the test, unless engines or a number of releases are given; then its
     blocks run on the mean section. `predict` is a table of releases to forecast instead, into the file `request.out`.
@@ -218,7 +218,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
             workers=processes,
             progress=bars,
         )
-        shown = {name: result.to_pandas(name) for name in PRINTED if name in result.table_names()}
+        shown = {name: result.to_pandas(name) for name in PRINTED_TABLES if name in result.table_names()}
         print_tables(scenario, f"{engine}, seed {result.seed}", shown)
         found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)
         found.show()

@@ -29,7 +29,7 @@ from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.graphics.pages import check_printer
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.tables import table_note
+from rock2d.runs.printed_tables import table_note
 
 if TYPE_CHECKING:
     from rock2d.progress import Bar, Bars
@@ -221,11 +221,11 @@ def _write_page(
 
     Returns in words what the embankment must withstand and which height governs.
     """
+    from rock2d.design.headline import bound_text, norm_sentence
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
-    from rock2d.design.verdict import bound_text, norm_sentence
     from rock2d.runs.engines import compiled_engine
-    from rock2d.runs.resolution import unresolved_remarks
+    from rock2d.runs.release_remarks import unresolved_remarks
     from rock2d.runs.run import run
 
     size = answer.shown.size

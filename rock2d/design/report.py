@@ -11,13 +11,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.design.assessment import Assessment
+from rock2d.design.headline import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.design.least_size import Answer
 from rock2d.design.live_slope import View, live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.norms import demands, design_table
 from rock2d.design.report_sections import numbered_embankments, report_sections
 from rock2d.design.report_tables import quantity_text
-from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
@@ -27,7 +27,7 @@ from rock2d.graphics.live_data import live_assets
 from rock2d.graphics.pages import write_pdf
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.resolution import source_remarks
+from rock2d.runs.release_remarks import source_remarks
 from rock2d.runs.results import RunResult
 from rock2d.scene.cross_section import CrossSection, Embankment
 from rock2d.scene.earthworks import ARRIVAL_LINE, numbered
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from rock2d.design.least_volume import Combination
 
-PAGE, PRINTED = "report.html", "report.pdf"
+PAGE, PDF = "report.html", "report.pdf"
 REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
 ZOOM_HEIGHTS = 3.0  # width of the enlarged view on each side of an embankment, in heights of the embankment
 
@@ -112,7 +112,7 @@ def write_report(
     page = report_page(content, files if figures.wanted else {}, made)
     write_whole(folder / PAGE, page)
     if pdf:
-        write_pdf(page, folder / PRINTED)
+        write_pdf(page, folder / PDF)
 
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:

@@ -22,7 +22,7 @@ from rock2d.design.report_tables import (
     uncertain_rows,
 )
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
-from rock2d.runs.tables import table_note
+from rock2d.runs.printed_tables import table_note
 from rock2d.scene.cross_section import CrossSection, Embankment
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.wording import three_digits

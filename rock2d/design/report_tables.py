@@ -14,8 +14,8 @@ from rock2d.graphics.pages import Download, Table, download
 from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
-from rock2d.runs.resolution import stop_counts
-from rock2d.runs.tables import PASSING_HEAD, passing_cells
+from rock2d.runs.printed_tables import PASSING_HEAD, passing_cells
+from rock2d.runs.release_remarks import stop_counts
 from rock2d.scene.soils import SOIL_CLASSES
 from rock2d.wording import energy_unit, three_digits, with_interval, without_unit
 

@@ -19,7 +19,7 @@ from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.tables import PRINTED, print_tables
+from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -206,7 +206,7 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     scenario = diagnosed(tmp_path, {**content("unknown"), "schema": 2, "outside": found})
     assert any("flight of height (closes 93 % of the gap" in line for line in diagnosis_remarks(scenario))
     result = rock2d.run(scenario)
-    print_tables(result.scenario, "batch", {name: result.to_pandas(name) for name in PRINTED})
+    print_tables(result.scenario, "batch", {name: result.to_pandas(name) for name in PRINTED_TABLES})
     note = "without the learnt changes of d.json"
     table = model_table(diagnosed_models(scenario, "batch"), scenario.seed, scenario.releases)
     shown = [*capsys.readouterr().out.splitlines(), model_text(table, "before and after", note)]

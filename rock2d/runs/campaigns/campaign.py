@@ -95,8 +95,8 @@ def run_campaign(
     """
     from rock2d.files.folders import write_whole
     from rock2d.progress import Bars
+    from rock2d.runs.campaigns.campaign_tables import all_counts, campaign_tables
     from rock2d.runs.campaigns.chunks import is_done
-    from rock2d.runs.campaigns.streaming import all_counts, campaign_tables
 
     job, manifest = _job_and_manifest(scenario, folder, options)
     if workers.scheduler is not None:

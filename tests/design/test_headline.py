@@ -1,4 +1,4 @@
-"""The answer in plain words: it follows the verdict, shows the bound that is judged, and names what governs."""
+"""The answer in plain words: it follows the judgement, shows the bound that is judged, and names what governs."""
 
 from types import SimpleNamespace
 
@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rock2d.design.headline import answer_sentence, bound_text, first_sentence, norm_sentence, worst_blocks
 from rock2d.design.least_size import Answer, Judgement, Target
-from rock2d.design.verdict import answer_sentence, bound_text, first_sentence, norm_sentence, worst_blocks
 
 SITE = SimpleNamespace(document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.0}}))
 SHARES = st.floats(1e-5, 1.0)

@@ -7,7 +7,7 @@ from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
-from rock2d.runs.resolution import unresolved_remarks
+from rock2d.runs.release_remarks import unresolved_remarks
 from rock2d.runs.run import run
 from tests.programs import refusal
 from tests.scenarios_of_tests import scenario_file

@@ -1,4 +1,4 @@
-"""The verdict of a report in words: the target, the answer, and the bound that decides."""
+"""The head of a report in words: the target, the answer, and the bound that decides."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def worst_blocks(content: ReportContent) -> list[Worst]:
 
 
 def headline(content: ReportContent) -> str:
-    """The verdict in a few words."""
+    """The answer in a few words."""
     if content.answer is not None:
         return f"{_subject(content.answer, content.scenario)} {_verb(content.answer)} the target"
     if content.remarks:
@@ -78,7 +78,7 @@ def first_sentence(content: ReportContent) -> str:
 
 
 def answer_sentence(answer: Answer, scenario: Scenario) -> str:
-    """The verdict of a search with its target and the judged upper bound."""
+    """The answer of a search with its target and the judged upper bound."""
     target, shown = answer.target, answer.shown
     asked = target.text.rpartition(", at ")[0]
     others = ", and no more of the others" if len(shown.high) > 1 else ""

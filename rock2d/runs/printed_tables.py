@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from rock2d.runs.resolution import stop_counts
+from rock2d.runs.release_remarks import stop_counts
 from rock2d.wording import with_interval
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ PASSING_HEAD = (
 )  # fmt: skip
 
 
-PRINTED = ("passing", "stops", "energy")
+PRINTED_TABLES = ("passing", "stops", "energy")
 
 
 def print_tables(scenario: Scenario, run: str, tables: Mapping[str, pd.DataFrame]) -> None:

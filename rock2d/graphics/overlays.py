@@ -21,7 +21,6 @@ from rock2d.wording import length
 Array = np.ndarray
 
 OUTLINE_POINTS = 64  # of a smooth block
-MOST_SHOWN = 6  # releases in a figure
 
 
 def overlay_figure(
@@ -30,18 +29,17 @@ def overlay_figure(
     measured: pd.DataFrame,
     simulated: Sequence[Track],
     *,
-    releases: Sequence[int] | None = None,
     title: str = "",
 ) -> Figure:
     """Measured (dots) and simulated (lines), a column for each release: the path with the outline of the block at the
     start and the end, then height and orientation against time.
 
-    `measured` has the columns release, block, t_s, x_m, y_m, theta_rad, with the time of the tracks. `releases` are the
-    numbers to show, at most six; default: the releases with the least, the median, the 90th percentile and the largest
-    rms distance. Raises InputError if no measured release, or none of `releases`, has a track.
+    `measured` has the columns release, block, t_s, x_m, y_m, theta_rad, with the time of the tracks. Shown
+    are the releases with the least, the median, the 90th percentile and the largest rms distance. Raises InputError if
+    no measured release has a track.
     """
     pairs = _pairs(measured, simulated)
-    shown, notes = _selected(pairs, releases)
+    shown, notes = _selected(pairs)
     columns = len(shown)
     points = [(p[0][["x_m", "y_m"]].to_numpy(float), positions_of(p[1], p[0]["t_s"].max())) for p in shown]
     unit, factor = ("mm", 1e3) if max(np.ptp(a, axis=0).max() for a, _ in points) < 1.0 else ("m", 1.0)
@@ -134,33 +132,25 @@ def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.
     return pairs
 
 
-def _selected(
-    pairs: list[tuple[pd.DataFrame, Track]], releases: Sequence[int] | None
-) -> tuple[list[tuple[pd.DataFrame, Track]], list[str]]:
+def _selected(pairs: list[tuple[pd.DataFrame, Track]]) -> tuple[list[tuple[pd.DataFrame, Track]], list[str]]:
     """The pairs to show and a note for each."""
     rms = np.empty(len(pairs))
     for i, (rows, track) in enumerate(pairs):
         apart = track.states(rows["t_s"].to_numpy(float))[:, :2] - rows[["x_m", "y_m"]].to_numpy(float)
         rms[i] = np.sqrt((apart**2).sum(axis=1).mean())
     order = np.argsort(rms, kind="stable")
-    if releases is not None:
-        picks = {i: "" for r in releases for i, p in enumerate(pairs) if p[1].release == r}
-        if not picks:
-            given = ", ".join(map(str, releases))
-            raise InputError(f"none of the releases {given} is measured and simulated")
-    else:
-        ranks = {0.0: "closest", 1.0: "farthest", 0.5: "median", 0.9: "90th percentile"}
-        picks = {}
-        for rank, word in ranks.items():
-            picks.setdefault(int(order[round(rank * (len(pairs) - 1))]), word)
-        picks = {i: picks[i] for i in sorted(picks, key=lambda i: rms[i])}
+    ranks = {0.0: "closest", 1.0: "farthest", 0.5: "median", 0.9: "90th percentile"}
+    picks: dict[int, str] = {}
+    for rank, word in ranks.items():
+        picks.setdefault(int(order[round(rank * (len(pairs) - 1))]), word)
+    shown = sorted(picks, key=lambda i: rms[i])
     several = len({p[1].block for p in pairs}) > 1
     notes = []
-    for i, word in list(picks.items())[:MOST_SHOWN]:
+    for i in shown:
         track = pairs[i][1]
         name = f"{track.block} {track.release}" if several else f"release {track.release}"
-        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {length(rms[i])}")
-    return [pairs[i] for i in list(picks)[:MOST_SHOWN]], notes
+        notes.append(f"{name}, {picks[i]}\nrms distance {length(rms[i])}")
+    return [pairs[i] for i in shown], notes
 
 
 def draw_ground(axis: Any, cross_section: CrossSection, factor: float, high_m: float) -> None:

@@ -18,10 +18,6 @@ def test_overlay_takes_the_closest_and_the_farthest_release():
         "release 0, closest", "release 10, median", "release 18, 90th percentile", "release 20, farthest"
     ]  # fmt: skip
     assert [t[1] for t in titles] == [f"rms distance {d:.1f} mm" for d in (0, 10, 18, 20)]
-    chosen = overlay_figure(FLOOR, BLOCKS, measured, tracks, releases=[4, 7])
-    assert [a.get_title().split("\n")[0] for a in chosen.axes[:2]] == ["release 4", "release 7"]
-    with pytest.raises(InputError, match="99"):
-        overlay_figure(FLOOR, BLOCKS, measured, tracks, releases=[99])
     with pytest.raises(InputError, match="no measured release"):
         overlay_figure(FLOOR, BLOCKS, measured.assign(release=500), tracks)
 

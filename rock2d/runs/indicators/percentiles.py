@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
 PERCENTILES = (95.0, 99.0)
 
 
-def percentile_table(crossings: pd.DataFrame, percentiles: Sequence[float] = PERCENTILES) -> pd.DataFrame:
+def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
     """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
 
     Percentiles and intervals are those of `statistics.percentile_estimate`: NaN if too few blocks passed.
@@ -29,7 +28,7 @@ def percentile_table(crossings: pd.DataFrame, percentiles: Sequence[float] = PER
     for (block, line), group in crossings.groupby(["block", "line"], sort=False):
         for quantity in QUANTITIES:
             ranked = np.sort(group[quantity].to_numpy(float))
-            for percentile in percentiles:
+            for percentile in PERCENTILES:
                 estimate = percentile_estimate(ranked, len(ranked), percentile)
                 rows.append((block, line, quantity, percentile, len(ranked), *estimate))
     return pd.DataFrame(rows, columns=list(PERCENTILE_COLUMNS))

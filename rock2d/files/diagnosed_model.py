@@ -19,7 +19,7 @@ import numpy as np
 
 from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis import NOT_EFFECTS, read_fitted_diagnosis
-from rock2d.files.diagnosis_keys import DiagnosisFile
+from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
 from rock2d.files.fitted_keys import FittedLaw, FittedParameter
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.scenario_keys import ContactKeys
@@ -124,13 +124,6 @@ class FittedModel(NamedTuple):
         return tuple(self.effects[effect][q.name].value for q in catalogue()[effect].parameters)
 
 
-class Scale(NamedTuple):
-    """Mass and size of a block of the experiment."""
-
-    mass_kg: float
-    size_m: float
-
-
 @dataclass(frozen=True)
 class DiagnosedModel:
     """A diagnosis as a scenario uses it.
@@ -158,7 +151,7 @@ class DiagnosedModel:
     before: FittedModel
     alternatives: tuple[FittedModel, ...]
     model: FittedModel
-    blocks: Mapping[str, Scale] = field(default_factory=dict)
+    blocks: Mapping[str, BlockScale] = field(default_factory=dict)
     learnt: str = ""
 
     @property
@@ -255,7 +248,7 @@ def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
     return DiagnosedModel(
         given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else without_effects,
-        {name: Scale(block.mass_kg, block.size_m) for name, block in keys.blocks.items()}, _learnt_in_words(keys),
+        keys.blocks, _learnt_in_words(keys),
     )  # fmt: skip
 
 

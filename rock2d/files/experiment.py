@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from rock2d.errors import InputError, counted, listed
@@ -225,10 +226,9 @@ def _inside(folder: Path, name: str) -> Path:
 
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:
     """Trajectories CSV as a frame of `TRAJECTORY_COLUMNS`; raises `InputError` with file and line."""
-    import numpy as np
     import pandas as pd
 
-    lines, table = _read_table(path, TRAJECTORY_COLUMNS, (), {"block": blocks})
+    lines, table = _read_table(path, TRAJECTORY_COLUMNS, ())
     measured = ("x_m", "y_m", "theta_rad")
     frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
     if frame[["x_m", "y_m"]].isna().any(axis=1).all():
@@ -251,7 +251,7 @@ def read_impacts(path: str | Path, blocks: Collection[str], zones: Collection[st
 
     names = {"block": blocks, "zone": zones}
     optional = [name for name in IMPACT_COLUMNS if name not in REQUIRED_IMPACT_COLUMNS]
-    lines, table = _read_table(path, REQUIRED_IMPACT_COLUMNS, optional, names)
+    lines, table = _read_table(path, REQUIRED_IMPACT_COLUMNS, optional)
     may_be_empty = [name for name in IMPACT_COLUMNS if "after" in name or name in optional]
     frame = pd.DataFrame(_typed(path, lines, table, names, may_be_empty))
     return frame[[name for name in IMPACT_COLUMNS if name in frame]]
@@ -298,7 +298,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
 
 
 def _read_table(
-    path: str | Path, required: Sequence[str], optional: Sequence[str], texts: Collection[str]
+    path: str | Path, required: Sequence[str], optional: Sequence[str]
 ) -> tuple[list[int], dict[str, list[str]]]:
     """Line number of each row, and column name -> cells as text. One line is one row."""
     text = read_text(path).replace("\r\n", "\n").replace("\r", "\n")
@@ -362,8 +362,6 @@ def _typed(
     may_be_empty: Collection[str],
 ) -> dict[str, object]:
     """Columns as int, float and checked text; `texts` gives the allowed words of each text column."""
-    import numpy as np
-
     columns: dict[str, object] = {}
     for name, cells in table.items():
         if "" in cells and name not in may_be_empty:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import date
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from rock2d.files.checked_yaml import Checked, Table, mistake, shown
@@ -20,7 +21,9 @@ SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
 FrictionAngle = Annotated[float, Field(ge=0, le=90)]
-SoilName = Annotated[str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})]  # `scenario` checks it
+SoilName = Annotated[
+    str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})
+]  # `scenario_checks` refuses others
 
 
 class ContactKeys(Checked):
@@ -270,8 +273,6 @@ class Incident(Checked):
 
         With `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
         """
-        import numpy as np
-
         source = self.fixed or self.distribution or self.above_ground or self.along
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")
@@ -297,8 +298,6 @@ def _drawn(value: Any, generator: Any, count: int) -> Any:
 
 def _points_along(points_m: Any, share: Any) -> Any:
     """(n, 2) points at fractions (n,) of the length of a polyline."""
-    import numpy as np
-
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
     return np.column_stack([np.interp(share * length[-1], length, side) for side in points_m.T])
 

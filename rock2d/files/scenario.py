@@ -122,8 +122,6 @@ class Scenario(Checked):
     )
     outputs: Outputs = Field(default_factory=Outputs, description="How the releases are recorded")
 
-    _document: Document | None = PrivateAttr(default=None)
-
     def __repr__(self) -> str:
         blocks = [*(self.blocks or {}), *self.populations]
         return (
@@ -132,6 +130,8 @@ class Scenario(Checked):
         )
 
     __str__ = __repr__
+
+    _document: Document | None = PrivateAttr(default=None)
     _experiment: Experiment | None = PrivateAttr(default=None)
     _terrain: TerrainSections | None = PrivateAttr(default=None)
     _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)

@@ -17,9 +17,7 @@ Array = np.ndarray
 
 EFFECTIVE_SHARE = 0.5  # effective sample size after a step, over the number of hypotheses
 WALK_SCALES = (1.0, 0.3)  # factors on the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)
-SHRINKAGE = (
-    0.05  # relative increase of variances, which reduces spurious correlations between groups of unknowns
-)
+SHRINKAGE = 0.05  # relative increase of variances, which reduces correlations by chance
 
 
 @dataclass(frozen=True)
@@ -277,5 +275,5 @@ def _covariance(u: Array, columns: Array) -> Array:
     every = np.atleast_2d(np.cov(u.T)) + 1e-6 * np.eye(u.shape[1])
     if len(columns) == u.shape[1]:
         return every[np.ix_(columns, columns)]
-    shrunk = every + SHRINKAGE * np.diag(np.diag(every))  # few hypotheses have correlations by chance
+    shrunk = every + SHRINKAGE * np.diag(np.diag(every))
     return np.asarray(np.linalg.inv(np.linalg.inv(shrunk)[np.ix_(columns, columns)]))

@@ -12,9 +12,7 @@ import numpy as np
 Array = np.ndarray
 
 DRAWS = 4000
-MEAN_VALUES = (
-    120  # number of values of mu, equally spaced in arcsin sqrt mu, where Jeffreys' prior is uniform
-)
+MEAN_VALUES = 120  # values of mu, equally spaced in arcsin sqrt mu, where Jeffreys' prior is uniform
 LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 

@@ -22,9 +22,7 @@ Array = np.ndarray
 
 UNRESOLVED = np.isin(STOPS, UNRESOLVED_STOPS)  # (STOPS,) bool
 FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; releases with more are repeated
-OWN_CONDITIONS_AT_ONCE = (
-    200  # releases with their own blocks, grounds or parameters that are in memory together
-)
+OWN_CONDITIONS_AT_ONCE = 200  # releases with their own conditions that are in memory together
 SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # room for impacts of the repeated releases of one call
 
 

@@ -183,7 +183,7 @@ def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
 def _write_figures(
     folder: Path, scenario: Scenario, found: Mapping[str, Forecasts], tables: Mapping[str, pd.DataFrame]
 ) -> None:
-    from rock2d.graphics.field_test_figures import passing_figure, stops_figure
+    from rock2d.graphics.field_test_figures import forecasts_figure, passing_figure
     from rock2d.graphics.figure_style import save_figure
 
     assert scenario.terrain is not None
@@ -196,6 +196,6 @@ def _write_figures(
             for block, rows in by_block(known, forecasts).items():
                 if block != ALL:
                     expected[block][name] = spread[rows]
-    save_figure(stops_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")
+    save_figure(forecasts_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")
     from_one = {name: name for name in found if "held out" not in name}
     save_figure(passing_figure(tables["passing"], from_one), folder / "passing.png")

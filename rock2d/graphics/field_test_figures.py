@@ -21,7 +21,7 @@ Array = np.ndarray
 INTERVALS = ((0.05, 0.95, 1.5), (0.10, 0.90, 4.0), (0.25, 0.75, 8.0))  # from, to, width of the bar
 
 
-def stops_figure(
+def forecasts_figure(
     ground: CrossSection, measured: Mapping[str, Array], expected: Mapping[str, Mapping[str, Array]]
 ) -> Figure:
     """The mean section `ground`, and below it the stops of each block: `measured` distances (n,) in m, and the

@@ -46,7 +46,7 @@ AT_LINES = {"height_m": "passing_height_m"}  # quantity of the envelopes -> its 
 BYTES_OF_A_RELEASE = 22  # for number, block, stop and energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
 # head of a column -> its value in an impact of a track
-IMPACT_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
+LISTED_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
     ("t (s)", lambda impact: impact["t_s"]),
     ("x (m)", lambda impact: impact["x_m"]),
     ("speed before (m/s)", lambda impact: math.hypot(impact["vx_m_s"], impact["vy_m_s"])),
@@ -293,11 +293,11 @@ def _impacts(run: Simulation, worst: Sequence[int], most: int) -> tuple[dict[str
         chosen.append(i)
     zones = list(dict.fromkeys(run.cross_section.zones))
     rows = [impact for i in chosen for impact in tracks[i].impacts]
-    columns = [[_value(impact) for impact in rows] for _, _value in IMPACT_COLUMNS]
+    columns = [[value(impact) for impact in rows] for _, value in LISTED_COLUMNS]
     of_zone = np.array([zones.index(impact["zone"]) for impact in rows], "<u2")
     raw = np.array(columns, "<f4").tobytes() + of_zone.tobytes()
     data: dict[str, Any] = {
-        "rows": packed(raw), "columns": [name for name, _ in IMPACT_COLUMNS], "zones": list(map(spoken, zones)),
+        "rows": packed(raw), "columns": [name for name, _ in LISTED_COLUMNS], "zones": list(map(spoken, zones)),
         "release": [tracks[i].release for i in chosen], "counts": [len(tracks[i].impacts) for i in chosen],
     }  # fmt: skip
     few = [f"Impacts are listed for {len(chosen)} of {len(tracks)} releases."]

@@ -45,11 +45,11 @@ class Workers:
 THIS_PROCESS = Workers()  # with all its threads
 
 # index of each job and the result of `work(*job)`, in the order in which they finish
-Crew = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Generator[tuple[int, Any]]]
+JobRunner = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Generator[tuple[int, Any]]]
 
 
 @contextmanager
-def crew_of(workers: Workers) -> Iterator[Crew]:
+def job_runner(workers: Workers) -> Iterator[JobRunner]:
     """Give a function that computes a round of jobs on the workers of a scheduler, in several processes or in this one;
     the jobs must not write files. Raises InputError if Dask is missing; a round raises the errors of
     `as_finished_on_cluster` or `Processes`."""

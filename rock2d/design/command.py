@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from rock2d.cluster import THIS_PROCESS, Workers, crew_of
+from rock2d.cluster import THIS_PROCESS, Workers, job_runner
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.design.least_volume import (
     TABLE,
@@ -79,8 +79,10 @@ def run_design(
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
-    with crew_of(workers) as crew:
-        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, ranges, crew)
+    with job_runner(workers) as run_jobs:
+        search = Search(
+            scenario, place, bounds, target, engine or scenario.engine, own_seed, ranges, run_jobs
+        )
         search.check()
         bars = Bars(progress, {} if over else {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
         combinations: list[Combination] = []

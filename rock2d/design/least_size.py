@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rock2d.cluster import Crew
+from rock2d.cluster import JobRunner
 from rock2d.design.possible_sites import IN_THIS_PROCESS, SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
 from rock2d.design.site_frequencies import further_site_draws
@@ -232,7 +232,7 @@ class Search:
     target : the target
     engine, seed : engine and seed of the simulation
     over : places of further numbers that vary, with their bounds
-    crew : function that distributes the possible sites to workers; results do not depend on it
+    run_jobs : function that distributes the possible sites to workers; results do not depend on it
     """
 
     scenario: Scenario
@@ -242,7 +242,7 @@ class Search:
     engine: str
     seed: int
     over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    crew: Crew = field(default=IN_THIS_PROCESS, repr=False, compare=False)
+    run_jobs: JobRunner = field(default=IN_THIS_PROCESS, repr=False, compare=False)
 
     def check(self) -> None:
         """Raise InputError if the places, the line or the bounds make no sense."""
@@ -299,7 +299,7 @@ class Search:
         """Simulate all possible sites with this size and these values of `over`, and judge the size."""
         variants = self._variants({**others, self.place: size})
         results = simulate_sites(
-            variants, self.engine, self._seeds, self.releases, on_progress, self._descents, self.crew
+            variants, self.engine, self._seeds, self.releases, on_progress, self._descents, self.run_jobs
         )
         return judge(results, size, self.target, self.seed)
 
@@ -311,7 +311,7 @@ class Search:
         return [variant(self.scenario, {**values, **sizes}) for values, _ in self.sites]
 
     @property
-    def shares(self) -> bool:
+    def has_shared_descents(self) -> bool:
         """Whether the releases of all sizes share their descents, see `shared_descents`."""
         return self._descents is not None
 
@@ -371,7 +371,7 @@ def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> i
 def work_of_sizes(search: Search, tolerance: float | None = None) -> dict[str, float]:
     """Work of the stages of `size_bars`, in simulated releases."""
     each = len(search.sites) * search.releases * len(search.scenario.make_blocks())
-    later = LATER_SHARE if search.shares else 1.0
+    later = LATER_SHARE if search.has_shared_descents else 1.0
     return {LARGEST: each, SMALLER: later * each * (most_sizes(search.bounds, tolerance) - 1)}
 
 

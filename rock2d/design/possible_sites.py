@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.cluster import Crew
+from rock2d.cluster import JobRunner
 from rock2d.design.shared_descents import SharedDescents
 from rock2d.errors import InputError
-from rock2d.files.posterior_table import FACTOR, Posterior
+from rock2d.files.posterior_table import ROW, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.processes import Processes
@@ -30,7 +30,7 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 Array = np.ndarray
 
 EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # quantiles that count as extreme
-IN_THIS_PROCESS: Crew = Processes(1).as_finished
+IN_THIS_PROCESS: JobRunner = Processes(1).as_finished
 RELEASES_OF_A_GROUP = 7  # first number of the spawn key
 
 
@@ -44,7 +44,7 @@ class PossibleSites:
     values : (N (d + 2), d) in the order of the Sobol sample of SALib: in each of N groups the first and the last site
         are independent draws; each of the d sites between them takes one value from the last site
     seed : seed of the releases of all groups
-    posterior : draws of a calibration; the value of its factor is the number of a row
+    posterior : draws of a calibration; the value of `ROW` is the number of a row
     """
 
     places: tuple[str, ...]
@@ -66,7 +66,7 @@ class PossibleSites:
     def __getitem__(self, i: int) -> dict[str, float]:
         """Place -> value of site i."""
         found = dict(zip(self.places, self.values[i].tolist(), strict=True))
-        return found if self.posterior is None else found | self.posterior.values(found.pop(FACTOR))
+        return found if self.posterior is None else found | self.posterior.values(found.pop(ROW))
 
 
 def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
@@ -113,12 +113,12 @@ def simulate_sites(
     releases: int,
     on_progress: Callable[[int], Any] = lambda count: None,
     descents: list[SharedDescents] | None = None,
-    crew: Crew = IN_THIS_PROCESS,
+    run_jobs: JobRunner = IN_THIS_PROCESS,
 ) -> SiteResults:
     """Simulate releases on each of these scenarios, which have the same blocks and lines, with these seeds.
 
     `on_progress` gets the number of further scenarios that are done. `descents` are the descents on each site that the
-    releases share with those of other sizes; computed ones are kept there. `crew` distributes the work. Raises
+    releases share with those of other sizes; computed ones are kept there. `run_jobs` distributes the work. Raises
     InputError if a scenario cannot be simulated.
     """
     jobs = [
@@ -126,7 +126,7 @@ def simulate_sites(
         for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True))
     ]
     found: dict[int, SiteResults] = {}
-    with closing(crew(_simulated, jobs)) as finished:
+    with closing(run_jobs(_simulated, jobs)) as finished:
         for s, (found[s], new) in finished:
             if descents and new:
                 descents[s] = new
@@ -171,7 +171,7 @@ def _simulated(
 def check_extremes(scenario: Scenario) -> None:
     """Raise InputError if an extreme value of something that is not known makes no sense."""
     for place, quantile in scenario.unknown().items():
-        for value in quantile(EXTREME_SHARES) if place != FACTOR else ():
+        for value in quantile(EXTREME_SHARES) if place != ROW else ():
             variant(scenario, {place: float(value)})
 
 

@@ -13,7 +13,7 @@ from rock2d.files.text_files import read_text
 
 Array = np.ndarray
 
-FACTOR = "posterior"  # name of the row number among the unknown values of a site
+ROW = "posterior"  # name of the row number among the unknown values of a site
 FEWEST_DRAWS, MOST_DRAWS = 10, 100_000
 
 

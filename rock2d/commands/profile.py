@@ -15,7 +15,7 @@ from rock2d.files.folders import atomic_file, check_file
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.profile import Profile, simplified
 from rock2d.files.surveys.release_area import given_area, release_area
-from rock2d.files.surveys.scenario_template import DIAMETER_M, scenario_of
+from rock2d.files.surveys.scenario_template import DIAMETER_M, template_text
 from rock2d.files.surveys.terrain import DRIVERS, along_line, down_fall_line, read_terrain
 from rock2d.files.surveys.zones import ZoneTable, facets_with_zones, read_zones, zones_of_points
 
@@ -74,7 +74,7 @@ def write_profile(
     area = release_area(profile, DIAMETER_M) if given is None else given_area(profile, given)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", out.stem).strip("_-") or "profile"
     with atomic_file(out) as part:
-        part.write_text(scenario_of(profile, name, (points, names), area, options.smooth), encoding="utf-8")
+        part.write_text(template_text(profile, name, (points, names), area, options.smooth), encoding="utf-8")
         try:
             load_scenario(part)
         except InputError as error:  # an impossible site

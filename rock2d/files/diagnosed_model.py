@@ -210,7 +210,7 @@ class CauseDraw(NamedTuple):
         return np.minimum(np.searchsorted(edges, u, side="right"), len(self.p) - 1).astype(float)
 
 
-def found_diagnosis(scenario: Scenario, given: str, data_root: str | Path | None) -> DiagnosedModel:
+def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path | None) -> DiagnosedModel:
     """The diagnosis beside the scenario file, or under the data root.
 
     Raises InputError with the place in the scenario, or in the diagnosis.

@@ -19,13 +19,13 @@ from pydantic import Field, PrivateAttr
 from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, shown
-from rock2d.files.diagnosed_model import DiagnosedModel, found_diagnosis
+from rock2d.files.diagnosed_model import DiagnosedModel, load_diagnosed_model
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.field_releases import FieldTestKeys
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
-from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
+from rock2d.files.posterior_table import ROW, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys, Uncertainty
 from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs, Project
@@ -180,7 +180,7 @@ class Scenario(Checked):
         if self._diagnosed is not None:
             out |= {place: draw.quantiles for place, draw in self._diagnosed.unknown().items()}
         if self._posterior is not None:
-            out[FACTOR] = self._posterior.row
+            out[ROW] = self._posterior.row
         return out
 
     def longest_release_s(self) -> float:
@@ -288,7 +288,7 @@ def checked_scenario(
         found = terrain or _load_terrain(scenario, scenario.field_test, data_root)
         scenario._terrain = replace(found, beyond_deg=scenario.field_test.beyond_deg)
     if scenario.model.diagnosis is not None:
-        scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, data_root)
+        scenario._diagnosed = diagnosed or load_diagnosed_model(scenario, scenario.model.diagnosis, data_root)
     if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
         scenario._posterior = _load_posterior(scenario, scenario.uncertainty.posterior)
     for key, value in (

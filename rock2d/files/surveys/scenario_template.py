@@ -38,7 +38,7 @@ def _likely_class(zone: str) -> str:
     return next((soil for word, soil in CLASS_OF_WORD.items() if word in zone.lower()), DEFAULT_CLASS)
 
 
-def scenario_of(
+def template_text(
     profile: Profile,
     name: str,
     ground: tuple[Array, Sequence[str]],

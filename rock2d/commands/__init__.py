@@ -1,1 +1,1 @@
-"""The commands about a site: run, profile, soils."""
+"""The commands about a site: run, profile, design, soils."""

@@ -80,7 +80,7 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
     request = RunRequest(
         out, campaign, Workers(options["workers"], options["scheduler"]), engines=engines, video=video,
-        page_of=command_line() if report or pdf else None, pdf=pdf, compare=compare,
+        page_command=command_line() if report or pdf else None, pdf=pdf, compare=compare,
         precision=precision and precision / 100.0, draw=not options["no_figures"], overwrite=overwrite,
         progress=not quiet, report=click.echo,
     )  # fmt: skip

@@ -43,8 +43,9 @@ class RunRequest:
     Attributes
     ----------
     out : folder in which each run has its own folder
+    options : seed and releases of every run; keep, for a campaign only
     engines : engines that run each scenario; default: that of the scenario
-    page_of : command line that the page report.html shows; None for no page
+    page_command : command line that the page report.html shows; None for no page
     pdf : also write the page as report.pdf
     compare : also run the other models of `design.model_range`
     precision : half-width of intervals that determines the number of releases, see `runs.precision.releases_for`
@@ -58,7 +59,7 @@ class RunRequest:
     _: KW_ONLY
     engines: Sequence[str] = ()
     video: bool = False
-    page_of: str | None = None
+    page_command: str | None = None
     pdf: bool = False
     compare: bool = False
     precision: float | None = None
@@ -67,7 +68,7 @@ class RunRequest:
     progress: bool = True
     report: Callable[[str], Any] = print
 
-    def large(self, scenario: Scenario) -> bool:
+    def is_campaign(self, scenario: Scenario) -> bool:
         """Whether the run is a campaign."""
         return self.workers.scheduler is not None or is_campaign(scenario, self.options.releases)
 
@@ -85,18 +86,18 @@ class RunRequest:
 
     def check(self, scenario: Scenario) -> None:
         """Raise InputError for options that do not fit the scenario, or a folder that cannot be used."""
-        large = self.large(scenario)
-        if self.options.keep and not large:
+        campaign = self.is_campaign(scenario)
+        if self.options.keep and not campaign:
             message = "--keep is for campaigns: more than 10,000 releases, or --scheduler"
             raise InputError(message, code="wrong_kind", option="keep")
-        if self.video and large:
+        if self.video and campaign:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
         if not self.draw and self.studies(scenario):
             message = "--no-figures is for runs: the study of a field test always draws its figures"
             raise InputError(message, code="wrong_kind", option="no-figures")
         asks = {
-            "report": self.page_of is not None,
+            "report": self.page_command is not None,
             "compare": self.compare,
             "precision": self.precision is not None,
         }
@@ -104,7 +105,7 @@ class RunRequest:
             if asked and scenario.experiment is not None:
                 message = f"--{option} is for sites; releases restarted from a film are compared with the film instead"
                 raise InputError(message, code="wrong_kind", option=option)
-        for engine in () if large else self.engines_of(scenario):
+        for engine in () if campaign else self.engines_of(scenario):
             check_output_folder(self.folder(scenario, engine), self.overwrite)
         for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
@@ -172,7 +173,9 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     for engine in request.engines_of(scenario):
         if request.precision is not None:
             request = _with_releases_for_precision(scenario, engine, request)
-        tables = (_run_campaign if request.large(scenario) else _run_in_memory)(scenario, engine, request)
+        tables = (_run_campaign if request.is_campaign(scenario) else _run_in_memory)(
+            scenario, engine, request
+        )
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
@@ -181,7 +184,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
                 *(f"warning: {text}" for text in (*source_remarks(tables), *precision_remarks(tables))),
             ):
                 request.report(remark)
-        if request.page_of is not None and len(tables.get("percentiles", ())):
+        if request.page_command is not None and len(tables.get("percentiles", ())):
             from rock2d.design.norms import norm_remarks
 
             for remark in norm_remarks(scenario):
@@ -225,7 +228,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
 
         def also(partial: Path) -> None:
             found.write(partial, figures)
-            if request.page_of is not None:
+            if request.page_command is not None:
                 from rock2d.design.report import REPORTED_TABLES
 
                 of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
@@ -269,7 +272,7 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
     found.show()
     figures = Figures() if request.draw else NoFigures()
     found.write(folder, figures)
-    if request.page_of is not None:
+    if request.page_command is not None:
         first = min(releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
         _write_page(sample, tables, found, folder, request, figures)
@@ -344,7 +347,7 @@ def _write_page(
         scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models,
         views=_views(sample, request),
     )  # fmt: skip
-    write_report(results, folder, request.page_of or "", request.pdf, figures)
+    write_report(results, folder, request.page_command or "", request.pdf, figures)
 
 
 def _views(sample: RunResult, request: RunRequest) -> list[View]:

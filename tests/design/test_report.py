@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
     odd = "about: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n" + PROJECT
     path = scenario_file(out, "small", more=odd + UNKNOWN)
-    run_scenarios([path], RunRequest(out, page_of=COMMAND, progress=False, report=str))
+    run_scenarios([path], RunRequest(out, page_command=COMMAND, progress=False, report=str))
     return out / "small_batch"
 
 
@@ -146,7 +146,7 @@ def test_a_campaign_has_the_same_page(tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 1000)
     path = scenario_file(tmp_path, "small", engine="point_mass")
     options = CampaignOptions(releases=1050)
-    run_scenarios([path], RunRequest(tmp_path, options, page_of=COMMAND, progress=False, report=str))
+    run_scenarios([path], RunRequest(tmp_path, options, page_command=COMMAND, progress=False, report=str))
     text = (tmp_path / "small_point_mass" / "report.html").read_text()
     assert "<td>1050</td>" in text
     assert "This view shows the first 1000 of 1050 releases" in text

@@ -97,7 +97,7 @@ def test_the_line_of_a_search_is_the_crest_of_what_is_varied():
 
 
 def test_the_page_lists_both_embankments(site, tmp_path):
-    run_scenarios([site], RunRequest(tmp_path, page_of="rock2d run", progress=False, report=str))
+    run_scenarios([site], RunRequest(tmp_path, page_command="rock2d run", progress=False, report=str))
     folder = tmp_path / "two_batch"
     text = (folder / "report.html").read_text()
     for number in (1, 2):

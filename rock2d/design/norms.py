@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_keys import OnrKeys, UniKeys
-from rock2d.runs.indicators.percentiles import QUANTITIES
+from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line, number_of_line
 from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
@@ -237,11 +237,11 @@ def characteristic_values(
         rows = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE]
     else:
         suffix = f"_{DESIGN_PERCENTILE:g}"
-        characteristic = uncertain["quantity"].isin([f"{q}{suffix}" for q in QUANTITIES])
+        characteristic = uncertain["quantity"].isin([f"{q}{suffix}" for q in LINE_QUANTITIES])
         rows = uncertain[characteristic].dropna(subset="value")
         rows = rows.assign(quantity=rows["quantity"].str.removesuffix(suffix))
     found: dict[tuple[str, str], dict[str, Estimate]] = {}
     columns = ("block", "line", "quantity", "value", "low95", "high95")
     for name, line, quantity, *numbers in rows[list(columns)].itertuples(index=False):
         found.setdefault((name, line), {})[quantity] = Estimate(*map(float, numbers))
-    return {key: values for key, values in found.items() if len(values) == len(QUANTITIES)}
+    return {key: values for key, values in found.items() if len(values) == len(LINE_QUANTITIES)}

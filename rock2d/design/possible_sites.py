@@ -25,7 +25,7 @@ from rock2d.processes import Processes
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import arrivals
-from rock2d.runs.indicators.percentiles import QUANTITIES
+from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
 
 Array = np.ndarray
 
@@ -95,7 +95,7 @@ class SiteResults:
     ----------
     passed, unresolved : (s, b, l, n) bool: whether a release passed a line; whether it was cut short or buried before
     arrived : (s, b, l, n) bool: whether it came to the arrival line of a line
-    crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN if it did not pass
+    crossings : quantity (of `percentiles.LINE_QUANTITIES`) -> (s, b, l, n), NaN if it did not pass
     """
 
     blocks: tuple[str, ...]
@@ -136,7 +136,7 @@ def simulate_sites(
         np.concatenate([getattr(site, name) for site in sites])
         for name in ("passed", "unresolved", "arrived")
     )
-    crossings = {name: np.concatenate([site.crossings[name] for site in sites]) for name in QUANTITIES}
+    crossings = {name: np.concatenate([site.crossings[name] for site in sites]) for name in LINE_QUANTITIES}
     return SiteResults(sites[0].blocks, sites[0].lines, passed, unresolved, arrived, crossings)
 
 
@@ -149,7 +149,7 @@ def _simulated(
     blocks, lines = tuple(scenario.make_blocks()), tuple(scenario.make_cross_section().measure_lines)
     shape = (1, len(blocks), len(lines), releases)
     passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
-    crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
+    crossings = {quantity: np.full(shape, np.nan) for quantity in LINE_QUANTITIES}
     job = crossings_job(scenario, engine, seed)
     job.conditions.check_starts(releases)
     for b in range(len(job.blocks)):

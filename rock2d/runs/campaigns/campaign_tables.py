@@ -17,7 +17,7 @@ from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.campaigns.order_statistics import OrderStatistics, find_order_statistics
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
-from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
+from rock2d.runs.indicators.percentiles import LINE_QUANTITIES, PERCENTILE_COLUMNS, PERCENTILES
 from rock2d.statistics import percentile_estimate, percentile_ranks
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class _Block:
         sought = {
             (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES), self.counts.crossings[k, q])
             for k, line in enumerate(self.lines)
-            for q, quantity in enumerate(QUANTITIES)
+            for q, quantity in enumerate(LINE_QUANTITIES)
             if _ranks(passed[line], PERCENTILES)
         }
         find_order_statistics(sought, self._values_at_lines)
@@ -106,7 +106,7 @@ class _Block:
             (self.name, line, quantity, p, n, *percentile_estimate(ranked.get((line, quantity), {}), n, p))
             for line, n in passed.items()
             if n
-            for quantity in QUANTITIES
+            for quantity in LINE_QUANTITIES
             for p in PERCENTILES
         ]
 
@@ -141,12 +141,12 @@ class _Block:
         ]
 
     def _values_at_lines(self) -> Iterator[dict[tuple[str, str], Array]]:
-        for table in self._tables("crossings", ["line", *QUANTITIES]):
+        for table in self._tables("crossings", ["line", *LINE_QUANTITIES]):
             text = table["line"].combine_chunks()
             line = np.array([self.lines.index(name) for name in text.dictionary.to_pylist()])[text.indices]
             rows = {name: np.flatnonzero(line == k) for k, name in enumerate(self.lines)}
-            values = {quantity: table[quantity].to_numpy() for quantity in QUANTITIES}
-            yield {(name, q): values[q][at_line] for name, at_line in rows.items() for q in QUANTITIES}
+            values = {quantity: table[quantity].to_numpy() for quantity in LINE_QUANTITIES}
+            yield {(name, q): values[q][at_line] for name, at_line in rows.items() for q in LINE_QUANTITIES}
 
     def _tables(self, output: str, columns: Sequence[str]) -> Iterator[pa.Table]:
         import pyarrow.parquet as pq

@@ -12,7 +12,7 @@ from rock2d.runs.campaigns.job import Job
 from rock2d.runs.campaigns.order_statistics import DIGITS, leading_digits
 from rock2d.runs.indicators.crossings import CROSSING_VALUES
 from rock2d.runs.indicators.passing import PassingCounts
-from rock2d.runs.indicators.percentiles import QUANTITIES
+from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
 
 Array = np.ndarray
 
@@ -28,7 +28,7 @@ class Counts:
     passed, unresolved, arrived, arrived_unresolved : (lines,) see `PassingCounts`
     stops : (STOPS, zones + 1) releases by kind and zone of their stop; last column: outside the cross-section
     runouts : (DIGITS,) distances from start to end
-    crossings : (lines, QUANTITIES, DIGITS) values at a line
+    crossings : (lines, LINE_QUANTITIES, DIGITS) values at a line
     """
 
     unclosed: Array
@@ -47,7 +47,7 @@ class Counts:
         lines, zones = len(job.cross_section.measure_lines), len(job.cross_section.zone_names)
         shapes = (
             (), (), (lines,), (lines,), (lines,), (lines,),
-            (len(STOPS), zones + 1), (DIGITS,), (lines, len(QUANTITIES), DIGITS),
+            (len(STOPS), zones + 1), (DIGITS,), (lines, len(LINE_QUANTITIES), DIGITS),
         )  # fmt: skip
         return Counts(*(np.zeros(shape, np.int64) for shape in shapes))
 
@@ -64,8 +64,8 @@ class Counts:
 
     def add_crossings(self, line: Array, values: Array) -> None:
         """Count crossings (n,) of lines with the index `line`; `values` (CROSSING_VALUES, n)."""
-        counts, n = np.ravel(self.crossings), len(QUANTITIES)
-        for k, quantity in enumerate(QUANTITIES):
+        counts, n = np.ravel(self.crossings), len(LINE_QUANTITIES)
+        for k, quantity in enumerate(LINE_QUANTITIES):
             digits = leading_digits(values[CROSSING_VALUES.index(quantity)])
             np.add.at(counts, (line * n + k) * DIGITS + digits, 1)  # much faster than with several indices
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
-QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
+LINE_QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
 PERCENTILES = (95.0, 99.0)
 
 
@@ -26,7 +26,7 @@ def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
 
     rows = []
     for (block, line), group in crossings.groupby(["block", "line"], sort=False):
-        for quantity in QUANTITIES:
+        for quantity in LINE_QUANTITIES:
             ranked = np.sort(group[quantity].to_numpy(float))
             for percentile in PERCENTILES:
                 estimate = percentile_estimate(ranked, len(ranked), percentile)

@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
-from rock2d.files.scenario_variants import with_data
+from rock2d.files.scenario_variants import with_change
 from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE, Model, model_table
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line, number_of_line
@@ -53,7 +53,7 @@ def alternatives(scenario: Scenario, engine: str) -> Iterator[Model]:
         if other.law != own.law and compiled and _has_law(scenario, other.name):
             yield Model(f"{other.law} law", scenario, other.name)
     for name, change in _changes(scenario, own.law):
-        yield Model(name, with_data(scenario, change), engine)
+        yield Model(name, with_change(scenario, change), engine)
 
 
 def _has_law(scenario: Scenario, engine: str) -> bool:

@@ -65,7 +65,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
         ) from None
 
 
-def with_data(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Scenario:
+def with_change(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Scenario:
     """The scenario whose data `change` has changed, checked. Raises InputError as `variant` does."""
     document = scenario.document
     if document is None:

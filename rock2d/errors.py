@@ -153,7 +153,7 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
-def listed(things: Iterable[object]) -> str:
+def comma_list(things: Iterable[object]) -> str:
     """Comma-separated list, of at most MOST_LISTED things."""
     every = [str(thing) for thing in things]
     more = f" and {len(every) - MOST_LISTED} more" if len(every) > MOST_LISTED else ""

@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import FREQUENCY, SHARES, sensitivity_table, uncertain_table
-from rock2d.errors import counted, listed
+from rock2d.errors import comma_list, counted
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.wording import with_interval
@@ -114,15 +114,16 @@ class Assessment:
         rows = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
         size = f"{rows['sites'].iloc[0]} independent sites with {rows['releases'].iloc[0]} releases"
         return (
-            f"Which unknown value matters is not known for {listed(where)}: with {size} each, the errors of the Sobol "
-            "indices are as large as the indices. Increase `uncertainty.sites`, and also `uncertainty.releases` if "
-            "most of the variance is sampling."
+            f"Which unknown value matters is not known for {comma_list(where)}: with {size} each, the errors of the "
+            "Sobol indices are as large as the indices. Increase `uncertainty.sites`, and also `uncertainty.releases` "
+            "if most of the variance is sampling."
         )
 
     def __repr__(self) -> str:
         return (
-            f"<Assessment of {counted(len(self.sites), 'site')}\n blocks: {listed(self.uncertain['block'].unique())}\n"
-            f" unknown: {listed(self.sites.columns)}\n tables: uncertain, sensitivity, sites>"
+            f"<Assessment of {counted(len(self.sites), 'site')}\n"
+            f" blocks: {comma_list(self.uncertain['block'].unique())}\n unknown: {comma_list(self.sites.columns)}\n"
+            " tables: uncertain, sensitivity, sites>"
         )
 
     def _repr_html_(self) -> str:

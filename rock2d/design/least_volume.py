@@ -18,7 +18,7 @@ import numpy as np
 
 from rock2d.design.least_size import Answer, Judgement, Search, least_size, most_sizes
 from rock2d.design.shared_descents import EARTHWORKS
-from rock2d.errors import InputError, listed
+from rock2d.errors import InputError, comma_list
 from rock2d.files.scenario_variants import variant
 from rock2d.scene.earthworks import earth_moved_m2
 
@@ -147,7 +147,7 @@ def volume_text(combinations: Sequence[Combination]) -> str:
     )
     tried = {name: [each.values[name] for each in combinations] for name in best.values}
     at_end = [name for name, values in tried.items() if best.values[name] in (min(values), max(values))]
-    end = f"; the range of {listed(at_end)} ends there, so a wider range may give less" if at_end else ""
+    end = f"; the range of {comma_list(at_end)} ends there, so a wider range may give less" if at_end else ""
     return f"{head}{', '.join(f'{name} = {value:.4g}' for name, value in values.items())}{bound}{end}"
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from rock2d.errors import InputError, counted, listed
+from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
@@ -135,7 +135,7 @@ class Experiment:
         assert rows is not None
         return (
             f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
-            f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {listed(self.blocks)}>"
+            f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {comma_list(self.blocks)}>"
         )
 
 

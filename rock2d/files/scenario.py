@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError, UnusualWarning, counted, listed
+from rock2d.errors import InputError, UnusualWarning, comma_list, counted
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, shown
 from rock2d.files.diagnosed_model import DiagnosedModel, load_diagnosed_model
@@ -126,7 +126,7 @@ class Scenario(Checked):
         blocks = [*(self.blocks or {}), *self.populations]
         return (
             f"<Scenario {self.name}: engine {self.engine}, {counted(self.releases, 'release')} of each block, seed "
-            f"{self.seed}\n blocks: {listed(blocks) or 'those of its experiment'}>"
+            f"{self.seed}\n blocks: {comma_list(blocks) or 'those of its experiment'}>"
         )
 
     __str__ = __repr__

@@ -23,7 +23,7 @@ import numpy as np
 
 from rock2d.effects.air_drag import coefficient
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.errors import counted, listed
+from rock2d.errors import comma_list, counted
 from rock2d.files.experiment import FromGravity
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
@@ -395,7 +395,7 @@ def flightless_remarks(data: FilmSegments) -> list[str]:
     missing = np.setdiff1d(np.arange(len(film.release_names)), data.flights.release)
     if not len(missing):
         return []
-    number = f"{counted(len(missing), 'release')} ({listed(film.release_names[missing].tolist())})"
+    number = f"{counted(len(missing), 'release')} ({comma_list(film.release_names[missing].tolist())})"
     return [
         f"no flight was recognised in {number}: nothing is learnt from it. The frames do not lie on parabolas to "
         "within the noise of the film, or the block never flies"

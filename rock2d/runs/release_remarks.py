@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from rock2d.errors import listed
+from rock2d.errors import comma_list
 from rock2d.records.columns import UNRESOLVED_STOPS
 from rock2d.statistics import DESIGN_PERCENTILE, least_count
 
@@ -62,7 +62,7 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
 
 def _zones(ends: pd.DataFrame, stop: str) -> str:
     """The zones in which releases ended with this stop, in words."""
-    return listed(sorted(ends.loc[ends["stop"] == stop, "zone"].dropna().unique()))
+    return comma_list(sorted(ends.loc[ends["stop"] == stop, "zone"].dropna().unique()))
 
 
 def source_remarks(tables: Mapping[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.errors import InputError, UnusualWarning, counted, listed
+from rock2d.errors import InputError, UnusualWarning, comma_list, counted
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
 from rock2d.runs.engines import engine_named
@@ -127,7 +127,7 @@ class Simulation:
         count = Counter(track.block for track in self.tracks)
         return (
             f"<{type(self).__name__} {self.title}: {counted(len(self.tracks), 'release')}, engine {self.engine}\n"
-            f" blocks: {listed(f'{name} ({n})' for name, n in count.items())}\n"
+            f" blocks: {comma_list(f'{name} ({n})' for name, n in count.items())}\n"
             f" tables: {', '.join(self.table_names())}>"
         )
 

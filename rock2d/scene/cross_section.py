@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rock2d.errors import listed
+from rock2d.errors import comma_list
 
 Array = np.ndarray
 Parameters = TypeVar("Parameters")
@@ -75,7 +75,7 @@ class CrossSection:
 
     def __repr__(self) -> str:
         left, right = self.points_m[[0, -1], 0]
-        zones, lines = listed(dict.fromkeys(self.zones)), listed(self.measure_lines)
+        zones, lines = comma_list(dict.fromkeys(self.zones)), comma_list(self.measure_lines)
         return (
             f"<CrossSection from x = {left:.4g} to {right:.4g} m: {len(self.points_m)} points, zones {zones}; "
             f"measure lines: {lines or 'none'}>"

@@ -284,7 +284,7 @@ class Findings:
     """Results in addition to the run: design values before and after a diagnosis, over the possible sites, and with
     other models."""
 
-    compared: pd.DataFrame | None
+    before_after: pd.DataFrame | None
     assessment: Assessment | None
     models: pd.DataFrame | None
     note: str
@@ -293,8 +293,8 @@ class Findings:
         """Print the tables."""
         from rock2d.design.model_range import at_shown_lines, range_remarks
 
-        if self.compared is not None:
-            print(model_text(self.compared, "before and after the diagnosis", self.note))
+        if self.before_after is not None:
+            print(model_text(self.before_after, "before and after the diagnosis", self.note))
         if self.assessment is not None:
             print(self.assessment.text())
         if self.models is not None:
@@ -303,7 +303,7 @@ class Findings:
 
     def write(self, folder: Path, figures: Figures) -> None:
         """Write the tables and figures into a folder."""
-        for name, table in (("before_after", self.compared), ("models", self.models)):
+        for name, table in (("before_after", self.before_after), ("models", self.models)):
             if table is not None:
                 write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         if self.models is not None:
@@ -316,19 +316,19 @@ class Findings:
 
 def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request: RunRequest) -> Findings:
     """Compute the findings that the scenario and the request ask for."""
-    compared = models = None
+    before_after = models = None
     if scenario.diagnosed is not None:
-        compared = model_table(diagnosed_models(scenario, engine), seed, releases)
+        before_after = model_table(diagnosed_models(scenario, engine), seed, releases)
     if request.compare:
-        from rock2d.design.model_range import compared as compared_models
+        from rock2d.design.model_range import range_table
 
-        models = compared_models(scenario, engine, seed, releases)
+        models = range_table(scenario, engine, seed, releases)
     assessment = None
     if scenario.uncertainty is not None:
         from rock2d.design.assessment import assess
 
         assessment = assess(scenario, engine, seed, request.progress)
-    return Findings(compared, assessment, models, table_note(scenario))
+    return Findings(before_after, assessment, models, table_note(scenario))
 
 
 def _write_page(
@@ -344,7 +344,7 @@ def _write_page(
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     results = ReportContent(
-        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models,
+        scenario, sample, tables, remarks, found.assessment, before_after=found.before_after, models=found.models,
         views=_views(sample, request),
     )  # fmt: skip
     write_report(results, folder, request.page_command or "", request.pdf, figures)
@@ -353,7 +353,7 @@ def _write_page(
 def _views(sample: RunResult, request: RunRequest) -> list[View]:
     """The run, and some releases of each model with which it is compared."""
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
-    from rock2d.design.model_range import BASE, alternatives
+    from rock2d.design.model_range import BASE, other_models
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
     if scenario.diagnosed is not None:
@@ -361,7 +361,7 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
         # if the verdict is a single model, the last one is the run itself
         models += of_diagnosis if scenario.diagnosed.undecided else of_diagnosis[:-1]
     if request.compare:
-        models += alternatives(scenario, engine)
+        models += other_models(scenario, engine)
     first = min(SHOWN_OF_OTHERS, len(sample.tracks) // len(sample.blocks))
     others = (
         run(model.scenario, engine=compiled_engine(model.engine).name, seed=sample.seed, releases=first)

@@ -39,12 +39,12 @@ SHOWN = {
 }
 
 
-def compared(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """`before_after.model_table` of the scenario and its `alternatives`."""
-    return model_table([Model(BASE, scenario, engine), *alternatives(scenario, engine)], seed, releases)
+def range_table(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
+    """`before_after.model_table` of the scenario and its `other_models`."""
+    return model_table([Model(BASE, scenario, engine), *other_models(scenario, engine)], seed, releases)
 
 
-def alternatives(scenario: Scenario, engine: str) -> Iterator[Model]:
+def other_models(scenario: Scenario, engine: str) -> Iterator[Model]:
     """The scenario with the other law, on rough or smooth ground, with soil one class softer and harder, and with
     blocks of other profiles of the same mass and area, as far as these make sense for the file."""
     own = compiled_engine(engine)

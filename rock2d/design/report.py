@@ -55,7 +55,7 @@ class ReportContent:
     assessment : results over the possible sites, if something is not known
     answer : answer of a search for the least size
     combinations : combinations of a search for the least volume, the best first
-    compared : table before and after the diagnosis of the scenario
+    before_after : table before and after the diagnosis of the scenario
     models : table with other models, see `design.model_range`
     views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order
     """
@@ -67,7 +67,7 @@ class ReportContent:
     assessment: Assessment | None = None
     answer: Answer | None = None
     combinations: Sequence[Combination] = ()
-    compared: pd.DataFrame | None = None
+    before_after: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
     views: Sequence[View] = ()
 

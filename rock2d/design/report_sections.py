@@ -225,9 +225,9 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
 
 
 def _diagnosis_section(content: ReportContent) -> Section | None:
-    if content.compared is None:
+    if content.before_after is None:
         return None
-    shown = model_rows(content.compared, "before_after.csv")
+    shown = model_rows(content.before_after, "before_after.csv")
     return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
 
 

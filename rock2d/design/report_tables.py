@@ -148,17 +148,17 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
     )  # fmt: skip
 
 
-def model_rows(compared: pd.DataFrame, name: str) -> Table:
+def model_rows(models: pd.DataFrame, name: str) -> Table:
     """Passing frequencies, energy and height with each of several models; `name`: file name of the full table."""
     rows = []
-    for row in compared.to_dict("records"):
+    for row in models.to_dict("records"):
         shares = [with_interval(*(100.0 * row[n] for n in names)) for names in COLUMNS_OF_SHARE.values()]
         loads = [quantity_text(name, *(row[n] for n in names)) for name, names in COLUMNS_OF_QUANTITY.items()]
         rows.append((row["line"], row["block"], row["model"], *shares, *loads))
     return Table(
         ("line", "block", "model", "% of released", "% of arriving", "energy, 95 %", "passing height, 95 %"), rows,
         note="The same releases with every model. Intervals: sampling only. A dash: too few blocks pass.",
-        data=data_of(name, compared),
+        data=data_of(name, models),
     )  # fmt: skip
 
 

@@ -2,7 +2,14 @@
 
 import pytest
 
-from rock2d.design.model_range import BASE, alternatives, compared, range_remarks, short_ranges, shown_lines
+from rock2d.design.model_range import (
+    BASE,
+    other_models,
+    range_remarks,
+    range_table,
+    short_ranges,
+    shown_lines,
+)
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.run import run
 from rock2d.scene.soils import SOIL_CLASSES
@@ -21,11 +28,11 @@ def scenario(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def table(scenario):
-    return compared(scenario, "batch", 3, RELEASES)
+    return range_table(scenario, "batch", 3, RELEASES)
 
 
 def test_one_thing_changes_at_a_time(scenario):
-    found = {model.name: model for model in alternatives(scenario, "batch")}
+    found = {model.name: model for model in other_models(scenario, "batch")}
     assert set(found) == {
         "probabilistic law", "smooth ground", "softer soil", "harder soil", "square blocks", "rectangle blocks",
     }  # fmt: skip

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers, job_runner
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.design.least_volume import (
-    TABLE,
+    COMBINATIONS,
     Combination,
     check_varied,
     combination_table,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if no size has a lower bound, more releases may help
 MOST_SHOWN = 1000  # releases of each block on the page
-PAGE, PAGE_WORK = "page", 8000.0  # stage, and its work in simulated releases
+PAGE_STAGE, PAGE_WORK = "page", 8000.0  # name of the stage, and its work in simulated releases
 
 
 def run_design(
@@ -84,7 +84,7 @@ def run_design(
             scenario, place, bounds, target, engine or scenario.engine, own_seed, ranges, run_jobs
         )
         search.check()
-        bars = Bars(progress, {} if over else {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
+        bars = Bars(progress, {} if over else {**work_of_sizes(search, tolerance), PAGE_STAGE: PAGE_WORK})
         combinations: list[Combination] = []
         with KeptSizes(search, out) as kept:
             if over:
@@ -156,7 +156,7 @@ def _write_results(
     volume = []
     if combinations:
         table = combination_table(combinations)
-        table.to_csv(folder / TABLE, index=False, lineterminator="\n")
+        table.to_csv(folder / COMBINATIONS, index=False, lineterminator="\n")
         rows = table.to_string(index=False, na_rep="none", float_format=lambda value: f"{value:.4g}")
         volume = [f"{volume_text(combinations)}\n{rows}\n"]
         best = variant(search.scenario, combinations[0].values, uncertain=True)
@@ -176,7 +176,7 @@ def _write_results(
                 copied = path_inside(folder, named.given)
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(named.file, copied)
-    with bars.stage(PAGE, 1, "step") as bar:
+    with bars.stage(PAGE_STAGE, 1, "step") as bar:
         demands = _write_page(folder, search, answer, command, combinations, pdf)
         bar.update()
     return "\n".join([*volume, answer_text(answer, search), *demands, *norm_remarks(search.scenario)])

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 MOST_OTHERS = 3
 MOST_COMBINATIONS = 40
 FIRST_STEP, LAST_STEP = 0.25, 0.02  # parts of a range
-TABLE = "combinations.csv"
+COMBINATIONS = "combinations.csv"
 
 
 @dataclass(frozen=True)

@@ -92,13 +92,13 @@ def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
 def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
     if not content.combinations:
         return None
-    from rock2d.design.least_volume import TABLE, combination_table, volume_text
+    from rock2d.design.least_volume import COMBINATIONS, combination_table, volume_text
 
     table = combination_table(content.combinations)
     rows = [tuple(map(three_digits, row)) for row in table.itertuples(index=False, name=None)]
     shown = Table(
         list(table.columns), rows, note="m³ per metre of embankment. A dash: no size of the range holds.",
-        data=data_of(TABLE, table),
+        data=data_of(COMBINATIONS, table),
     )  # fmt: skip
     alt = "Volume of earth against each number that was varied, and over each pair of them"
     text = (

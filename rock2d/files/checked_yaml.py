@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.places import DataPath
-from rock2d.files.text_files import is_number, json_content, place_in, read_text
+from rock2d.files.text_files import json_content, place_in, read_text, reads_as_number
 
 MOST_VALUES = 500_000
 MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
@@ -357,7 +357,7 @@ def mistake_in_words(kind: str, message: str, context: dict[str, Any], value: An
     """An error of pydantic in the form "expected ..., found ..."."""
     found = shown(value)
     if kind == "float_type":
-        hint = "; write it without quotes" if isinstance(value, str) and is_number(value) else ""
+        hint = "; write it without quotes" if isinstance(value, str) and reads_as_number(value) else ""
         return f"expected a number, found {found}{hint}"
     if kind in ("int_type", "int_from_float"):
         return f"expected a whole number, found {found}"

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
+from rock2d.files.places import is_number
 from rock2d.files.setup_keys import Coordinate
 
 Array = np.ndarray
@@ -68,10 +69,6 @@ NAMES = ("normal", "uniform", "lognormal")
 EXPECTED = "{normal: {mean, sd}}, {uniform: {low, high}} or {lognormal: {median, cv}}"
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
 def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = "") -> Any:
     """The value, if it is a mapping with one of these words as its only key; else raises a `mistake`."""
     if isinstance(value, Checked) or (
@@ -86,7 +83,7 @@ def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = ""
 
 
 def _number_or_known(value: Any) -> Any:
-    return value if _is_number(value) else _refuse_unknown(value, before="a number, ")
+    return value if is_number(value) else _refuse_unknown(value, before="a number, ")
 
 
 def _factor_or_known(value: Any) -> Any:
@@ -96,7 +93,7 @@ def _factor_or_known(value: Any) -> Any:
 def _kind(value: Any) -> str:
     if isinstance(value, dict):
         return f"<{next(iter(value), '')}>"
-    return "<number>" if _is_number(value) else f"<{type(value).__name__.lower()}>"
+    return "<number>" if is_number(value) else f"<{type(value).__name__.lower()}>"
 
 
 _NORMAL = Annotated[Normal, Tag("<normal>")]
@@ -130,7 +127,7 @@ def quantiles(draw: Any, u: Array | float, value: float) -> Array:
     gives."""
     from scipy import stats
 
-    if _is_number(draw):
+    if is_number(draw):
         return np.full(np.shape(u), float(draw))
     if isinstance(draw, Times):
         return np.asarray(value * quantiles(draw.times, u, 1.0))

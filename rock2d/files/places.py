@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeGuard
 
 DataPath = tuple[str | int, ...]  # keys and list indices from the top of the data
 
@@ -43,11 +43,16 @@ def value_at(data: Any, path: DataPath) -> Any:
     return data
 
 
+def is_number(value: Any) -> TypeGuard[int | float]:
+    """Whether a value of a file is a number; true and false are none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def number_at(data: Any, place: str) -> float | None:
     """The number at a place in the data of a scenario file; None if there is no number."""
     path = place_of(data, place)
     value = None if path is None else value_at(data, path)
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    return float(value) if is_number(value) else None
 
 
 def places_of_numbers(data: Any, above: str = "") -> Iterator[str]:
@@ -55,5 +60,5 @@ def places_of_numbers(data: Any, above: str = "") -> Iterator[str]:
     if isinstance(data, (dict, list)):
         for step, own in data.items() if isinstance(data, dict) else enumerate(data):
             yield from places_of_numbers(own, f"{above}.{step}".lstrip("."))
-    elif isinstance(data, (int, float)) and not isinstance(data, bool):
+    elif is_number(data):
         yield above

@@ -15,6 +15,7 @@ from pydantic import (
 )
 
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
+from rock2d.files.places import is_number
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from rock2d.scene.earthworks import DitchSizes, EmbankmentSizes
@@ -44,8 +45,7 @@ Steepness = Annotated[float, Field(ge=1.0, le=90.0)]
 
 
 def _inertia(value: Any) -> Any:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not (number and 0 < value < 1e30) and value not in INERTIA_WORDS:
+    if not (is_number(value) and 0 < value < 1e30) and value not in INERTIA_WORDS:
         found = shown(value) + (did_you_mean(value, INERTIA_WORDS) if isinstance(value, str) else "")
         raise mistake(f"expected {', '.join(INERTIA_WORDS)} or a positive number in kg m², found {found}")
     return value

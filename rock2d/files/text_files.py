@@ -54,7 +54,7 @@ def json_content(text: str, file: str | Path) -> Any:
         raise InputError("not JSON: a number that is too long", file, 1, 1, code="not_json") from None
 
 
-def is_number(text: str) -> bool:
+def reads_as_number(text: str) -> bool:
     """Whether the text can be read as a number."""
     try:
         float(text)

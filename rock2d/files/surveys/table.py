@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.surveys.profile import Profile, checked_profile, station_and_height
-from rock2d.files.text_files import is_number, read_text
+from rock2d.files.text_files import read_text, reads_as_number
 
 # Names of columns, the most specific first.
 STATION_COLUMNS = ("station", "chainage", "distance", "x")
@@ -37,7 +37,7 @@ def read_table(path: Path) -> Profile:
     rows, separator = text_rows(path)
     columns: tuple[int, ...] = (0, 1)
     unread: list[str] = []
-    if not all(map(is_number, rows[0][1])):
+    if not all(map(reads_as_number, rows[0][1])):
         line, header = rows.pop(0)
         columns = profile_columns(header, path, line)
         read = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
@@ -73,9 +73,9 @@ def text_rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
 
 def number(cell: str, path: Path, line: int) -> float:
     """The finite number in a cell. Raises InputError with the line if there is none."""
-    if is_number(cell) and math.isfinite(float(cell)):
+    if reads_as_number(cell) and math.isfinite(float(cell)):
         return float(cell)
-    comma = "," in cell and is_number(cell.replace(",", ".", 1))
+    comma = "," in cell and reads_as_number(cell.replace(",", ".", 1))
     hint = "; write decimal points, not commas" if comma else ""
     raise InputError(f"expected numbers, found {cell[:60]!r}{hint}", path, line, 1, code="bad_table")
 

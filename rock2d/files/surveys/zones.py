@@ -14,7 +14,7 @@ from rock2d.errors import InputError
 from rock2d.files.setup_keys import plain_name
 from rock2d.files.surveys.profile import Profile
 from rock2d.files.surveys.table import ZONE_COLUMNS, column_of, number, profile_columns, text_rows
-from rock2d.files.text_files import is_number
+from rock2d.files.text_files import reads_as_number
 
 Array = np.ndarray
 
@@ -43,7 +43,7 @@ def read_zones(file: Path) -> ZoneTable:
     the order of a header. Raises InputError with the line of the first mistake."""
     rows, _ = text_rows(file)
     columns = [0, 1, 2]
-    if not any(map(is_number, rows[0][1])):
+    if not any(map(reads_as_number, rows[0][1])):
         line, header = rows.pop(0)
         found = [column_of(header, names) for names in (START_COLUMNS, END_COLUMNS, NAME_COLUMNS)]
         if None in found:

@@ -14,7 +14,7 @@ from rock2d.errors import InputError
 from rock2d.files.folders import check_output_folder, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
-from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
+from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.pages import check_printer
 from rock2d.runs.before_after import Model, diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
@@ -242,13 +242,13 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
 
 
 def _figures(scenario: Scenario, request: RunRequest) -> AbstractContextManager[Figures]:
-    """How the figures of a run in memory are drawn: not at all, in this process, or in a process beside it."""
+    """How the figures of a run in memory are drawn: not at all, in this process, or in a second one."""
     if not request.draw:
         return nullcontext(NoFigures())
     releases = (request.options.releases or scenario.releases) * len(scenario.make_blocks())
     if request.workers.processes == 1 or releases < FEWEST_FOR_PROCESS:
         return nullcontext(Figures())
-    return figures_beside()
+    return figures_in_second_process()
 
 
 def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:

@@ -51,7 +51,7 @@ class NoFigures(Figures):
         pass
 
 
-class FiguresBeside(Figures):
+class SecondProcessFigures(Figures):
     """Figures that a second process draws. It returns pictures and writes no files, so none can be incomplete."""
 
     def __init__(self, submit: Callable[..., Future[Any]]) -> None:
@@ -82,10 +82,10 @@ class FiguresBeside(Figures):
 
 
 @contextmanager
-def figures_beside() -> Iterator[Figures]:
+def figures_in_second_process() -> Iterator[Figures]:
     """Figures that a second process draws; it starts and imports matplotlib in the background."""
     with second_process() as submit:
-        yield FiguresBeside(submit)
+        yield SecondProcessFigures(submit)
 
 
 def _import_matplotlib() -> None:

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
+from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.trajectories import trajectories_figure
 from tests.graphics.flights import BLOCKS, FLOOR, flight
 from tests.programs import commanded
@@ -49,7 +49,7 @@ def ran(tmp_path, *words):
 
 def test_another_process_draws_the_same_and_each_file_once(tmp_path):
     here, names = Figures(), [f"{k}.png" for k in range(4)]
-    with figures_beside() as beside:
+    with figures_in_second_process() as beside:
         for name in [*names, *names]:
             here.save(tmp_path / f"here_{name}", *GIVEN)
             beside.save(tmp_path / name, *GIVEN)
@@ -60,7 +60,10 @@ def test_another_process_draws_the_same_and_each_file_once(tmp_path):
 
 
 def test_an_error_of_another_process_is_raised_here(tmp_path):
-    with pytest.raises(InputError, match="no figure from another process"), figures_beside() as figures:
+    with (
+        pytest.raises(InputError, match="no figure from another process"),
+        figures_in_second_process() as figures,
+    ):
         figures.save(tmp_path / "a.png", refused_after_mark, tmp_path / "mark")
         assert begun_elsewhere(tmp_path / "mark")
         figures.finish()
@@ -68,7 +71,7 @@ def test_an_error_of_another_process_is_raised_here(tmp_path):
 
 
 def test_what_a_dead_process_has_not_drawn_is_drawn_here(tmp_path):
-    with figures_beside() as figures:
+    with figures_in_second_process() as figures:
         figures.save(tmp_path / "a.png", dies_in_another_process, tmp_path / "mark", *GIVEN[1:])
         assert begun_elsewhere(tmp_path / "mark")
         figures.finish()

@@ -176,7 +176,6 @@ def least_size(
 
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
-
     search.check()
     with size_bars(search, Bars(progress, work_of_sizes(search))) as bar_of:
 

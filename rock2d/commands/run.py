@@ -173,9 +173,8 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     for engine in request.engines_of(scenario):
         if request.precision is not None:
             request = _with_releases_for_precision(scenario, engine, request)
-        tables = (_run_campaign if request.is_campaign(scenario) else _run_in_memory)(
-            scenario, engine, request
-        )
+        run_one = _run_campaign if request.is_campaign(scenario) else _run_in_memory
+        tables = run_one(scenario, engine, request)
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
@@ -214,13 +213,8 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
     bars = run_bars(scenario, engine, request.progress, processes)
     with _figures(scenario, request) as figures:
         result = run(
-            scenario,
-            engine=engine,
-            seed=options.seed,
-            releases=options.releases,
-            workers=processes,
-            progress=bars,
-        )
+            scenario, engine=engine, seed=options.seed, releases=options.releases, workers=processes, progress=bars
+        )  # fmt: skip
         shown = {name: result.to_pandas(name) for name in PRINTED_TABLES if name in result.table_names()}
         print_tables(scenario, f"{engine}, seed {result.seed}", shown)
         found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)

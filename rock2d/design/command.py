@@ -78,11 +78,9 @@ def run_design(
     check_output_folder(out, overwrite)
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
-    own_seed = scenario.seed if seed is None else seed
+    seed = scenario.seed if seed is None else seed
     with job_runner(workers) as run_jobs:
-        search = Search(
-            scenario, place, bounds, target, engine or scenario.engine, own_seed, ranges, run_jobs
-        )
+        search = Search(scenario, place, bounds, target, engine or scenario.engine, seed, ranges, run_jobs)
         search.check()
         bars = Bars(progress, {} if over else {**work_of_sizes(search, tolerance), PAGE_STAGE: PAGE_WORK})
         combinations: list[Combination] = []

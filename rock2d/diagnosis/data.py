@@ -21,7 +21,7 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.kinematics.flights import heights
+from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, Impacts, ImpactTable, ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, States, move_freely
 from rock2d.records.columns import (
@@ -246,13 +246,13 @@ class TableData(ImpactTable):
         if shift is not None:
             true = true + shift
         size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
-        starts, gap = true.copy(), heights(world, self.impact_block, true[:, POSE])
+        starts, gap = true.copy(), block_clearances(world, self.impact_block, true[:, POSE])
         starts[:, X] += gap * self.tangent[:, Y]  # along the normal, until the block touches the ground
         starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
         earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
         # a slow block, or one that rotates into the ground, may touch the ground on the way back
-        clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
+        clear = block_clearances(world, self.impact_block, earlier[:, POSE]) > 0.0
         starts = np.where(clear[:, None], earlier, starts)
         lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
         limit = lasts + 10 * START_GAP_RADII * size / pace

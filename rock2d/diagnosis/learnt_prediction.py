@@ -24,7 +24,7 @@ from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, block_clearances
 from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import (
     BEFORE,
@@ -294,7 +294,7 @@ class LearntMotion:
 
     def _clear(self, segment: Array, states: Array) -> Array:
         """(m,) whether blocks in these states (m, 6) are clear of the ground."""
-        return heights(self._world, self._segments.block[segment], states[:, POSE]) > 0.0
+        return block_clearances(self._world, self._segments.block[segment], states[:, POSE]) > 0.0
 
     def _acceleration(self, flights: _FlightsAfter, states: Array, since_s: float) -> Array:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), `since_s` after they are clear of the

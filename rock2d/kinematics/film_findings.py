@@ -28,7 +28,7 @@ from rock2d.files.experiment import FromGravity
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
-from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, clearances, heights
+from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, block_clearances, clearances
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.nearest_facet import nearest_facets
@@ -109,7 +109,9 @@ def _rest_heights_m(film: Film, world: World, block: int) -> Array:
         pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
         if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
             poses.append(pose.mean(axis=0))
-    return heights(world, np.full(len(poses), block), world.view.true(np.array(poses).reshape(-1, 3)))
+    return block_clearances(
+        world, np.full(len(poses), block), world.view.true(np.array(poses).reshape(-1, 3))
+    )
 
 
 @dataclass(frozen=True)
@@ -430,12 +432,12 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
             continue
         block = int(flights.block[before])
         pose = world.view.true(film.pose[first:last])
-        gap = clearances(arrays[block], ground, pose)
-        low = int(np.argmin(gap))
+        clearance = clearances(arrays[block], ground, pose)
+        low = int(np.argmin(clearance))
         facet = nearest_facets(pose[low : low + 1, POSITION], world.cross_section.points_m)[0]
         tangent = world.cross_section.tangents[facet]
         turn = pose[low, THETA] - np.arctan2(tangent[1], tangent[0])
-        rows.append((gap[low] / blocks[block].radius_m, turn, block))
+        rows.append((clearance[low] / blocks[block].radius_m, turn, block))
     columns = np.array(rows, float).reshape(-1, 3).T
     return columns[0], columns[1], columns[2]
 

@@ -184,8 +184,8 @@ def find_flights(world: World, film: Film) -> Flights:
         size, t, pose = blocks[block].radius_m, film.t_s[a:b], world.view.true(film.pose[a:b])
         lengths = world.view.true_per_recorded(pose.mean(axis=0)[None], np.eye(2))
         noise = film.noise * np.append(lengths, 1.0)
-        gap = clearances(arrays[block], ground, pose)
-        recording = _Recording(t, pose, gap, noise, size, g)
+        clearance = clearances(arrays[block], ground, pose)
+        recording = _Recording(t, pose, clearance, noise, size, g)
         kind, number = _partition(recording)
         before = -1
         for i, j in _true_flights(recording, kind, number):
@@ -199,12 +199,12 @@ def find_flights(world: World, film: Film) -> Flights:
 
 
 class _Recording(NamedTuple):
-    """Frames of one release: instants (n,), true poses (n, 3), heights above the ground (n,), noise (3,) in true
+    """Frames of one release: instants (n,), true poses (n, 3), clearances in m (n,), noise (3,) in true
     units, size of the block and gravity."""
 
     t_s: Array
     pose: Array
-    gap_m: Array
+    clearance_m: Array
     noise: Array
     size_m: float
     gravity_m_s2: float
@@ -223,10 +223,12 @@ def _partition(recording: _Recording) -> tuple[Array, Array]:
 def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
     """First and last (exclusive) frame of the flight i to j without frames that may still be in contact, for example
     within the indentation."""
-    gap, noise = recording.gap_m, recording.noise
-    free = np.flatnonzero(gap[i:j] > 2.0 * noise[Y])
+    clearance, noise = recording.clearance_m, recording.noise
+    free = np.flatnonzero(clearance[i:j] > 2.0 * noise[Y])
     head = max(CONTACT_MARGIN_FRAMES, int(free[0]) if len(free) else 0) if i > 0 else 0
-    tail = max(CONTACT_MARGIN_FRAMES, j - i - 1 - int(free[-1]) if len(free) else 0) if j < len(gap) else 0
+    tail = (
+        max(CONTACT_MARGIN_FRAMES, j - i - 1 - int(free[-1]) if len(free) else 0) if j < len(clearance) else 0
+    )
     while j - i - head - tail < FEWEST_FLIGHT_FRAMES:
         head, tail = max(head - 1, 0), max(tail - 1, 0)
     return i + head, j - tail
@@ -240,25 +242,27 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
     If the ground lies higher than stated, so that blocks do not come down to it, a flight must rise above its own lower
     end.
     """
-    gap, noise, size = recording.gap_m, recording.noise, recording.size_m
+    clearance, noise, size = recording.clearance_m, recording.noise, recording.size_m
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
         frames = np.flatnonzero(number == k)
         flights.append((int(frames[0]), int(frames[-1]) + 1))
     joined: list[tuple[int, int]] = flights[:1]
     for (h, m), (i, j) in itertools.pairwise(flights):
-        aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
+        aloft = clearance[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
         if i - m <= 2 and aloft and not _kinked(recording, (h, m), (i, j)):
             joined[-1] = (joined[-1][0], j)
         else:
             joined.append((i, j))
     rises = max(FLIGHT_RISE_RADII * size, 5.0 * noise[Y])
-    whole = (0, len(gap))
-    ground = [0.0 if ends == whole else max(min(gap[ends[0]], gap[ends[1] - 1]), 0.0) for ends in joined]
+    whole = (0, len(clearance))
+    ground = [
+        0.0 if ends == whole else max(min(clearance[ends[0]], clearance[ends[1] - 1]), 0.0) for ends in joined
+    ]
     return [
         (i, j)
         for (i, j), low in zip(joined, ground, strict=True)
-        if np.quantile(gap[i:j], 0.75) > low + rises
+        if np.quantile(clearance[i:j], 0.75) > low + rises
     ]
 
 
@@ -320,7 +324,7 @@ def clearances(block, ground, pose: Array) -> Array:
     return _clearances(block, ground, np.ascontiguousarray(pose))
 
 
-def heights(world: World, block: Array, pose: Array) -> Array:
+def block_clearances(world: World, block: Array, pose: Array) -> Array:
     """(n,) clearances of blocks with the indices `block` (n,) in a world."""
     ground, out = ground_arrays(world.cross_section), np.empty(len(pose))
     for b, shape in enumerate(world.blocks.values()):
@@ -345,13 +349,13 @@ def _clearance(block, ground, x, y, theta):
         depth, _, _ = point_depth(x, y, facets, f0, f1)
         return -depth - block.semi_a
     c, s = np.cos(theta), np.sin(theta)
-    gap = np.inf
+    clearance = np.inf
     for k in range(sides.shape[0]):
         px, py = x + c * sides[k, 0] - s * sides[k, 1], y + s * sides[k, 0] + c * sides[k, 1]
         depth, _, _ = point_depth(px, py, facets, f0, f1)
-        gap = min(gap, -depth)
+        clearance = min(clearance, -depth)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:
             depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], (x, y, c, s), sides)
-            gap = min(gap, -depth)
-    return gap
+            clearance = min(clearance, -depth)
+    return clearance

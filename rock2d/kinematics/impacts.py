@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.flights import Film, Flights, clearances, heights
+from rock2d.kinematics.flights import Film, Flights, block_clearances, clearances
 from rock2d.kinematics.states import Basis, States, move_freely
 from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION
 from rock2d.scene.nearest_facet import nearest_facets
@@ -72,13 +72,13 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
     """
     flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
     t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
-    gap = heights(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
-    well_above = gap > START_HEIGHT_RADII * np.array([b.radius_m for b in world.blocks.values()])[block]
+    clearance = block_clearances(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
+    well_above = clearance > START_HEIGHT_RADII * np.array([b.radius_m for b in world.blocks.values()])[block]
     start = np.full(len(flights), np.nan)
     for i, (a, b) in enumerate(itertools.pairwise(basis.start)):
         high = np.flatnonzero(well_above[a:b])
-        at = a + (high[-1] if len(high) else int(np.argmax(gap[a:b])))
-        if gap[at] > 0.0:
+        at = a + (high[-1] if len(high) else int(np.argmax(clearance[a:b])))
+        if clearance[at] > 0.0:
             start[i] = t[at]
     return start
 
@@ -171,23 +171,25 @@ def find_contacts(
     for i in range(len(before)):
         shape, which = arrays[block[i]], np.full(SEARCHED_INSTANTS, i)
         down, up = ends[i] + share * (meet[i] - ends[i]), begins[i] + share * (meet[i] - begins[i])
-        gaps = [clearances(shape, ground, at(flight[which], when)[:, POSE])
+        both = [clearances(shape, ground, at(flight[which], when)[:, POSE])
                 for flight, when in ((before, down), (after, up - apart[i]))]  # fmt: skip
-        touch[i], leave[i] = (_crossed(when, gap) for when, gap in zip((down, up), gaps, strict=True))
+        touch[i], leave[i] = (_crossed(when, own) for when, own in zip((down, up), both, strict=True))
         seen = world.view.true(film.pose[flights.last[before[i]] - 1 : flights.first[after[i]] + 1])
-        least[i] = min(gaps[0].min(), gaps[1].min(), clearances(shape, ground, seen).min())
+        least[i] = min(both[0].min(), both[1].min(), clearances(shape, ground, seen).min())
     return Contacts(touch, leave - apart, at(before, touch), at(after, leave - apart), least)
 
 
-def _crossed(when: Array, gap: Array) -> float:
+def _crossed(when: Array, clearance: Array) -> float:
     """The instant at which a clearance first falls to 0; the last one if it does not."""
-    below = np.flatnonzero(gap <= 0.0)
+    below = np.flatnonzero(clearance <= 0.0)
     if not len(below):
         return float(when[-1])
     k = int(below[0])
-    if k == 0 or not np.isfinite(gap[k - 1 : k + 1]).all():  # far from the ground, or on the far side of it
+    if (
+        k == 0 or not np.isfinite(clearance[k - 1 : k + 1]).all()
+    ):  # far from the ground, or on the far side of it
         return float(when[k])
-    return float(when[k - 1] + (when[k] - when[k - 1]) * gap[k - 1] / (gap[k - 1] - gap[k]))
+    return float(when[k - 1] + (when[k] - when[k - 1]) * clearance[k - 1] / (clearance[k - 1] - clearance[k]))
 
 
 @dataclass

@@ -24,22 +24,23 @@ Array = np.ndarray
 
 CAMERA_GRID = 21  # number of tried positions of the camera's axis along x and along y, within the image width
 CROSS_SECTION_GRID = 9  # number of tried values of each parameter of the cross-section
+MOST_GROUND_FRAMES = 20000  # approximate number of frames that are checked against the ground
 MOST_REGISTRATION_FRAMES = 5000  # approximate number of frames that are searched for the lowest points
 BEYOND_CATALOGUE = 0.1  # largest excess of scale and tilt (rad) over the ranges of the catalogue
 USUAL_DEPTH_RADII = 0.2  # usual penetration of blocks into soil, in block radii
 ASIDE_RADII = 0.05  # penalty in block radii for a camera that aims one image width aside
 POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
-LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points of most releases
+LARGEST_CLEARANCE_RADII = 0.5  # block radii between the ground and the lowest points of most releases
 
 
-def below_ground(world: World, film: Film) -> float:
+def share_below_ground(world: World, film: Film) -> float:
     """Share of frames with the centroid inside the ground."""
-    step = max(1, len(film.t_s) // 20000)
+    step = max(1, len(film.t_s) // MOST_GROUND_FRAMES)
     pose = world.view.true(film.pose[::step])
     return float(world.cross_section.covers(pose[:, :2]).mean())
 
 
-def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
+def lowest_clearances(world: World, film: Film) -> tuple[Array, Array]:
     """For each release (releases,): least clearance of the block in radii, negative in the ground; and the number of
     frames after it."""
     step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
@@ -49,11 +50,11 @@ def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
     lowest = []
     for b, (first, last) in zip(film.release_block, itertools.pairwise(starts), strict=True):
         block, radius = blocks[b]
-        gap = clearances(block, ground, world.view.true(film.pose[first:last:step]))
-        low = int(np.argmin(gap))
-        lowest.append((gap[low] / radius, last - first - 1 - low * step))
-    gaps, left = np.array(lowest).T
-    return gaps, left
+        clearance = clearances(block, ground, world.view.true(film.pose[first:last:step]))
+        low = int(np.argmin(clearance))
+        lowest.append((clearance[low] / radius, last - first - 1 - low * step))
+    least, left = np.array(lowest).T
+    return least, left
 
 
 def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[World, str] | None:
@@ -66,14 +67,14 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
     def miss(other: World) -> float:
         """Misfit in block radii: distance of the lowest points of the releases from a usual depth, and from each other,
         with a penalty for cameras that aim aside of the middle of the set-up."""
-        low, middle, high = np.quantile(lowest_gaps(other, film)[0], (0.25, 0.5, 0.75))
+        low, middle, high = np.quantile(lowest_clearances(other, film)[0], (0.25, 0.5, 0.75))
         aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.axis_m, aim)) / width
         return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
 
     aim, width = aim_and_width(world.cross_section)
     best, text = min([*_cameras(world, gravity), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
-    gap = float(np.median(lowest_gaps(best, film)[0]))
-    fits = abs(gap) < LARGEST_GAP_RADII and below_ground(best, film) < POSSIBLE_BELOW_GROUND
+    clearance = float(np.median(lowest_clearances(best, film)[0]))
+    fits = abs(clearance) < LARGEST_CLEARANCE_RADII and share_below_ground(best, film) < POSSIBLE_BELOW_GROUND
     return (best, text) if fits else None
 
 

@@ -19,11 +19,12 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.registration import (
-    LARGEST_GAP_RADII,
+    LARGEST_CLEARANCE_RADII,
+    MOST_GROUND_FRAMES,
     POSSIBLE_BELOW_GROUND,
-    below_ground,
-    lowest_gaps,
+    lowest_clearances,
     registered_world,
+    share_below_ground,
 )
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO, window_gravity
@@ -37,7 +38,6 @@ FEWEST_IMPACTS = 15
 FEWEST_REBOUNDS = 6  # fewest impacts followed by a flight, if blocks stick
 MIRRORED_SIGNS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
 IMPOSSIBLE_BELOW_GROUND = 0.2  # share of the frames with the centroid in the ground
-MOST_FRAMES = 20000  # approximate number of frames that are checked against the ground
 REMARKABLE_GRAVITY = 0.06  # relative difference of recorded gravity
 STILL_ANGLE_SDS = 1.5  # standard deviation of an angle that does not change, over that of the noise
 MOST_BESIDE = 0.5  # largest share of the frames with the block outside the cross-section
@@ -133,9 +133,9 @@ def check_film(experiment: Experiment, film: Film) -> Sanity:
     _check_recorded_gravity(experiment, gravity, found)
     _check_angles(experiment, film, found)
     if not found.faults:
-        _check_axes(experiment, film, gravity, found)
+        _check_axes_and_ground(experiment, film, gravity, found)
     if not found.faults and found.registered is None:
-        _check_touches(experiment, film, gravity, found)
+        _check_distance(experiment, film, gravity, found)
     _check_releases(len(film.release_names), found)
     return found
 
@@ -218,11 +218,11 @@ def _check_recorded_gravity(experiment: Experiment, gravity: Array | None, found
     found.suspects += ["scale_error", "frame_rate_error"]
 
 
-def _check_axes(experiment: Experiment, film: Film, gravity: Array | None, found: Sanity) -> None:
+def _check_axes_and_ground(experiment: Experiment, film: Film, gravity: Array | None, found: Sanity) -> None:
     upwards = gravity is not None and gravity[Y] > 0
     setup = setup_world(experiment)
     worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORED_SIGNS.items()}
-    below = {axis: below_ground(world, film) for axis, world in worlds.items()}
+    below = {axis: share_below_ground(world, film) for axis, world in worlds.items()}
     deep = below[""] > IMPOSSIBLE_BELOW_GROUND
     inside = (
         f"in {100 * below['']:.{0 if deep else 1}f} % of the frames the block's centre lies inside the ground"
@@ -259,7 +259,7 @@ def _ground_gives_way(setup: World, film: Film) -> bool:
     not deeper than their height."""
     import shapely
 
-    ground, step = setup.cross_section, max(1, len(film.t_s) // MOST_FRAMES)
+    ground, step = setup.cross_section, max(1, len(film.t_s) // MOST_GROUND_FRAMES)
     first = np.searchsorted(film.release, np.arange(len(film.release_names)))
     radius = np.array([b.radius_m for b in setup.blocks.values()])[film.release_block[film.release[::step]]]
     position = film.pose[::step, POSITION]
@@ -291,7 +291,7 @@ def _check_angles(experiment: Experiment, film: Film, found: Sanity) -> None:
             found.fail(CONSTANT_ANGLE, message)
 
 
-def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, found: Sanity) -> None:
+def _check_distance(experiment: Experiment, film: Film, gravity: Array | None, found: Sanity) -> None:
     """Find films outside the cross-section, above the ground or deep in it: a wrong origin or a wrong block."""
     setup = setup_world(experiment)
     ends = experiment.cross_section.points_m[[0, -1], X]
@@ -303,25 +303,25 @@ def _check_touches(experiment: Experiment, film: Film, gravity: Array | None, fo
             "they do not belong together (origin, scale or axes)",
         )
         return
-    gaps, left = lowest_gaps(setup, film)
+    lowest, left = lowest_clearances(setup, film)
     landed = left > LANDED_FRAMES  # others may have ended in mid-air
     for b, name in enumerate(film.block_names):
-        own, radius = gaps[landed & (film.release_block == b)], experiment.blocks[name].radius_m
-        gap = float(np.median(own)) if len(own) else 0.0
-        size = f"{abs(gap) * radius:.3g} m"
-        if gap < -DEEP_RADII or gap > LARGEST_GAP_RADII:
+        own, radius = lowest[landed & (film.release_block == b)], experiment.blocks[name].radius_m
+        low = float(np.median(own)) if len(own) else 0.0
+        size = f"{abs(low) * radius:.3g} m"
+        if low < -DEEP_RADII or low > LARGEST_CLEARANCE_RADII:
             where = (
-                f"sinks {size} into the ground" if gap < 0 else f"comes no closer to the ground than {size}"
+                f"sinks {size} into the ground" if low < 0 else f"comes no closer to the ground than {size}"
             )
             found.remarks.append(
-                f"block {name} {where} (median of the releases), {abs(gap):.1f} times its radius: are its size and the "
+                f"block {name} {where} (median of the releases), {abs(low):.1f} times its radius: are its size and the "
                 "origin right?"
             )
-    gap = float(np.median(gaps[landed])) if landed.any() else 0.0
-    if gap > FAR_RADII and registered_world(setup, film, gravity) is None:
+    low = float(np.median(lowest[landed])) if landed.any() else 0.0
+    if low > FAR_RADII and registered_world(setup, film, gravity) is None:
         found.fail(
             ABOVE_GROUND,
-            f"the blocks come no closer to the ground than {gap:.1f} times their radius (median of the releases): "
+            f"the blocks come no closer to the ground than {low:.1f} times their radius (median of the releases): "
             "the cross-section and the film do not belong together (origin, scale or axes)",
         )
 

@@ -15,7 +15,7 @@ from rock2d.compiled import njit
 
 CONTACT, FLIGHT, REST = 0, 1, 2
 SEGMENT_COST = 25.0  # decrease of chi-square that one more flight or rest must give
-UNEXPLAINED_FRAME_COST = 9.0  # chi-square of a contact frame; a frame of a flight has 3 on average
+CONTACT_FRAME_COST = 9.0  # chi-square of a contact frame; a frame of a flight has 3 on average
 ACCELERATION_SD = 0.15  # prior, 1 sigma, of a flight's acceleration about gravity, in units of gravity
 SPIN_ACCELERATION_SD = 3.0  # the same of its angular acceleration, in units of 1 rad per (sqrt(size / g))²
 
@@ -103,7 +103,7 @@ def partition(t, data, curvature, curvature_sd, fewest_frames):
     alive = np.empty(n + 1, np.int64)
     m = 0
     for j in range(1, n + 1):
-        best[j], came[j], kind[j] = best[j - 1] + UNEXPLAINED_FRAME_COST, j - 1, CONTACT
+        best[j], came[j], kind[j] = best[j - 1] + CONTACT_FRAME_COST, j - 1, CONTACT
         if j >= fewest_frames:
             alive[m] = j - fewest_frames
             m += 1

@@ -20,14 +20,16 @@ from rock2d.diagnosis.quantities import (
     moving_quantities,
 )
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
-from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import block_clearances
-from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, Impacts, ImpactTable, ground_axes
+from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, FlightPairs, ImpactTable, ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, States, move_freely
 from rock2d.records.columns import (
     AFTER,
     BEFORE,
     INSTANT_STATE,
+    N_POSE,
+    N_STATE,
     OMEGA,
     POSE,
     POSITION,
@@ -46,7 +48,7 @@ ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow 
 COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)
 START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
-COMPARED_INSTANTS = 5  # within `Impacts.window_s`
+COMPARED_INSTANTS = 5  # within `FlightPairs.window_s`
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
 LONGEST_IMPACT = 3.0  # in √(radius / g)
 RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of the spread of their column
@@ -155,7 +157,7 @@ class FilmData(FilmSegments):
     def extra_scatter(self) -> Array:
         """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter. A film has none: its noise is
         estimated from the flights."""
-        return np.empty((len(self.impacts), STATE_SIZE, 0))
+        return np.empty((len(self.impacts), N_STATE, 0))
 
     def impact_features(self, world: World) -> Array:
         """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
@@ -266,7 +268,7 @@ class TableData(ImpactTable):
         recorded = _recorded_velocities(world, end)
         d = recorded - self.after
         residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])
-        return Residuals(residuals, np.empty((0, POSE_SIZE, RESIDUAL_DEGREES)))
+        return Residuals(residuals, np.empty((0, N_POSE, RESIDUAL_DEGREES)))
 
     def incident(self, world: World) -> Array:
         """(n, 6) states before the impacts."""
@@ -274,7 +276,7 @@ class TableData(ImpactTable):
 
     def state_noise(self, world: World) -> Array:
         """(n, 6, 6) zeros: the noise of a table is unknown. It is fitted, see `extra_scatter`."""
-        return np.zeros((len(self.before), STATE_SIZE, STATE_SIZE))
+        return np.zeros((len(self.before), N_STATE, N_STATE))
 
     def outcome_noise(self) -> Array:
         """(n, 3, 3) covariance of rounding errors: a table gives numbers with a few digits."""
@@ -320,7 +322,7 @@ def _recorded_velocities(world: World, true: Array) -> Array:
 
 def simulate(
     world: World,
-    impacts: Impacts,
+    impacts: FlightPairs,
     starts: Array,
     times_s: Array,
     step_fraction: float = BATCH_STEP_FRACTION,
@@ -341,7 +343,7 @@ def simulate(
 
 def outcomes(
     world: World,
-    impacts: Impacts,
+    impacts: FlightPairs,
     states: States,
     shift: Array | None = None,
     step_fraction: float = BATCH_STEP_FRACTION,
@@ -368,7 +370,7 @@ def outcomes(
         np.repeat(impacts.block, COMPARED_INSTANTS),
         np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),
         ((impacts.begin_s[:, None] + moments) * scale).ravel(),
-    )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, POSE_SIZE)
+    )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, N_POSE)
     difference = simulated - measured
     t = moments * scale
     centred = t - t.mean(axis=1, keepdims=True)
@@ -387,7 +389,7 @@ def turned(states: Array, pivot: Array, angle: Array) -> Array:
     dx, dy = states[..., X] - pivot[..., X], states[..., Y] - pivot[..., Y]
     out[..., X], out[..., Y] = pivot[..., X] + c * dx - s * dy, pivot[..., Y] + s * dx + c * dy
     out[..., THETA] += angle
-    if states.shape[-1] == STATE_SIZE:
+    if states.shape[-1] == N_STATE:
         vx, vy = states[..., VX], states[..., VY]
         out[..., VX], out[..., VY] = c * vx - s * vy, s * vx + c * vy
     return out

@@ -15,7 +15,7 @@ from rock2d.diagnosis.model import (
     from_scale,
     scatter_positions,
 )
-from rock2d.kinematics.film_segments import STATE_SIZE
+from rock2d.records.columns import N_STATE
 
 Array = np.ndarray
 
@@ -111,8 +111,8 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     before = data.state_noise(model.world(p, data.impact_order))
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
     slope, bend = [], []
-    for k in range(STATE_SIZE):
-        shift = sigma[k] * (np.arange(STATE_SIZE) == k)
+    for k in range(N_STATE):
+        shift = sigma[k] * (np.arange(N_STATE) == k)
         ahead, behind = model.residuals(p, data, shift), model.residuals(p, data, -shift)
         slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
         bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))

@@ -24,9 +24,8 @@ from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
 from rock2d.engines.batch import run_world
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_findings import REST_FRAMES
-from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.states import centroid_poses
-from rock2d.records.columns import THETA, X
+from rock2d.records.columns import N_STATE, THETA, X
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
@@ -263,9 +262,9 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     start = data.start_s[rests.flight]
     states = data.states_at(world, rests.flight, start)
     noise = data.true_covariance(world, rests.flight, start, states)
-    for k in range(STATE_SIZE):
+    for k in range(N_STATE):
         sigma_state = np.sqrt(noise[:, k, k])
-        stepped = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
+        stepped = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(N_STATE) == k))
         variance += np.nan_to_num(stepped - at) ** 2
     variance[data.unknown_spin[rests.flight] > 0.0, THETA] = np.inf
     return variance

@@ -23,7 +23,7 @@ from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, 
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
-from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, block_clearances
 from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import (
@@ -32,6 +32,8 @@ from rock2d.records.columns import (
     I_TIME_AFTER,
     INSTANT_STATE,
     LINEAR_VELOCITY,
+    N_POSE,
+    N_STATE,
     POSE,
     POSITION,
     RATES,
@@ -234,7 +236,7 @@ class LearntMotion:
         for learnt in self._changes:
             if learnt.lever == OUTCOME:
                 along = learnt.of({name: values[segment] for name, values in self._quantities.items()})
-                if along.shape[1] == POSE_SIZE:  # learnt from a table of impacts: rates alone
+                if along.shape[1] == N_POSE:  # learnt from a table of impacts: rates alone
                     along = np.column_stack([np.zeros_like(along), along])
                 for first in (X, RATES.start):
                     a, b = along[:, first], along[:, first + 1]
@@ -286,7 +288,7 @@ class LearntMotion:
         flown_s = np.clip(since_s, 0.0, resumed_s[:, None])
         step = np.minimum(flown_s // step_s, last[:, None]).astype(int)
         beyond = (flown_s - step * step_s).ravel()
-        states = path[step, m[:, None]].reshape(-1, STATE_SIZE)
+        states = path[step, m[:, None]].reshape(-1, N_STATE)
         block = np.repeat(self._segments.block[segment], since_s.shape[1])
         flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * pushes[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
@@ -300,7 +302,7 @@ class LearntMotion:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), `since_s` after they are clear of the
         ground."""
         s, segment = self._segments, flights.segment
-        acceleration = np.zeros((len(segment), POSE_SIZE))
+        acceleration = np.zeros((len(segment), N_POSE))
         changes = [change for change in self._changes if change.lever == FLIGHT]
         if changes:
             quantities = path_quantities(self._world, states) | {

@@ -40,8 +40,7 @@ from rock2d.diagnosis.quantities import (
     waves,
 )
 from rock2d.diagnosis.significance import SummedGain
-from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
-from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
+from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
 
 Array = np.ndarray
 
@@ -150,7 +149,7 @@ class Levers:
     def _frame_response(self, before: Array, after: Array) -> LeverResponse:
         """Response to what is added to the motion `before` and `after` the impacts (n, 4, c)."""
         n, _, c = before.shape
-        shift, measured = np.zeros((2, n, STATE_SIZE, c))
+        shift, measured = np.zeros((2, n, N_STATE, c))
         shift[:, FRAME_COLUMNS], measured[:, FRAME_COLUMNS] = before, after
         along = _along_ground(self._data.tangent, measured)
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
@@ -159,7 +158,7 @@ class Levers:
         """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
         and after the impact, and the ground is steeper."""
         (n, c), tangent = heights.shape, self._data.tangent
-        shift = np.zeros((n, STATE_SIZE, c))
+        shift = np.zeros((n, N_STATE, c))
         shift[:, Y] = -heights
         steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
         along = _along_ground(tangent, shift)
@@ -184,16 +183,16 @@ class Levers:
         before = response.state_change(impacts.before, impacts.start_s * scale)
         after = response.state_change(impacts.after, impacts.begin_s * scale)
         noise = data.flight_noise(self.world)
-        flights = np.zeros((m, POSE_SIZE, degrees, POSE_SIZE * k))
-        shift = np.zeros((len(impacts), STATE_SIZE, POSE_SIZE * k))
+        flights = np.zeros((m, N_POSE, degrees, N_POSE * k))
+        shift = np.zeros((len(impacts), N_STATE, N_POSE * k))
         measured = np.zeros_like(shift)
-        for c in range(POSE_SIZE):
+        for c in range(N_POSE):
             columns = slice(c * k, (c + 1) * k)
             flights[:, c, :, columns] = -units[c] * response.residuals / noise[:, c, None, None]
             for state, (place, rate) in ((shift, before), (measured, after)):
-                state[:, c, columns], state[:, POSE_SIZE + c, columns] = units[c] * place, units[c] * rate
+                state[:, c, columns], state[:, N_POSE + c, columns] = units[c] * place, units[c] * rate
         outcome = -_along_ground(data.tangent, measured)
-        return LeverResponse(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
+        return LeverResponse(N_POSE * k, shift=shift, impacts=outcome, flights=flights)
 
 
 def _coefficient_columns(features: Array, units: Array) -> Array:

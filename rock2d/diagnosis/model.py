@@ -12,8 +12,8 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.effects.effect import FLIGHT, Effect, Parameter
-from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.records.columns import N_STATE
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -218,7 +218,7 @@ class LeverDerivatives:
         """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
         setup, columns = self.model.setup, []
         for k, unit in enumerate(STATE_STEP * state_units(setup)):
-            shift = unit * (np.arange(STATE_SIZE) == k)
+            shift = unit * (np.arange(N_STATE) == k)
             columns.append(self.model.residuals(self.p, self.data, shift).minus(self.at).impacts / unit)
         return np.stack(columns, axis=-1)
 

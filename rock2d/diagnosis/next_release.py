@@ -9,8 +9,7 @@ import numpy as np
 from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
-from rock2d.kinematics.film_segments import STATE_SIZE
-from rock2d.records.columns import LINEAR_VELOCITY, OMEGA
+from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, OMEGA
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -79,7 +78,7 @@ def _distance(
 ) -> Array:
     """(n,) distance between the predictions of two models for each impact, in standard deviations."""
     size = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
-    shift = np.zeros((len(size), STATE_SIZE))
+    shift = np.zeros((len(size), N_STATE))
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
     shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / size)
     residuals = [

@@ -32,12 +32,12 @@ from rock2d.files.diagnosis import no_fitted_law, read_fitted_diagnosis
 from rock2d.files.experiment import Experiment
 from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
-from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
-from rock2d.records.columns import X, Y
+from rock2d.records.columns import N_STATE, X, Y
 from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _predict_impacts(experiment: Experiment, content: dict[str, Any], base_only:
 def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -> Array:
     """(n, 3) velocities after the impacts in the image: vx, vy in m/s, omega in rad/s."""
     quantities = data.impact_quantities(world)
-    shift = np.zeros((len(data.before), STATE_SIZE))
+    shift = np.zeros((len(data.before), N_STATE))
     added, unframed = np.zeros_like(data.after), np.zeros_like(data.after)
     for change in changes:
         amount = change.of(quantities)

@@ -9,14 +9,13 @@ from typing import Self
 import numpy as np
 
 from rock2d.kinematics.flights import Film, Flights, find_flights
-from rock2d.kinematics.impacts import Impacts, find_contacts, find_impacts, release_order, start_instants
+from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
-from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
+from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-STATE_SIZE, POSE_SIZE = OMEGA + 1, VX
 KEPT_STATES = 4  # worlds whose states are kept
 
 
@@ -38,8 +37,8 @@ class FilmSegments:
     film: Film
     flights: Flights
     basis: Basis
-    impacts: Impacts
-    mid_air: Impacts
+    impacts: FlightPairs
+    mid_air: FlightPairs
     start_s: Array
     unknown_spin: Array
     order: Array
@@ -52,7 +51,7 @@ class FilmSegments:
         basis = flight_basis(film, flights)
         states = fit_states(world, film, flights, basis)
         start = start_instants(world, film, flights, basis, states)
-        pairs = find_impacts(world, film, flights, basis, states, start)
+        pairs = find_pairs(world, film, flights, basis, states, start)
         contacts = find_contacts(world, film, flights, basis, states, (pairs.before, pairs.after))
         real = contacts.are_impacts(pairs.tangent, _radii(world)[pairs.block])
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
@@ -89,7 +88,7 @@ class FilmSegments:
 
     def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
         """`state_covariance` of the recorded states, transformed to the true `states` (n, 6) there."""
-        unit = np.ones((len(which), STATE_SIZE))
+        unit = np.ones((len(which), N_STATE))
         for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
             unit[:, c] = unit[:, VX + c] = world.view.true_per_recorded(states, np.array(axis))
         unit[:, RATES] /= world.view.time_scale
@@ -100,9 +99,9 @@ class FilmSegments:
 
         An angle that was not measured is uniform, and its spin may be that of rolling in either sense.
         """
-        out = np.zeros((len(which), STATE_SIZE, STATE_SIZE))
+        out = np.zeros((len(which), N_STATE, N_STATE))
         rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
-        for c in range(POSE_SIZE):
+        for c in range(N_POSE):
             variance = self.film.long_noise[c] ** 2
             out[:, c, c] = variance * (level + rate * dt**2)
             out[:, c, VX + c] = out[:, VX + c, c] = variance * rate * dt

@@ -1,6 +1,7 @@
 """Impacts of a film, the contacts in them, and impacts of a table.
 
-An *impact* of a film is everything between two consecutive flights: one touch of the ground, or several.
+An *impact* of a film is everything between two consecutive flights: one touch of the ground, or several. Between other
+pairs of flights the block touches nothing; they may be one flight.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ VELOCITY_AFTER, SPIN_AFTER = slice(0, 2), 2  # columns of `ImpactTable.after`
 
 
 @dataclass
-class Impacts:
-    """Pairs of consecutive flights: (n,) arrays.
+class FlightPairs:
+    """Pairs of consecutive flights, with or without an impact between them: (n,) arrays.
 
     Attributes
     ----------
@@ -60,9 +61,9 @@ class Impacts:
     def __len__(self) -> int:
         return len(self.before)
 
-    def only(self, keep: Array) -> Impacts:
+    def only(self, keep: Array) -> FlightPairs:
         """Some of the pairs, given as a mask."""
-        return Impacts(*(getattr(self, f.name)[keep] for f in fields(self)))
+        return FlightPairs(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def start_instants(world: World, film: Film, flights: Flights, basis: Basis, states: States) -> Array:
@@ -83,10 +84,10 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
     return start
 
 
-def find_impacts(
+def find_pairs(
     world: World, film: Film, flights: Flights, basis: Basis, states: States, start: Array
-) -> Impacts:
-    """All pairs of consecutive flights, with or without an impact; `start`: see `start_instants`."""
+) -> FlightPairs:
+    """All pairs of consecutive flights; `start`: see `start_instants`."""
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
     blocks = list(world.blocks.values())
@@ -99,7 +100,7 @@ def find_impacts(
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]
     size = np.array([b.radius_m for b in blocks])[flights.block[after]]
     window = np.minimum(length, COMPARISON_WINDOW * np.sqrt(size / max(world.gravity_m_s2, 1e-3)))
-    return Impacts(
+    return FlightPairs(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
         world.cross_section.zone_ids[facet], world.cross_section.tangents[facet],
     )  # fmt: skip

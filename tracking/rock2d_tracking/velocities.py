@@ -14,7 +14,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity
 from rock2d.kinematics.flights import clearances
-from rock2d.kinematics.impacts import Contacts, Impacts, find_contacts
+from rock2d.kinematics.impacts import Contacts, FlightPairs, find_contacts
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
@@ -83,23 +83,23 @@ def impacts_table(experiment: Experiment, data: FilmSegments) -> pd.DataFrame:
 
 
 def _contacts(
-    experiment: Experiment, data: FilmSegments, impacts: Impacts, world: World, misfit: Array
+    experiment: Experiment, data: FilmSegments, pairs: FlightPairs, world: World, misfit: Array
 ) -> pd.DataFrame:
     film = data.film
     contacts = find_contacts(
-        world, data.film, data.flights, data.basis, data.states(world), (impacts.before, impacts.after)
+        world, data.film, data.flights, data.basis, data.states(world), (pairs.before, pairs.after)
     )
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     table = pd.DataFrame({
-        "release": film.release_names[impacts.release], "block": np.array(names)[impacts.block],
-        "t_s": data.basis.middle[impacts.before] + contacts.touch_s, "zone": np.array(zones)[impacts.zone],
+        "release": film.release_names[pairs.release], "block": np.array(names)[pairs.block],
+        "t_s": data.basis.middle[pairs.before] + contacts.touch_s, "zone": np.array(zones)[pairs.zone],
     })  # fmt: skip
     sides = (
-        ("", contacts.arriving, impacts.before, contacts.touch_s),
-        ("_after", contacts.leaving, impacts.after, contacts.leave_s),
+        ("", contacts.arriving, pairs.before, contacts.touch_s),
+        ("_after", contacts.leaving, pairs.after, contacts.leave_s),
     )
-    instant = _instant_errors(data, contacts, impacts, misfit)
-    along = np.column_stack([-impacts.tangent[:, 1], impacts.tangent[:, 0]])
+    instant = _instant_errors(data, contacts, pairs, misfit)
+    across = np.column_stack([-pairs.tangent[:, 1], pairs.tangent[:, 0]])
     normal = []
     for label, state, which, dt in sides:
         error = _errors(data, which, dt, misfit)
@@ -107,52 +107,50 @@ def _contacts(
         for k in (VX, VY, OMEGA):
             name = STATE_NAMES[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
             table[name], table[f"{name}_se"] = state[:, k], error[:, k]
-        speed, speed_se = state[:, LINEAR_VELOCITY] * along, error[:, LINEAR_VELOCITY] * along
+        speed, speed_se = state[:, LINEAR_VELOCITY] * across, error[:, LINEAR_VELOCITY] * across
         normal.append((speed.sum(axis=1), np.hypot(*speed_se.T)))
     (coming, coming_se), (going, going_se) = normal
     turned = (coming < 0.0) & (going > 0.0)
     ratio = np.where(turned, -going / np.where(turned, coming, 1.0), np.nan)
     table["restitution"] = ratio
     table["restitution_se"] = np.hypot(going_se, ratio * coming_se) / np.where(turned, -coming, np.nan)
-    deep, high = _depths(experiment, data, impacts)
-    size = np.array([b.size_m for b in experiment.blocks.values()])[impacts.block]
+    deep, high = _depths(experiment, data, pairs)
+    size = np.array([b.size_m for b in experiment.blocks.values()])[pairs.block]
     table["penetration_m"], table["rebound_m"] = deep, high
-    table["flag"] = _flags(
-        data, impacts, deep > DEEP_PENETRATION_SIZES * size, high < LOW_REBOUND_SIZES * size
-    )
+    table["flag"] = _flags(data, pairs, deep > DEEP_PENETRATION_SIZES * size, high < LOW_REBOUND_SIZES * size)
     return table
 
 
-def _instant_errors(data: FilmSegments, contacts: Contacts, impacts: Impacts, misfit: Array) -> Array:
+def _instant_errors(data: FilmSegments, contacts: Contacts, pairs: FlightPairs, misfit: Array) -> Array:
     """(n,) standard errors in s of the instants at which two flights meet."""
     errors = [
         _errors(data, which, dt, misfit)[:, POSITION].max(axis=1)
-        for which, dt in ((impacts.before, contacts.touch_s), (impacts.after, contacts.leave_s))
+        for which, dt in ((pairs.before, contacts.touch_s), (pairs.after, contacts.leave_s))
     ]
     change = np.hypot(*(contacts.leaving - contacts.arriving)[:, LINEAR_VELOCITY].T)
     return np.hypot(*errors) / np.maximum(change, 1e-9)
 
 
-def _flags(data: FilmSegments, impacts: Impacts, deep: Array, low: Array) -> list[str]:
+def _flags(data: FilmSegments, pairs: FlightPairs, deep: Array, low: Array) -> list[str]:
     flights, t = data.flights, data.film.t_s
-    gap = t[flights.first[impacts.after]] - t[flights.last[impacts.before] - 1]
+    gap = t[flights.first[pairs.after]] - t[flights.last[pairs.before] - 1]
     lasts = t[flights.last - 1] - t[flights.first]
-    wide = gap > WIDEST_GAP * np.minimum(lasts[impacts.before], lasts[impacts.after])
+    wide = gap > WIDEST_GAP * np.minimum(lasts[pairs.before], lasts[pairs.after])
     words = np.where(np.column_stack([deep, low, wide]), ["deep", "low", "wide gap"], "")
     return [" ".join(word for word in own if word) for own in words.tolist()]
 
 
-def _depths(experiment: Experiment, data: FilmSegments, impacts: Impacts) -> tuple[Array, Array]:
+def _depths(experiment: Experiment, data: FilmSegments, pairs: FlightPairs) -> tuple[Array, Array]:
     """(n,) deepest visible penetration between the two flights of an impact, and height of the flight after it."""
     film, flights = data.film, data.flights
     blocks = list(experiment.blocks.values())
     ground = ground_arrays(experiment.cross_section)
     arrays = [block_arrays(b) for b in blocks]
-    deep, high = np.zeros(len(impacts)), np.zeros(len(impacts))
-    for i in range(len(impacts)):
-        shape = arrays[impacts.block[i]]
-        contact = slice(flights.last[impacts.before[i]] - 1, flights.first[impacts.after[i]] + 1)
-        flight = slice(flights.first[impacts.after[i]], flights.last[impacts.after[i]])
+    deep, high = np.zeros(len(pairs)), np.zeros(len(pairs))
+    for i in range(len(pairs)):
+        shape = arrays[pairs.block[i]]
+        contact = slice(flights.last[pairs.before[i]] - 1, flights.first[pairs.after[i]] + 1)
+        flight = slice(flights.first[pairs.after[i]], flights.last[pairs.after[i]])
         deep[i] = max(0.0, -float(clearances(shape, ground, film.pose[contact]).min()))
         high[i] = float(clearances(shape, ground, film.pose[flight]).max())
     return deep, high

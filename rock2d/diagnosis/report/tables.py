@@ -27,7 +27,7 @@ Array = np.ndarray
 
 SHOWN_SEGMENTS = 6
 LINE_POINTS = 160  # points of a predicted line
-SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `Impacts.window_s`
+SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `FlightPairs.window_s`
 FLIGHT_POINTS = 12
 MOST_FLIGHTS = 600
 MOST_SCENES = 3

@@ -345,11 +345,11 @@ def film_findings(
     ]
     drag, air, spin = np.array(drag_of)[flights.block], (0.0, 0.0), 0.0
     if gravity is not None:
-        change = -(gravity.weight * drag) @ gravity.pull
+        change = -(gravity.weight * drag) @ gravity.speed_velocity
         air = float(-change[Y] / world.gravity_m_s2), float(change[X] / world.gravity_m_s2)
         # lift acts across the velocity and may be as strong as drag: Mehta (1985)
         lift = gravity.weight * drag * ~film.angle_known[flights.release]
-        spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
+        spin = float(lift @ np.abs(gravity.speed_velocity[:, X])) / world.gravity_m_s2
     return FilmFindings(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
         air, spin, rest_heights(film, world), film.blocks_without_angle, from_gravity,

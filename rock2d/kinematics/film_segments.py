@@ -31,7 +31,7 @@ class FilmSegments:
     mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
-    order : (releases,) place of each release in its block's series
+    order : (releases,) number of earlier releases of the same block
     """
 
     film: Film

@@ -75,9 +75,9 @@ class FlightGravity:
     tilt_rad : angle of the image against the vertical, counter-clockwise
     used : (flights,) whether a flight is used; others are too straight, or outliers
     each, each_error : (flights,) acceleration of each flight along their mean and its standard error, in m/s²
-    weight : (flights,) weight of each flight in the result
-    pull : (flights, 2) mean of speed × velocity over the flight in m²/s², weighted like an acceleration in the fit of
-        the parabola
+    weight : (flights,) weight of each flight in the result, 0 if it is not used
+    speed_velocity : (flights, 2) mean of speed × velocity over the flight in m²/s², weighted like an acceleration in
+        the fit of the parabola
     noise_m, instant_noise_s : σ and τ
     slow : whether slowly changing errors give the standard error
     """
@@ -88,7 +88,7 @@ class FlightGravity:
     each: Array
     each_error: Array
     weight: Array
-    pull: Array
+    speed_velocity: Array
     noise_m: float
     instant_noise_s: float
     slow: bool
@@ -105,7 +105,7 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     if not paths:
         return None
     every = _fitted(paths)
-    used = _falls(every, stated_m_s2)
+    used = _are_falls(every, stated_m_s2)
     if not used.any():
         return None
     fits = _fitted([path for path, use in zip(paths, used, strict=True) if use])
@@ -114,22 +114,23 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         np.einsum("nij,nj->i", precision, fits.acceleration),
     )
     down = mean / np.hypot(*mean)
-    aside = np.array([-down[Y], down[X]])  # in which a counter-clockwise turn of the picture moves it
+    aside = np.array([-down[Y], down[X]])  # to which a counter-clockwise turn of the picture turns `down`
     size, error = _along(fits, down)
     turn, turn_error = (values / np.hypot(*mean) for values in _along(fits, aside))
     # a film that falls upwards is mirrored, not turned
     turn += np.arctan2(down[X] * np.sign(-down[Y]), abs(down[Y]))
     release = flights.release[used]
-    gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
+    weight = np.zeros(len(used))
+    gravity, weight[used] = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
-    bends, pulls = _bends_and_pulls(paths)
+    bends, means = _bends_and_means(paths)
     smeared = film.smear_offset_s * bends
-    shared = abs(float(_spread(weight, used) @ smeared))  # equal in all flights
+    shared = abs(float(weight @ smeared))  # equal in all flights
     each, each_error = _along(every, down)
     return FlightGravity(
         Measured(gravity.value, float(np.hypot(gravity.error, shared))),
         Measured(tilt.value, float(np.hypot(tilt.error, shared / np.hypot(*mean)))),
-        used, each, np.hypot(each_error, smeared), _spread(weight, used), pulls,
+        used, each, np.hypot(each_error, smeared), weight, means,
         fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
@@ -285,7 +286,7 @@ def _along(fits: _Fits, axis: Array) -> tuple[Array, Array]:
     return fits.acceleration @ axis, np.sqrt(np.einsum("i,nij,j->n", axis, fits.covariance, axis))
 
 
-def _falls(fits: _Fits, stated_m_s2: float) -> Array:
+def _are_falls(fits: _Fits, stated_m_s2: float) -> Array:
     """(m,) whether flights are falls.
 
     If gravity would clearly bend the path, it must be bent. Steep paths are steeper than any ground. The noise of other
@@ -354,23 +355,16 @@ def _combined(values: Array, errors: Array) -> _Mean:
     return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0)
 
 
-def _spread(weight: Array, used: Array) -> Array:
-    """(flights,) weights of the used flights; 0 for others."""
-    out = np.zeros(len(used))
-    out[used] = weight
-    return out
-
-
-def _bends_and_pulls(paths: list[_Path]) -> tuple[Array, Array]:
+def _bends_and_means(paths: list[_Path]) -> tuple[Array, Array]:
     """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed; and
-    (m, 2) `FlightGravity.pull`: a force that changes within a flight enters the fit of the parabola with the weight
-    (1 - s²)², with the time s from -1 to 1."""
-    bends, pulls = np.zeros(len(paths)), np.zeros((len(paths), 2))
+    (m, 2) `FlightGravity.speed_velocity`: a force that changes within a flight enters the fit of the parabola with the
+    weight (1 - s²)², with the time s from -1 to 1."""
+    bends, means = np.zeros(len(paths)), np.zeros((len(paths), 2))
     for i, path in enumerate(paths):
         s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
         c = np.polynomial.polynomial.polyfit(s, path.position, 2)
         rate = c[1] + 2 * c[2] * s[:, None]
         bends[i] = 2 * np.polynomial.polynomial.polyfit(s, np.hypot(*rate.T) / half, 2)[2] / half**2
         velocity, weight = rate / half, np.maximum(1.0 - s**2, 0.0) ** 2
-        pulls[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
-    return bends, pulls
+        means[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
+    return bends, means

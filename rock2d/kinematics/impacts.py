@@ -203,8 +203,8 @@ class ImpactTable:
     after : (n, 3) recorded velocities (vx, vy, omega) after them
     impact_block, impact_zone, impact_release : (n,) index of block, zone and release of each impact
     tangent : (n, 2) direction of the nearest facet
-    impact_order : (n,) place of each impact's release in its block's series
-    order : (releases,) place of each release in its block's series
+    impact_order : (n,) `order` of the release of each impact
+    order : (releases,) number of earlier releases of the same block
     """
 
     before: Array

@@ -52,14 +52,14 @@ def window_gravity(experiment: Experiment, film: Film) -> Array | None:
     A short window may be a smooth part of an impact. Therefore the result is a mode over the windows of one length, and
     of all lengths the narrowest mode, because free flights agree with each other.
     """
-    found: list[_Mode] = []
-    beyond: list[_Mode] = []
+    clear: list[_Mode] = []  # of windows in which noise does not hide the stated gravity
+    every: list[_Mode] = []
     for window in WINDOWS:
         falls = _falls(film, window)
-        seen = experiment.gravity_m_s2 > CLEAR_CURVATURE * falls.error  # not lost in the noise
-        found += _agreeing(falls.only(seen), AGREEING_SPREAD)
-        beyond += _agreeing(falls, FREE_FALL_SPREAD)
-    modes = found or beyond
+        seen = experiment.gravity_m_s2 > CLEAR_CURVATURE * falls.error
+        clear += _agreeing(falls.only(seen), AGREEING_SPREAD)
+        every += _agreeing(falls, FREE_FALL_SPREAD)
+    modes = clear or every
     unbiased = [mode for mode in modes if mode.clearness > UNBIASED_CURVATURE]
     return min(unbiased or modes, key=lambda mode: mode.spread).acceleration if modes else None
 

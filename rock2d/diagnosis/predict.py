@@ -34,10 +34,10 @@ from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
+from rock2d.kinematics.impacts import AFTER_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
-from rock2d.records.columns import N_STATE, X, Y
+from rock2d.records.columns import N_STATE, STATE_NAMES, X, Y
 from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def _series_positions(content: dict[str, Any], names: Sequence[str], block: Arra
 def _predict_impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -> pd.DataFrame:
     """Predicted velocities after the impacts of a table; rows without a state before the impact are left out."""
     assert experiment.impacts is not None
-    given = experiment.impacts.dropna(subset=list(BEFORE_COLUMNS)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
+    given = experiment.impacts.dropna(subset=list(STATE_NAMES)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
     given = given.sort_values("release", kind="stable")
     data = TableData.of(replace(experiment, impacts=given))
     places = _series_positions(content, list(experiment.blocks), data.release_block, data.order)

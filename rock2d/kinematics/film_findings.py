@@ -71,8 +71,8 @@ class RestHeight:
     height_radii: float
 
     @property
-    def clear(self) -> bool:
-        """Whether the height is significantly above the ground."""
+    def above_ground(self) -> bool:
+        """Whether the block is significantly above the ground."""
         above = self.height_radii > LEAST_HEIGHT_RADII
         return above and self.error_m is not None and self.height_m > CLEAR_HEIGHT * self.error_m
 
@@ -96,7 +96,7 @@ def rest_remarks(film: Film, world: World) -> list[str]:
         f"at rest, block {own.block} lies {1e3 * own.height_m:.2g} ± {1e3 * own.error_m:.1g} mm above the ground (mean "
         f"of {counted(own.rests, 'release')}): are its sizes, the scale, the origin and the ground right?"
         for own in rest_heights(film, world)
-        if own.rests >= FEWEST_RESTS and own.clear and own.error_m is not None
+        if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
     ]
 
 
@@ -109,9 +109,8 @@ def _rest_heights_m(film: Film, world: World, block: int) -> Array:
         pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
         if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
             poses.append(pose.mean(axis=0))
-    return block_clearances(
-        world, np.full(len(poses), block), world.view.true(np.array(poses).reshape(-1, 3))
-    )
+    true = world.view.true(np.array(poses).reshape(-1, 3))
+    return block_clearances(world, np.full(len(poses), block), true)
 
 
 @dataclass(frozen=True)
@@ -366,7 +365,7 @@ def _rest_sentence(own: RestHeight) -> str:
     way = "above" if own.height_m > 0 else "below"
     size = f"{1e3 * abs(own.height_m):.2g}"
     error = "" if own.error_m is None else f" ± {1e3 * own.error_m:.1g}"
-    ask = ": are its size, the scale, the origin and the ground right?" if own.clear else ""
+    ask = ": are its size, the scale, the origin and the ground right?" if own.above_ground else ""
     return (
         f"at rest, block {own.block} lies {size}{error} mm {way} the stated ground, "
         f"{100 * abs(own.height_radii):.2g} % of its radius ({counted(own.rests, 'release')}){ask}"

@@ -16,7 +16,7 @@ from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film, Flights, block_clearances, clearances
 from rock2d.kinematics.states import Basis, States, move_freely
-from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION
+from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION, STATE_NAMES
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
@@ -26,7 +26,6 @@ START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation
 COMPARISON_WINDOW = 2.0  # length of the compared part of the flight after an impact, in √(radius / g)
 NEAR_RADII = 0.5  # clearance in block radii below which the ground may have acted
 SEARCHED_INSTANTS = 33  # instants between two flights at which clearances are computed
-BEFORE_COLUMNS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 AFTER_COLUMNS = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
 VELOCITY_AFTER, SPIN_AFTER = slice(0, 2), 2  # columns of `ImpactTable.after`
 
@@ -221,7 +220,7 @@ class ImpactTable:
         """Impacts of an experiment with an impact table; rows without a state after are left out."""
         table = experiment.impacts
         assert table is not None
-        columns, after = list(BEFORE_COLUMNS), list(AFTER_COLUMNS)
+        columns, after = list(STATE_NAMES), list(AFTER_COLUMNS)
         table = table.dropna(subset=[*columns, *after]).sort_values("release", kind="stable")
         names = list(experiment.blocks)
         releases, index = np.unique(table["release"].to_numpy(), return_inverse=True)

@@ -13,9 +13,9 @@ from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.impacts import AFTER_COLUMNS, BEFORE_COLUMNS
+from rock2d.kinematics.impacts import AFTER_COLUMNS
 from rock2d.laws.contact import ContactParameters, contact_table
-from rock2d.records.columns import AFTER, BEFORE
+from rock2d.records.columns import AFTER, BEFORE, STATE_NAMES
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
@@ -38,7 +38,7 @@ def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
     before, after = row[:, BEFORE], row[:, AFTER]
     after[:, 3:] *= 1 + noise * rng.normal(size=(n, 3))
     columns = {"release": np.arange(n), "block": "square"}
-    columns |= dict(zip(BEFORE_COLUMNS, before.T, strict=True))
+    columns |= dict(zip(STATE_NAMES, before.T, strict=True))
     columns |= dict(zip(AFTER_COLUMNS, after[:, 3:].T, strict=True))
     return Experiment("table", 9.81, 250.0, 1e-4, 1e-3, FLOOR, SQUARE, impacts=pd.DataFrame(columns))
 
@@ -98,7 +98,7 @@ def test_effect_is_found_in_a_table():
 def test_columns_the_wrong_way_round_are_said():
     experiment = impacts(plain_world(), 30, seed=4, noise=0.0)
     table = experiment.impacts
-    pairs = list(zip(BEFORE_COLUMNS[3:], AFTER_COLUMNS, strict=True))
+    pairs = list(zip(STATE_NAMES[3:], AFTER_COLUMNS, strict=True))
     experiment.impacts = table.rename(columns=dict(pairs) | {b: a for a, b in pairs})
     result = diagnose(experiment)
     assert "exchanged" in result.sanity.faults[0].message

@@ -94,7 +94,7 @@ def candidate_table(
         found = calibrate(own, "batch", base.seed, stages, effort, show)
         held_out = study_forecasts(own, found)["blocks, held out"]
         assert own.terrain is not None
-        return held_out.found.log_scores(own.terrain.known.distances_m[held_out.indices])
+        return held_out.forecast.log_scores(own.terrain.known.distances_m[held_out.indices])
 
     as_it_is = scores(scenario, "as it is")
     rows = []

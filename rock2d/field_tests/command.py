@@ -15,7 +15,7 @@ from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
 from rock2d.field_tests.forecasts import (
     ALL,
-    Forecasts,
+    PartForecast,
     by_block,
     passing_table,
     prediction_table,
@@ -27,12 +27,12 @@ from rock2d.field_tests.study import (
     Effort,
     all_soils,
     calibrate,
-    counted,
     naive_forecasts,
     posterior_table,
     shape_forecasts,
     shape_table,
     shapes_of,
+    step_counter,
     study_forecasts,
 )
 from rock2d.files.field_releases import read_releases
@@ -70,7 +70,7 @@ def run_field_test(
         mass = float(np.median([block.mass_kg for block in scenario.make_blocks().values()]))
         shapes = shape_forecasts(
             blocks.unknowns, soils[:SHAPE_SOILS], shapes_of(mass, DENSITY_KG_M3), seed,
-            counted(show, "shapes", SHAPE_SOILS),
+            step_counter(show, "shapes", SHAPE_SOILS),
         )  # fmt: skip
         candidates = candidate_table(scenario, blocks, kept, show)
     lines = scenario.terrain.lines_m
@@ -181,7 +181,7 @@ def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
 
 
 def _write_figures(
-    folder: Path, scenario: Scenario, found: Mapping[str, Forecasts], tables: Mapping[str, pd.DataFrame]
+    folder: Path, scenario: Scenario, found: Mapping[str, PartForecast], tables: Mapping[str, pd.DataFrame]
 ) -> None:
     from rock2d.graphics.field_test_figures import forecasts_figure, passing_figure
     from rock2d.graphics.figure_style import save_figure
@@ -190,10 +190,10 @@ def _write_figures(
     known = scenario.terrain.known
     measured = {block: known.distances_m[known.of_blocks(block)] for block in dict.fromkeys(known.blocks)}
     expected: dict[str, dict[str, Any]] = {block: {} for block in measured}
-    for name, forecasts in found.items():
+    for name, own in found.items():
         if "held out" in name:
-            spread = forecasts.found.spread(np.random.default_rng(0))
-            for block, rows in by_block(known, forecasts).items():
+            spread = own.forecast.spread(np.random.default_rng(0))
+            for block, rows in by_block(known, own).items():
                 if block != ALL:
                     expected[block][name] = spread[rows]
     save_figure(forecasts_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")

@@ -31,26 +31,26 @@ class Forecast:
     Attributes
     ----------
     samples_m : (n, s) equally likely distances
-    kernel_m : (n, s) standard deviation of the discrepancy of each sample
+    discrepancy_m : (n, s) standard deviation of the discrepancy of each sample
     caught : (n, s) probability that the block is caught anywhere on its way
     unresolved : share of the descents that were cut short or buried; they count as stopped there
     """
 
     samples_m: Array
-    kernel_m: Array
+    discrepancy_m: Array
     caught: Array
     unresolved: float = 0.0
 
     def subset(self, indices: Array) -> Forecast:
         """The forecast of some of the releases."""
         return Forecast(
-            self.samples_m[indices], self.kernel_m[indices], self.caught[indices], self.unresolved
+            self.samples_m[indices], self.discrepancy_m[indices], self.caught[indices], self.unresolved
         )
 
     def spread(self, rng: np.random.Generator) -> Array:
         """(n, s) draws of the distances, with discrepancy and caught blocks."""
         shape = self.samples_m.shape
-        whole = np.maximum(self.samples_m + rng.standard_normal(shape) * self.kernel_m, 0.0)
+        whole = np.maximum(self.samples_m + rng.standard_normal(shape) * self.discrepancy_m, 0.0)
         on_the_way = rng.random(shape) * self.samples_m
         return np.where(rng.random(shape) < self.caught, on_the_way, whole)
 
@@ -60,7 +60,7 @@ class Forecast:
 
     def log_scores(self, measured_m: Array) -> Array:
         """(n,) log of the density in 1/m at the measured distances."""
-        return log_density(measured_m, self.samples_m, self.kernel_m, self.caught)
+        return log_density(measured_m, self.samples_m, self.discrepancy_m, self.caught)
 
 
 def forecast(
@@ -78,7 +78,7 @@ def forecast(
     releases, copies = descents[0].releases, descents[0].copies
     metres, unresolved = np.empty((len(releases), len(soils) * copies)), 0.0
     for i, (soil, some) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
-        found = some.simulated(unknowns.soil(soil))
+        found = some.simulated(unknowns.scenario_of(soil))
         metres[:, i * copies : (i + 1) * copies] = found.metres
         unresolved += float(found.unresolved.mean()) / len(soils)
         on_progress(1)
@@ -89,11 +89,11 @@ def forecast(
         others = row if not missing.all() else simulated[releases.of_blocks(releases.blocks[i])]
         started = others[np.isfinite(others)]
         row[missing] = rng.choice(started, int(missing.sum())) if len(started) else 0.0
-    kernel, caught = (
+    sd, caught = (
         np.tile(np.repeat(each, copies), (len(metres), 1))
         for each in (unknowns.discrepancy_m(soils), unknowns.caught(soils))
     )
-    return Forecast(metres, kernel, caught, unresolved)
+    return Forecast(metres, sd, caught, unresolved)
 
 
 def naive_forecast(measured_m: Array, n: int) -> Forecast:
@@ -110,11 +110,11 @@ def naive_forecast(measured_m: Array, n: int) -> Forecast:
 def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
     """One forecast of n releases from forecasts of parts of them (indices, forecast), with equal numbers of samples."""
     samples = np.empty((n, parts[0][1].samples_m.shape[1]))
-    kernel, caught = np.empty_like(samples), np.empty_like(samples)
+    sd, caught = np.empty_like(samples), np.empty_like(samples)
     for indices, part in parts:
-        samples[indices], kernel[indices], caught[indices] = part.samples_m, part.kernel_m, part.caught
+        samples[indices], sd[indices], caught[indices] = part.samples_m, part.discrepancy_m, part.caught
     unresolved = sum(part.unresolved * len(indices) for indices, part in parts) / n
-    return Forecast(samples, kernel, caught, unresolved)
+    return Forecast(samples, sd, caught, unresolved)
 
 
 def prediction_table(releases: FieldReleases, found: Forecast, rng: np.random.Generator) -> pd.DataFrame:
@@ -125,33 +125,33 @@ def prediction_table(releases: FieldReleases, found: Forecast, rng: np.random.Ge
 
 
 @dataclass(frozen=True)
-class Forecasts:
+class PartForecast:
     """A forecast of some of the releases.
 
     Attributes
     ----------
     indices : (k,) indices of the releases
-    found : their forecast
+    forecast : that of these releases
     """
 
     indices: Array
-    found: Forecast
+    forecast: Forecast
 
 
-def by_block(releases: FieldReleases, own: Forecasts, among_all: bool = True) -> dict[str, Array]:
+def by_block(releases: FieldReleases, own: PartForecast) -> dict[str, Array]:
     """Block -> rows of the forecast; `ALL` -> all rows."""
     blocks = [releases.blocks[i] for i in own.indices]
     rows = {block: np.flatnonzero(np.array(blocks) == block) for block in dict.fromkeys(blocks)}
-    return rows | ({ALL: np.arange(len(own.indices))} if among_all and len(rows) > 1 else {})
+    return rows | ({ALL: np.arange(len(own.indices))} if len(rows) > 1 else {})
 
 
 def runout_table(
-    releases: FieldReleases, forecasts: Mapping[str, Forecasts], rng: np.random.Generator
+    releases: FieldReleases, forecasts: Mapping[str, PartForecast], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Percentiles of the distance from start to stop, measured and forecast, for each block."""
     rows = []
     for name, own in forecasts.items():
-        spread = own.found.spread(rng)
+        spread = own.forecast.spread(rng)
         for block, of_block in by_block(releases, own).items():
             measured = np.percentile(releases.distances_m[own.indices[of_block]], SHOWN_PERCENTILES)
             expected = np.percentile(spread[of_block], SHOWN_PERCENTILES)
@@ -161,12 +161,12 @@ def runout_table(
 
 
 def passing_table(
-    releases: FieldReleases, forecasts: Mapping[str, Forecasts], lines_m: Array, rng: np.random.Generator
+    releases: FieldReleases, forecasts: Mapping[str, PartForecast], lines_m: Array, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Share of the releases that pass each distance, measured with its 95 % interval, and forecast."""
     rows = []
     for name, own in forecasts.items():
-        spread = own.found.spread(rng)
+        spread = own.forecast.spread(rng)
         for block, of_block in by_block(releases, own).items():
             measured = releases.distances_m[own.indices[of_block]]
             for line in lines_m:
@@ -180,7 +180,7 @@ def passing_table(
 
 
 def score_table(
-    releases: FieldReleases, forecasts: Mapping[str, Forecasts], lines_m: Array, rng: np.random.Generator
+    releases: FieldReleases, forecasts: Mapping[str, PartForecast], lines_m: Array, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Scores of each forecast, for each block.
 
@@ -193,8 +193,8 @@ def score_table(
     """
     rows: list[dict[str, Any]] = []
     for name, own in forecasts.items():
-        spread, quantiles = own.found.spread(rng), own.found.quantiles_m(rng)
-        scores = own.found.log_scores(releases.distances_m[own.indices])
+        spread, quantiles = own.forecast.spread(rng), own.forecast.quantiles_m(rng)
+        scores = own.forecast.log_scores(releases.distances_m[own.indices])
         for block, of_block in by_block(releases, own).items():
             measured, n = releases.distances_m[own.indices[of_block]], len(of_block)
             row: dict[str, Any] = {"forecast": name, "block": block, "releases": n}
@@ -212,7 +212,7 @@ def score_table(
                     f"inside{share}_high": bounds[1],
                 }
             row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[of_block], lines_m, rng)
-            row["unresolved"] = own.found.unresolved
+            row["unresolved"] = own.forecast.unresolved
             rows.append(row)
     return pd.DataFrame(rows)
 

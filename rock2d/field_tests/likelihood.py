@@ -37,7 +37,7 @@ PRIOR_STREAM, REFINED_STREAM, POSTERIOR_STREAM = range(3)  # first numbers of sp
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns: numbers of the scenario, the discrepancy, and the share of caught blocks.
+    """The unknowns: numbers of the scenario, the discrepancy, and the share of caught blocks. A *soil* draws all.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Unknowns:
         """Place -> value of a soil u (d,)."""
         return {place: float(q(share)) for (place, q), share in zip(self.quantiles.items(), u, strict=False)}
 
-    def soil(self, u: Array) -> Scenario:
+    def scenario_of(self, u: Array) -> Scenario:
         """The scenario of a soil."""
         return variant(self.scenario, self.values(u))
 
@@ -127,7 +127,7 @@ def simulate_soils(
     """Simulate all releases with each of these soils (k, d)."""
     found = []
     for soil in u:
-        metres = descents.simulated(unknowns.soil(soil)).metres
+        metres = descents.simulated(unknowns.scenario_of(soil)).metres
         sd, caught = float(unknowns.discrepancy_m(soil)), float(unknowns.caught(soil))
         found.append(log_density_by_block(descents.releases, metres, sd, caught))
         on_progress(1)

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import Forecast, Forecasts, forecast, joined, naive_forecast
+from rock2d.field_tests.forecasts import Forecast, PartForecast, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
     POSTERIOR_STREAM,
     ROUND_POWERS,
@@ -50,7 +50,7 @@ def _nothing(what: str, done: int, of: int) -> None:
     pass
 
 
-def counted(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None]:
+def step_counter(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None]:
     """A function that gets the number of further steps done, and calls `on_progress` with their sum."""
     done = 0
 
@@ -101,7 +101,7 @@ class Calibration:
         seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(FORECAST_SEEDS)
         scenario = self.unknowns.scenario
         descents = [Descents(scenario, releases, 1, int(own), self.engine) for own in seeds]
-        return forecast(self.unknowns, descents, soils, counted(on_progress, what, len(soils)))
+        return forecast(self.unknowns, descents, soils, step_counter(on_progress, what, len(soils)))
 
 
 def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
@@ -138,7 +138,7 @@ def calibrate(
         kept = None if file is None else load_arrays(file)
         if kept is not None:
             return SimulatedSoils(kept["u"], kept["log_density"])
-        step = counted(on_progress, f"{FORECAST_NAMES[engine]}: {part}", len(u))
+        step = step_counter(on_progress, f"{FORECAST_NAMES[engine]}: {part}", len(u))
         found = simulate_soils(unknowns, descents, u, step)
         if file is not None:
             save_arrays(file, u=found.u, log_density=found.log_density)
@@ -153,7 +153,7 @@ def calibrate(
 
 def study_forecasts(
     scenario: Scenario, calibration: Calibration, on_progress: OnProgress = _nothing
-) -> dict[str, Forecasts]:
+) -> dict[str, PartForecast]:
     """Forecasts of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
@@ -163,17 +163,18 @@ def study_forecasts(
     if len(others):
         name = f"{law}, from {' and '.join(sources)}"
         soils = calibration.posterior(np.flatnonzero(source), 0)
-        found[name] = Forecasts(others, calibration.forecast(known.subset(others), soils, name, on_progress))
+        of_others = calibration.forecast(known.subset(others), soils, name, on_progress)
+        found[name] = PartForecast(others, of_others)
     name, parts = f"{law}, held out", []
     for k, fold in enumerate(fold_indices(known, calibration.seed)):
         soils = calibration.posterior(np.setdiff1d(np.arange(len(known)), fold), 1 + k)
         parts.append(
             (fold, calibration.forecast(known.subset(fold), soils, f"{name}, fold {k + 1}", on_progress))
         )
-    return found | {name: Forecasts(np.arange(len(known)), joined(parts, len(known)))}
+    return found | {name: PartForecast(np.arange(len(known)), joined(parts, len(known)))}
 
 
-def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
+def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, PartForecast]:
     """Forecasts without physics: other blocks stop like the blocks of `calibrate_on`; a block stops like the other
     releases of the same block."""
     assert scenario.terrain is not None and scenario.field_test is not None
@@ -182,9 +183,9 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
     others = np.flatnonzero(~source)
     if len(others):
         like = naive_forecast(known.distances_m[source], len(others))
-        found[f"stops like {' and '.join(sources)}"] = Forecasts(others, like)
+        found[f"stops like {' and '.join(sources)}"] = PartForecast(others, like)
     samples = np.full((len(known), len(known)), np.nan)
-    kernel, caught = np.ones_like(samples), np.zeros_like(samples)
+    sd, caught = np.ones_like(samples), np.zeros_like(samples)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FOLD_STREAM, 1)))
     for fold in fold_indices(known, seed):
         for i in fold:
@@ -192,8 +193,8 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
             own = naive_forecast(known.distances_m[same], 1)
             picked = rng.permutation(np.resize(np.arange(len(same)), len(known)))
             samples[i] = own.samples_m[0, picked]
-            kernel[i], caught[i] = own.kernel_m[0, 0], own.caught[0, 0]
-    held = Forecasts(np.arange(len(known)), Forecast(samples, kernel, caught))
+            sd[i], caught[i] = own.discrepancy_m[0, 0], own.caught[0, 0]
+    held = PartForecast(np.arange(len(known)), Forecast(samples, sd, caught))
     return found | {"stops like the same block, held out": held}
 
 

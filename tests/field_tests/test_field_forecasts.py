@@ -9,7 +9,7 @@ from rock2d.errors import InputError
 from rock2d.field_tests import candidates, command, likelihood, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, Forecasts, naive_forecast, score_table
+from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, PartForecast, naive_forecast, score_table
 from rock2d.field_tests.study import FOLDS, Effort, fold_indices
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import load_scenario
@@ -66,7 +66,7 @@ def test_a_true_forecast_covers_what_it_says():
     centre = rng.uniform(50, 150, n)
     releases = releases_of(centre + rng.normal(0, 6, n))
     true = Forecast(np.tile(centre[:, None], (1, 200)), np.full((n, 200), 6.0), np.zeros((n, 200)))
-    table = score_table(releases, {"true": Forecasts(np.arange(n), true)}, np.arange(60.0, 150, 10), rng)
+    table = score_table(releases, {"true": PartForecast(np.arange(n), true)}, np.arange(60.0, 150, 10), rng)
     whole = table[table["block"] == "all"].iloc[0]
     assert whole["inside80"] == pytest.approx(0.8, abs=0.04)
     assert whole["inside90"] == pytest.approx(0.9, abs=0.03)

@@ -64,10 +64,7 @@ class Forecast:
 
 
 def forecast(
-    unknowns: Unknowns,
-    descents: Sequence[Descents],
-    soils: Array,
-    on_progress: Callable[[int], Any] = lambda count: None,
+    unknowns: Unknowns, descents: Sequence[Descents], soils: Array, on_progress: Callable[[int], Any]
 ) -> Forecast:
     """Simulate releases with soils (s, d) of a posterior, in turn with `descents` of the same releases with different
     seeds.

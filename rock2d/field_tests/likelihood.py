@@ -37,7 +37,7 @@ PRIOR_STREAM, REFINED_STREAM, POSTERIOR_STREAM = range(3)  # first numbers of sp
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns: numbers of the scenario, the discrepancy, and the share of caught blocks. A *soil* draws all.
+    """The unknowns: numbers of the scenario, the discrepancy and the share of caught blocks. A *soil* has all of them.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ def log_density_by_block(releases: FieldReleases, metres: Array, sd_m: float, ca
 
 
 def simulate_soils(
-    unknowns: Unknowns, descents: Descents, u: Array, on_progress: Callable[[int], Any] = lambda count: None
+    unknowns: Unknowns, descents: Descents, u: Array, on_progress: Callable[[int], Any]
 ) -> SimulatedSoils:
     """Simulate all releases with each of these soils (k, d)."""
     found = []

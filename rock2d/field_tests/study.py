@@ -94,9 +94,7 @@ class Calibration:
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(POSTERIOR_STREAM, part)))
         return drawn_posterior(self.soils, indices, rng, self.effort.draws)
 
-    def forecast(
-        self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress = _nothing
-    ) -> Forecast:
+    def forecast(self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress) -> Forecast:
         """Forecast of releases, with draws of a posterior."""
         seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(FORECAST_SEEDS)
         scenario = self.unknowns.scenario
@@ -116,8 +114,8 @@ def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
 
 
 def calibrate(
-    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None = None,
-    on_progress: OnProgress = _nothing,
+    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None,
+    on_progress: OnProgress,
 ) -> Calibration:  # fmt: skip
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
@@ -237,7 +235,7 @@ def shapes_of(mass_kg: float, density_kg_m3: float) -> dict[str, Block]:
 
 def shape_forecasts(
     unknowns: Unknowns, soils: Array, blocks: dict[str, Block], seed: int,
-    on_progress: Callable[[int], Any] = lambda count: None,
+    on_progress: Callable[[int], Any],
 ) -> dict[str, Forecast]:  # fmt: skip
     """Forecast of each block, released once from every known start with each of these soils."""
     assert unknowns.scenario.terrain is not None

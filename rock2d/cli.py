@@ -98,7 +98,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     """
     from rock2d_figures.command import reproduce as run_reproduction
 
-    from rock2d.reproduction.stages import Effort
+    from rock2d.reproduction.calibrations import Effort
 
     effort = Effort(hypotheses, releases)
     run_reproduction(

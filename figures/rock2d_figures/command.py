@@ -12,11 +12,11 @@ from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import load_scenario
 from rock2d.graphics.figure_style import save_figure
 from rock2d.progress import Bars
+from rock2d.reproduction.calibrations import Effort
 from rock2d.reproduction.computation import FIGURES, FinishedStages, compute_results, reproduction_bars
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.paper_setup import ENGINE_OF_MODEL, SCENARIO_FILE
 from rock2d.reproduction.results import Results, write_results
-from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
 from rock2d_figures.posteriors import arrivals_figure, identified_figure
 from rock2d_figures.report import report_text

@@ -73,8 +73,8 @@ class ArrivalResults:
                 self.predicted
             ),
             f"Table 4, {own}: validation cells": summary.rmse(of_table_4, validation),
-            f"Table 4, {own}: all nine of the paper's column": float(
-                np.sqrt(np.mean((of_table_4 - published.DETERMINISTIC) ** 2))
+            f"Table 4, {own}: all nine of the paper's column": summary.rms(
+                of_table_4 - published.DETERMINISTIC
             ),
         }
 
@@ -98,8 +98,7 @@ class ArrivalResults:
             f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {of_paper:.1f} points; "
             f"cells outside the exact 95 % intervals of 50 releases: {cells}.",
             "Cells that Tables 3 and 4 meet on the set-up and arrivals of paper_setup.yaml: "
-            + self.found.met()
-            + ".",
+            f"{self.found.met()}.",
             self._readings_sentence(),
             *(
                 self._missing_effects_sentence(model)
@@ -123,10 +122,8 @@ class ArrivalResults:
         """A sentence on the candidates that predict angular blocks better than none, over all held-out tests."""
         own = self.missing_effects[self.missing_effects["model"] == model]
         held_out = own[own["calibrated_on"] != "sphere"].groupby("candidate")
-        gain, error = (
-            held_out["over_none"].sum(),
-            held_out["error"].apply(lambda e: float(np.hypot.reduce(e))),
-        )
+        gain = held_out["over_none"].sum()
+        error = held_out["error"].apply(lambda e: float(np.hypot.reduce(e)))
         better = [
             name
             for name in gain.sort_values(ascending=False).index
@@ -149,13 +146,13 @@ def arrival_results(found: ArrivalStages, draws: Mapping[str, Array], seed: int)
     )
     return ArrivalResults(
         values, with_table_4, predicted, found_setup(values, with_table_4, draws),
-        cells_table(with_table_4, published.DETERMINISTIC),
-        cells_table(predicted, published.EXPERIMENT),
+        comparison_table(with_table_4, published.DETERMINISTIC),
+        comparison_table(predicted, published.EXPERIMENT),
         missing_effects_table(found.candidates, seed), readings_table(found.readings),
     )  # fmt: skip
 
 
-def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
+def comparison_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
     """A table `percent` (blocks, lines) of Table 2 and its prediction in %; one row for each block and line.
 
     published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;

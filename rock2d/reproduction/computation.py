@@ -15,11 +15,11 @@ from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.files.folders import make_folder
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.progress import Bars
-from rock2d.reproduction import published, stages
+from rock2d.reproduction import calibrations, published
 from rock2d.reproduction.arrival_results import ArrivalStages
-from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
+from rock2d.reproduction.calibrations import Effort
+from rock2d.reproduction.missing_effects import deterministic_candidates, probabilistic_candidates
 from rock2d.reproduction.results import Results, evaluate
-from rock2d.reproduction.stages import Effort
 from rock2d.reproduction.table_3_readings import compute_readings
 
 Array = np.ndarray
@@ -62,27 +62,29 @@ def compute_results(
     seeds = np.random.SeedSequence(seed).spawn(10)
     samples = {
         "deterministic": finished.sample(
-            "deterministic", partial(stages.calibrate_deterministic, effort, seeds[0])
+            "deterministic", partial(calibrations.calibrate_deterministic, effort, seeds[0])
         ),
         "probabilistic": finished.sample(
-            "probabilistic", partial(stages.calibrate_probabilistic, effort, seeds[1])
+            "probabilistic", partial(calibrations.calibrate_probabilistic, effort, seeds[1])
         ),
     }
     rebound = samples["probabilistic"].u
     reduction = finished.arrays(
-        "slope_reduction", partial(stages.calibrate_slope_reductions, rebound, effort, seeds[2])
+        "slope_reduction", partial(calibrations.calibrate_slope_reductions, rebound, effort, seeds[2])
     )
     held_out = {
-        block: finished.sample(f"without_{block}", partial(stages.calibrate_candidates, block, effort, own))
+        block: finished.sample(
+            f"without_{block}", partial(calibrations.calibrate_candidates, block, effort, own)
+        )
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
         if candidates
     }
-    arrivals = finished.sample("arrivals", partial(stages.calibrate_with_arrivals, effort, seeds[6]))
+    arrivals = finished.sample("arrivals", partial(calibrations.calibrate_with_arrivals, effort, seeds[6]))
     missing = {
         model: finished.arrays(f"missing_effects_{model}", partial(compute, arrivals.u, effort, own))
         for model, compute, own in (
             ("deterministic", deterministic_candidates, seeds[7]),
-            ("probabilistic", point_mass_candidates, seeds[8]),
+            ("probabilistic", probabilistic_candidates, seeds[8]),
         )
     }
     readings = finished.arrays("table_3_readings", partial(compute_readings, effort, seeds[9]))

@@ -2,7 +2,7 @@
 paper's simulations.
 
 The deterministic model keeps the parameters of Table 4, so that other parameters cannot compensate for a candidate. The
-point mass model has parameters that explain the experimental row of the sphere, because those of Table 3 do not. A
+probabilistic model has parameters that explain the experimental row of the sphere, because those of Table 3 do not. A
 candidate is calibrated on the experimental rows of some blocks and scored on the row of another: hypotheses and sizes
 of the effect are drawn from their priors and weighted by the likelihood.
 """
@@ -16,10 +16,7 @@ import numpy as np
 import pandas as pd
 
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, REBOUND_QUANTITIES, Values, table_4
-from rock2d.reproduction.likelihood import passing_log_likelihood
-from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
-from rock2d.reproduction.stages import (
+from rock2d.reproduction.calibrations import (
     CANDIDATES,
     MOST_CANDIDATE_PARAMETERS,
     NO_CANDIDATE,
@@ -29,6 +26,9 @@ from rock2d.reproduction.stages import (
     candidate_value,
     standard_normal_draws,
 )
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, REBOUND_QUANTITIES, Values, table_4
+from rock2d.reproduction.likelihood import passing_log_likelihood
+from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.scene.blocks import Block
 
 Array = np.ndarray
@@ -36,7 +36,7 @@ Array = np.ndarray
 Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 
 HYPOTHESES, SIZES = 48, 4  # hypotheses of the posterior; sizes of a candidate for each hypothesis
-REBOUND_DRAWS = 24  # parameter sets of the point mass model that are tried for each hypothesis
+REBOUND_DRAWS = 24  # parameter sets of the probabilistic model that are tried for each hypothesis
 # held-out tests: the blocks on which a candidate is calibrated, and those on which it is scored
 TESTS = (
     (("sphere",), ("cube", "parallelepiped")),
@@ -49,9 +49,9 @@ RESAMPLES = 200  # bootstrap samples of the hypotheses, for the errors of scores
 LARGEST_SLOPE_REDUCTION_DEG = 60.0  # for a square
 SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0  # R / r - 1
 LARGEST_FRICTION_CHANGE_DEG = 30.0
-SMALLEST_FACTOR = 0.2  # of a parameter of the point mass model
+SMALLEST_FACTOR = 0.2  # of a parameter of the probabilistic model
 SLOPE_REDUCTION, SHAPE = "slope_reduction", "shape"
-POINT_MASS_CANDIDATES = (
+PROBABILISTIC_CANDIDATES = (
     NO_CANDIDATE, "friction", "momentum_half", "tangential_restitution", SLOPE_REDUCTION, SHAPE,
 )  # fmt: skip
 
@@ -75,23 +75,23 @@ def deterministic_candidates(
     return _simulate_candidates(simulate, CANDIDATES, values, effort, seed, on_progress)
 
 
-def point_mass_candidates(
+def probabilistic_candidates(
     sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
-    """As `deterministic_candidates`, for POINT_MASS_CANDIDATES and parameters of the point mass model that explain the
-    sphere."""
+    """As `deterministic_candidates`, for PROBABILISTIC_CANDIDATES and parameters of the probabilistic model that
+    explain the sphere."""
     fitting, trying = seed.spawn(2)
     fitted = _resampled_for_sphere(DETERMINISTIC_SPACE.values(_evenly_chosen(sample)), effort, fitting)
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
-        changed, reduction = point_mass_with(candidate, values, published.SETUP_BLOCKS[block], sizes[:, 0])
+        changed, reduction = probabilistic_with(candidate, values, published.SETUP_BLOCKS[block], sizes[:, 0])
         return probabilistic_outcome(changed, block, draws, reduction)
 
-    return _simulate_candidates(simulate, POINT_MASS_CANDIDATES, fitted, effort, trying, on_progress)
+    return _simulate_candidates(simulate, PROBABILISTIC_CANDIDATES, fitted, effort, trying, on_progress)
 
 
-def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -> tuple[Values, Array]:
-    """Parameters of the point mass model with a candidate of `size` (k,) in [0, 1], and the slope reduction (k,) in
+def probabilistic_with(candidate: str, values: Values, block: Block, size: Array) -> tuple[Values, Array]:
+    """Parameters of the probabilistic model with a candidate of `size` (k,) in [0, 1], and the slope reduction (k,) in
     degrees.
 
     The slope reduction of `shape` is proportional to R / r - 1, with the radii of the circumscribed and the inscribed
@@ -123,8 +123,8 @@ def _releases(effort: Effort) -> int:
 
 
 def _resampled_for_sphere(values: Values, effort: Effort, seed: np.random.SeedSequence) -> dict[str, Array]:
-    """Hypotheses with parameters of the point mass model, drawn from the prior and resampled by the likelihood of the
-    sphere's row."""
+    """Hypotheses with parameters of the probabilistic model, drawn from the prior and resampled by the likelihood of
+    the sphere's row."""
     draw_seed, run_seed = seed.spawn(2)
     rng, count = np.random.default_rng(run_seed), len(values["slope_deg"])
     many = {name: np.repeat(v, REBOUND_DRAWS) for name, v in values.items()}
@@ -185,7 +185,7 @@ def held_out_score(
     seed: int,
 ) -> HeldOutScore:
     """The score of the candidate with this index in `found`, the arrays of `deterministic_candidates` or
-    `point_mass_candidates`; index 0 is no candidate."""
+    `probabilistic_candidates`; index 0 is no candidate."""
     on, scored = ([published.BLOCKS.index(b) for b in blocks] for blocks in (calibrated_on, scored_on))
     likely = found["log_likelihood"]
     known, predicted = likely[:, :, on].sum(axis=2), likely[:, :, scored].sum(axis=2)
@@ -222,7 +222,7 @@ def _log_score(known: Array, predicted: Array, groups: Array) -> float:
 
 def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -> pd.DataFrame:
     """One row for each model, test and candidate, the best score of a test first; `found`: model -> arrays."""
-    names = {"deterministic": CANDIDATES, "probabilistic": POINT_MASS_CANDIDATES}
+    names = {"deterministic": CANDIDATES, "probabilistic": PROBABILISTIC_CANDIDATES}
     rows = []
     for model, own in found.items():
         for on, scored in TESTS:

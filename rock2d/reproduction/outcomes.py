@@ -113,8 +113,8 @@ def deterministic_first_impacts(
     """
     values = table_4(values)
     block, n = SETUP_BLOCKS[block_name], len(draws)
-    begin = incident_distributions(values, block)
-    every = begin.states(draws)
+    incident = incident_distributions(values, block)
+    every = incident.states(draws)
     height, rise = every[..., Y], every[..., VY]
     fall_time_s = (rise + np.sqrt(rise**2 + 2.0 * GRAVITY_M_S2 * height)) / GRAVITY_M_S2
     parts = []
@@ -124,7 +124,7 @@ def deterministic_first_impacts(
             time_limit_s=fall_time_s[chosen].ravel(),
         )  # fmt: skip
         zones, before = result.impacts[:, 0, I_ZONE], result.impacts[:, 0, BEFORE_INSTANT]
-        possible = begin.possible[chosen] & _past_slope(zones, n)
+        possible = incident.possible[chosen] & _past_slope(zones, n)
         nowhere = np.full((len(chosen), n, len(LINES), N_INSTANT), np.nan)
         parts.append(_outcome(nowhere, zones, before, values["facing_deg"][chosen], possible))
     return _concatenated(parts)
@@ -177,11 +177,11 @@ def probabilistic_outcome(
     `slope_reduction_deg` (k,) of each hypothesis; default 0. All zones but the facing have the parameters of the ditch.
     """
     block, n = SETUP_BLOCKS[block_name], len(draws)
-    begin = incident_distributions(values, block)
-    alpha = np.zeros(len(begin.mean)) if slope_reduction_deg is None else slope_reduction_deg
+    incident = incident_distributions(values, block)
+    alpha = np.zeros(len(incident.mean)) if slope_reduction_deg is None else slope_reduction_deg
     seeds = np.zeros(n, np.uint64)  # unused: impacts have no random part
     parts = []
-    for i, states in enumerate(begin.states(draws)):
+    for i, states in enumerate(incident.states(draws)):
         ground = hypothesis_cross_section(values, i)
         ditch, facing = (
             ReboundParameters(
@@ -198,7 +198,7 @@ def probabilistic_outcome(
         )  # fmt: skip
         facet = result.impacts[:, 0, FACET]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
-        possible = begin.possible[i : i + 1] & _past_slope(zones, n)
+        possible = incident.possible[i : i + 1] & _past_slope(zones, n)
         before, angle = result.impacts[:, 0, :N_INSTANT], values["facing_deg"][i : i + 1]
         parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
     return _concatenated(parts)

@@ -183,9 +183,9 @@ def _table_3() -> dict[str, Any]:
 
 def _arrival(values: Values, place: int, block: str) -> dict[str, Any]:
     """The keys of the distributions of the incident state of a block."""
-    begin = incident_distributions(values, published.SETUP_BLOCKS[block])
+    incident = incident_distributions(values, published.SETUP_BLOCKS[block])
     found: dict[str, Any] = {}
-    for key, mean, sd in zip(STATE_NAMES, begin.mean[place], begin.sd[place], strict=True):
+    for key, mean, sd in zip(STATE_NAMES, incident.mean[place], incident.sd[place], strict=True):
         decimals = STATE_DECIMALS[key]
         if sd == 0.0:
             found[key] = round(float(mean), decimals)

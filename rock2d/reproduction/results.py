@@ -17,6 +17,13 @@ import pandas as pd
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.arrival_results import ArrivalResults, ArrivalStages, arrival_results
+from rock2d.reproduction.calibrations import (
+    CANDIDATE_SPACE,
+    SLOPE_REDUCTIONS_DEG,
+    candidate_outcome,
+    candidate_prior,
+    standard_normal_draws,
+)
 from rock2d.reproduction.hypotheses import (
     ARRIVAL_QUANTITIES,
     CONTACT_QUANTITIES,
@@ -28,13 +35,6 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
 from rock2d.reproduction.paper_setup import SCENARIO_FILE, scenario_text
-from rock2d.reproduction.stages import (
-    CANDIDATE_SPACE,
-    SLOPE_REDUCTIONS_DEG,
-    candidate_outcome,
-    candidate_prior,
-    standard_normal_draws,
-)
 from rock2d.reproduction.summary import HeldOutBlock
 
 Array = np.ndarray
@@ -101,7 +101,7 @@ def evaluate(
         own = CANDIDATE_SPACE.values(sample.u)
         predicted = [candidate_outcome(own, b, draws[b]) for b in published.BLOCKS]
         held_out.append(HeldOutBlock(own, predicted, block))
-    cells = summary.cells_table(held_out)
+    cells = summary.held_out_cells_table(held_out)
     rng = np.random.default_rng(floor_seed)
     with_arrivals = arrival_results(arrivals, draws, seed)
     results = Results(
@@ -139,10 +139,10 @@ def _errors(
     }
     if held_out:
         found |= {
-            "deterministic, fitted to the sphere and the other angular block: validation cells": _rms(
+            "deterministic, fitted to the sphere and the other angular block: validation cells": summary.rms(
                 [summary.rmse_without_candidate(run) for run in held_out]
             ),
-            "deterministic, fitted to all cells but the predicted one: validation cells": _rms(
+            "deterministic, fitted to all cells but the predicted one: validation cells": summary.rms(
                 cells["predicted"] - cells["experiment"]
             ),
             "deterministic, fitted to all nine, the best hypothesis: all nine": float(
@@ -153,10 +153,6 @@ def _errors(
         mean, bound = summary.sampling_floor(chosen, rng)
         found |= {f"a perfect model: {name}": mean, f"a perfect model, 95th percentile: {name}": bound}
     return found
-
-
-def _rms(values: object) -> float:
-    return float(np.sqrt(np.mean(np.square(np.asarray(values, float)))))
 
 
 def _conclusions(results: Results) -> list[str]:

@@ -11,10 +11,10 @@ from scipy.special import betaincinv  # scipy.stats takes over a second to impor
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
+from rock2d.reproduction.calibrations import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
 from rock2d.reproduction.hypotheses import Values
 from rock2d.reproduction.likelihood import log_counts_without_line, passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome
-from rock2d.reproduction.stages import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
 
 Array = np.ndarray
 
@@ -24,15 +24,20 @@ SAMPLING_FLOOR_DRAWS = 20_000
 LARGEST_CHANCE_CORRELATION_SD = 3.5
 
 
+def rms(values: object) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values, float)))))
+
+
 def rmse(simulated: Array, cells: slice = np.s_[:]) -> float:
     """Root mean square difference of frequencies (blocks, lines) in % from the experiment (Table 2), in percentage
     points."""
-    return float(np.sqrt(np.mean((simulated - published.EXPERIMENT)[cells] ** 2)))
+    return rms((simulated - published.EXPERIMENT)[cells])
 
 
 def block_rmse(simulated: Array, block: str) -> float:
     """As `rmse`, for the frequencies (lines,) in % of one block."""
-    return float(np.sqrt(np.mean((simulated - published.EXPERIMENT[published.BLOCKS.index(block)]) ** 2)))
+    return rms(simulated - published.EXPERIMENT[published.BLOCKS.index(block)])
 
 
 def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float]:
@@ -123,7 +128,7 @@ def monte_carlo_error(outcomes: list[Outcome]) -> float:
     first, second = (
         mean_percent([o.of_hypotheses(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:])
     )
-    return 0.5 * float(np.sqrt(np.mean((first - second) ** 2)))
+    return 0.5 * rms(first - second)
 
 
 def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
@@ -233,7 +238,7 @@ def rmse_without_candidate(run: HeldOutBlock) -> float:
     return block_rmse(100 * frequencies.sum(axis=0) / (len(frequencies) or np.nan), run.block)
 
 
-def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
+def held_out_cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     """The prediction (%) of each validation cell by hypotheses without a candidate effect, fitted to all other cells.
 
     The hypotheses have importance weights; `effective` is their effective number.

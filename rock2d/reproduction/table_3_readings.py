@@ -17,9 +17,7 @@ import pandas as pd
 
 from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import SETUP_QUANTITIES, Values, arrival_quantities, table_3
-from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
-from rock2d.reproduction.stages import (
+from rock2d.reproduction.calibrations import (
     Draws,
     Effort,
     Model,
@@ -29,6 +27,8 @@ from rock2d.reproduction.stages import (
     first_impacts_factor,
     standard_normal_draws,
 )
+from rock2d.reproduction.hypotheses import SETUP_QUANTITIES, Values, arrival_quantities, table_3
+from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 
 Array = np.ndarray
 

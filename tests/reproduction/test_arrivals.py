@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
-from rock2d.reproduction import published, stages
-from rock2d.reproduction.arrival_results import cells_table
+from rock2d.reproduction import calibrations, published
+from rock2d.reproduction.arrival_results import comparison_table
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
     PROBABILISTIC_SPACE,
@@ -16,7 +16,7 @@ from rock2d.reproduction.missing_effects import (
     LARGEST_SLOPE_REDUCTION_DEG,
     SIZES,
     held_out_score,
-    point_mass_with,
+    probabilistic_with,
 )
 from rock2d.reproduction.outcomes import Outcome
 
@@ -39,23 +39,23 @@ def test_the_paper_s_column_in_counts():
 
 
 def test_every_unknown_moves_and_each_factor_hears_of_its_own():
-    for space in (DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, stages.CANDIDATE_SPACE):
+    for space in (DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, calibrations.CANDIDATE_SPACE):
         groups = [
-            stages.setup_columns(space),
-            stages.law_columns(space),
-            *(stages.arrival_columns(space, b) for b in published.BLOCKS),
+            calibrations.setup_columns(space),
+            calibrations.law_columns(space),
+            *(calibrations.arrival_columns(space, b) for b in published.BLOCKS),
         ]
         assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
-    factors = stages.arrival_factors({block: np.zeros((1, 6)) for block in published.BLOCKS})
-    law = set(stages.law_columns(DETERMINISTIC_SPACE))
+    factors = calibrations.arrival_factors({block: np.zeros((1, 6)) for block in published.BLOCKS})
+    law = set(calibrations.law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
 
 
 def test_a_candidate_is_chosen_by_its_value():
-    chosen = stages.candidate_indices(
-        {"candidate": np.array([stages.candidate_value(name) for name in stages.CANDIDATES])}
+    chosen = calibrations.candidate_indices(
+        {"candidate": np.array([calibrations.candidate_value(name) for name in calibrations.CANDIDATES])}
     )
-    assert chosen.tolist() == list(range(len(stages.CANDIDATES)))
+    assert chosen.tolist() == list(range(len(calibrations.CANDIDATES)))
 
 
 @pytest.mark.parametrize(
@@ -65,10 +65,10 @@ def test_the_shape_of_a_point_mass_grows_with_how_far_the_block_is_from_round(bl
     """In units of a cube's; a parallelepiped of 3.5 by 1.4 cm: (√(3.5² + 1.4²) / 1.4 - 1) / (√2 - 1) = 4.086."""
     values = PROBABILISTIC_SPACE.values(np.full((1, len(PROBABILISTIC_SPACE.quantities)), 0.5))
     size = np.array([0.2])
-    changed, reduction = point_mass_with("shape", values, published.SETUP_BLOCKS[block], size)
+    changed, reduction = probabilistic_with("shape", values, published.SETUP_BLOCKS[block], size)
     assert reduction == pytest.approx(out_of_round * 0.2 * LARGEST_SLOPE_REDUCTION_DEG, rel=2e-3)
     assert changed == dict(values)
-    _, alike = point_mass_with("slope_reduction", values, published.SETUP_BLOCKS[block], size)
+    _, alike = probabilistic_with("slope_reduction", values, published.SETUP_BLOCKS[block], size)
     assert alike == pytest.approx(0.2 * LARGEST_SLOPE_REDUCTION_DEG * (out_of_round > 0))
 
 
@@ -96,7 +96,7 @@ def test_cells_stand_beside_those_of_the_table_that_they_are_for():
     nothing = np.full((2, 100, 7), np.nan)
     outcome = Outcome(crossed, np.zeros((2, 100), int), nothing[..., 0], nothing, np.ones(2, bool))
     for percent in (published.DETERMINISTIC, published.EXPERIMENT):
-        table = cells_table([outcome] * 3, percent)
+        table = comparison_table([outcome] * 3, percent)
         assert table["published"].tolist() == percent.ravel().tolist()
         assert table["predicted"].tolist() == [100.0, 0.0, 0.0] * 3
         assert (table["published"].between(table["published_low95"], table["published_high95"])).all()

@@ -6,7 +6,7 @@ import shapely
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
-from rock2d.reproduction import outcomes, published, stages
+from rock2d.reproduction import calibrations, outcomes, published
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
     PROBABILISTIC_SPACE,
@@ -120,23 +120,22 @@ def test_the_angle_at_the_facing_is_that_of_a_throw():
 
 def test_none_is_half_of_the_prior_and_changes_nothing():
     u = np.hstack([HYPOTHESES, prior_draws(32, 4, RNG)])
-    which = stages.candidate_indices(stages.CANDIDATE_SPACE.values(u))
-    assert (which == 0).sum() == 16 and set(which) <= set(range(len(stages.CANDIDATES)))
+    which = calibrations.candidate_indices(calibrations.CANDIDATE_SPACE.values(u))
+    assert (which == 0).sum() == 16 and set(which) <= set(range(len(calibrations.CANDIDATES)))
     none = which == 0
-    values = {key: v[none] for key, v in stages.CANDIDATE_SPACE.values(u).items()}
-    with_candidate = stages.candidate_outcome(values, "cube", DRAWS)
+    values = {key: v[none] for key, v in calibrations.CANDIDATE_SPACE.values(u).items()}
+    with_candidate = calibrations.candidate_outcome(values, "cube", DRAWS)
     assert (with_candidate.crossed == deterministic_outcome(values, "cube", DRAWS).crossed).all()
 
 
 def test_every_candidate_changes_something():
-    u = np.repeat(HYPOTHESES, len(stages.CANDIDATES), axis=0)
+    n = len(calibrations.CANDIDATES)
+    u = np.repeat(HYPOTHESES, n, axis=0)
     extra = np.full((len(u), 4), 0.9)
-    extra[:, 0] = np.tile(
-        [0.0, *(0.5 + 0.5 * (np.arange(len(stages.CANDIDATES) - 1) + 0.5) / (len(stages.CANDIDATES) - 1))], 32
-    )
-    values = stages.CANDIDATE_SPACE.values(np.hstack([u, extra]))
-    assert (stages.candidate_indices(values) == np.tile(np.arange(len(stages.CANDIDATES)), 32)).all()
-    found = stages.candidate_outcome(values, "cube", DRAWS).crossed.reshape(32, len(stages.CANDIDATES), -1)
+    extra[:, 0] = np.tile([calibrations.candidate_value(name) for name in calibrations.CANDIDATES], 32)
+    values = calibrations.CANDIDATE_SPACE.values(np.hstack([u, extra]))
+    assert (calibrations.candidate_indices(values) == np.tile(np.arange(n), 32)).all()
+    found = calibrations.candidate_outcome(values, "cube", DRAWS).crossed.reshape(32, n, -1)
     assert (found[:, 1:] != found[:, :1]).any(axis=(0, 2)).all()
 
 

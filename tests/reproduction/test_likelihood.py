@@ -145,6 +145,6 @@ def test_the_likelier_candidate_gets_the_odds_of_its_likelihood():
     assert table.loc["adhesion", "share"] == 0.5 and table["share_all_cells"].sum() == pytest.approx(1.0)
     odds = np.exp(ll[2] - ll[0]) * table.loc["none", "prior"] / table.loc["adhesion", "prior"]
     assert table.loc["adhesion", "bayes_factor"] == pytest.approx(odds)
-    cells = summary.cells_table([run])
+    cells = summary.held_out_cells_table([run])
     assert cells["predicted"].tolist() == pytest.approx([20.0] * 3)  # from the hypotheses without a candidate
     assert cells["effective"].tolist() == pytest.approx([2.0] * 3)

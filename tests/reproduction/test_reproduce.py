@@ -11,9 +11,9 @@ from ruamel.yaml import YAML
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
-from rock2d.reproduction import published, stages
+from rock2d.reproduction import calibrations, published
+from rock2d.reproduction.calibrations import Effort
 from rock2d.reproduction.computation import FinishedStages
-from rock2d.reproduction.stages import Effort
 from rock2d.runs.run import run
 
 # few hypotheses, but enough for the sphere's cells to come within 25 points of what they are fitted to
@@ -71,8 +71,8 @@ def outline(path):
 @pytest.mark.parametrize(
     ("calibrate", "effort", "seed"),
     [
-        (stages.calibrate_deterministic, SMALL, 3),
-        (stages.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
+        (calibrations.calibrate_deterministic, SMALL, 3),
+        (calibrations.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
     ],
     ids=["first impacts", "arrivals"],
 )
@@ -97,13 +97,15 @@ def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
         asked.append(alpha)
         return alpha
 
-    monkeypatch.setattr(stages, "probabilistic_outcome", outcome)
-    monkeypatch.setattr(stages, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2))
-    u = np.full((5, len(stages.PROBABILISTIC_SPACE.quantities)), 0.5)
-    found = stages.calibrate_slope_reductions(u, SMALL, np.random.SeedSequence(1), lambda share: None)
+    monkeypatch.setattr(calibrations, "probabilistic_outcome", outcome)
+    monkeypatch.setattr(
+        calibrations, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2)
+    )
+    u = np.full((5, len(calibrations.PROBABILISTIC_SPACE.quantities)), 0.5)
+    found = calibrations.calibrate_slope_reductions(u, SMALL, np.random.SeedSequence(1), lambda share: None)
     assert found["sphere"].tolist() == [0.0] * 5
     assert all((found[block] == peak).all() for block, peak in peaks.items())
-    assert len(asked) == 2 * len(stages.SLOPE_REDUCTIONS_DEG)
+    assert len(asked) == 2 * len(calibrations.SLOPE_REDUCTIONS_DEG)
 
 
 def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rock2d.reproduction import published
+from rock2d.reproduction.calibrations import Effort
 from rock2d.reproduction.hypotheses import table_3
-from rock2d.reproduction.stages import Effort
 from rock2d.reproduction.table_3_readings import READINGS, Reading, compute_readings, readings_table
 
 

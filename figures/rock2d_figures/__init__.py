@@ -1,1 +1,1 @@
-"""The paper's tables and figures, `command.reproduce` computes and draws all of them."""
+"""Figures of a reproduction (`command.reproduce`) and of the demo; of the documentation: `cost`, `blind_trial`."""

@@ -19,11 +19,11 @@ from rock2d.graphics.figure_style import blank_figure, handle
 from rock2d.statistics import wilson_interval
 from rock2d_figures.style import finish_with_legend
 
-ONE_EFFECT, TWO_EFFECTS = "one effect", "several effects, one named"
+ONE_EFFECT, SEVERAL_EFFECTS = "one effect", "several effects, one named"
 OUTSIDE_CAUSE, NO_CAUSE = "outside the catalogue", "nothing"
 STYLES = {
     ONE_EFFECT: ("#0072b2", "o"),
-    TWO_EFFECTS: ("#56b4e9", "^"),
+    SEVERAL_EFFECTS: ("#56b4e9", "^"),
     OUTSIDE_CAUSE: ("#d55e00", "s"),
     NO_CAUSE: ("#555555", "D"),
 }
@@ -34,7 +34,7 @@ def group(label: str) -> str:
     """The group of a case."""
     if label in ("none", "unknown"):
         return NO_CAUSE if label == "none" else OUTSIDE_CAUSE
-    return TWO_EFFECTS if "+" in label else ONE_EFFECT
+    return SEVERAL_EFFECTS if "+" in label else ONE_EFFECT
 
 
 def figure(cases: pd.DataFrame) -> Figure:
@@ -44,7 +44,7 @@ def figure(cases: pd.DataFrame) -> Figure:
     left, right = drawn.subplots(1, 2, width_ratios=(1.7, 1.0))
     kinds = cases["label"].map(group)
     steps = list(itertools.pairwise(SIGNAL_TO_NOISE_EDGES))
-    for k, name in enumerate((ONE_EFFECT, TWO_EFFECTS, OUTSIDE_CAUSE)):
+    for k, name in enumerate((ONE_EFFECT, SEVERAL_EFFECTS, OUTSIDE_CAUSE)):
         for i, (low, high) in enumerate(steps):
             own = cases[(kinds == name) & cases["signal_to_noise"].between(low, high, inclusive="left")]
             _share(left, i + (k - 1) * GROUP_SHIFT, own["right"], name)

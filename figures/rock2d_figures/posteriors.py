@@ -19,10 +19,10 @@ from rock2d_figures.style import STYLES, finish_with_legend
 
 Array = np.ndarray
 
-WORDS_COLOUR = "#cfcfcf"
+STATEMENT_COLOUR = "#cfcfcf"
 N = published.RELEASES
 # block -> lowest and highest share in % of first impacts on the facing that the text allows
-WORDS_ON_FACING = {
+STATED_ON_FACING = {
     "sphere": (0.0, 100.0 * (1 - published.SPHERE_IN_DITCH / N)),
     "cube": tuple(100.0 * count / N for count in published.CUBE_ON_FACING),
     "parallelepiped": (100.0 * published.PARALLELEPIPED_ON_FACING / N, 100.0),
@@ -38,12 +38,12 @@ def arrivals_figure(results: ArrivalResults) -> Figure:
     for row, (block, outcome) in enumerate(zip(published.BLOCKS, results.predicted, strict=True)):
         mean = incident_distributions(values, published.SETUP_BLOCKS[block]).mean
         on_facing = outcome.first_zone == FACING_ZONE
-        _words(axes[0], row, *WORDS_ON_FACING[block])
+        _statement(axes[0], row, *STATED_ON_FACING[block])
         _interval(axes[0], row, 100.0 * on_facing.mean(axis=1))
         if block == "parallelepiped":
-            _words(axes[1], row, 0.0, published.OFF_NORMAL_DEG)
+            _statement(axes[1], row, 0.0, published.OFF_NORMAL_DEG)
         _interval(axes[1], row, _mean_angle(outcome, on_facing))
-        axes[2].axvline(drop_m_s, color=WORDS_COLOUR, lw=2, zorder=1)
+        axes[2].axvline(drop_m_s, color=STATEMENT_COLOUR, lw=2, zorder=1)
         _interval(axes[2], row, np.hypot(mean[:, 3], mean[:, 4]))
         _interval(axes[3], row, np.abs(mean[:, 5]))
     titles = (
@@ -60,7 +60,7 @@ def arrivals_figure(results: ArrivalResults) -> Figure:
     colour = STYLES["deterministic"][0]
     handles = [
         handle("median, 95 % over hypotheses", color=colour, marker="D", ls="-", ms=4, lw=1.4),
-        handle("the text; speed of the drop", color=WORDS_COLOUR, ls="-", lw=7),
+        handle("the text; speed of the drop", color=STATEMENT_COLOUR, ls="-", lw=7),
     ]
     return finish_with_legend(drawn, handles, 2, SMALL_PT)
 
@@ -72,8 +72,8 @@ def _mean_angle(outcome: Outcome, on_facing: Array) -> Array:
     return np.asarray(angles / on_facing[some].sum(axis=1))
 
 
-def _words(axis: Axes, row: int, low: float, high: float) -> None:
-    axis.fill_betweenx([row - 0.32, row + 0.32], low - 0.8, high + 0.8, color=WORDS_COLOUR, lw=0)
+def _statement(axis: Axes, row: int, low: float, high: float) -> None:
+    axis.fill_betweenx([row - 0.32, row + 0.32], low - 0.8, high + 0.8, color=STATEMENT_COLOUR, lw=0)
 
 
 def _interval(axis: Axes, row: int, values: Array) -> None:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 SHIFT = {"experiment": -0.3, "deterministic": -0.1, "probabilistic": 0.1}
 WIDE_SHIFT = {"experiment": -0.24, "deterministic": 0.0, "probabilistic": 0.24}
 PAPER_SHIFT = 0.2  # of the paper's models from this project's
-BAR_PT, RING_PT, RING_COLOUR = 7.0, 10.0, "#c0392b"
+BAR_PT, RING_PT = 7.0, 10.0
+RING: dict[str, Any] = {"mfc": "none", "mec": "#c0392b"}
 OPEN: dict[str, Any] = {"mfc": "white", "ms": 5, "mew": 1.1, "zorder": 3}
 
 
@@ -67,21 +68,13 @@ def side_by_side_figure(table: pd.DataFrame) -> Figure:
             if name != "experiment":
                 axis.plot(at, own[name], marker, color=colour, ms=3.6, zorder=4)
                 off = ~own[f"{name}_agrees"].to_numpy(bool)
-                style: dict[str, Any] = {
-                    "mfc": "none",
-                    "mec": RING_COLOUR,
-                    "ms": RING_PT,
-                    "mew": 1.1,
-                    "zorder": 5,
-                }
-                axis.plot(at[off], own[name][off], "o", **style)
+                axis.plot(at[off], own[name][off], "o", ms=RING_PT, mew=1.1, zorder=5, **RING)
     handles = [_open_handle("experiment", "experiment")]
     for name in published.COLUMNS:
         colour, _, marker = STYLES[name]
         handles.append(_open_handle(f"paper, {name}", name))
         handles.append(handle(f"rock2d, {name}", color=colour, marker=marker, ls="none", ms=3.6))
-    rings = {"mec": RING_COLOUR, "marker": "o", "mfc": "none", "ls": "none"}
-    handles.append(handle("outside the paper's 95 %", ms=RING_PT - 2, **rings))
+    handles.append(handle("outside the paper's 95 %", marker="o", ls="none", ms=RING_PT - 2, **RING))
     return finish_with_legend(figure, handles, 3)
 
 

@@ -199,12 +199,12 @@ def _frame_rate(kind: str, time_scale: float, rng: np.random.Generator) -> float
 def _camera(setup: reality.Setup, size: float, rng: np.random.Generator) -> reality.Camera:
     position_noise_m = size * math.exp(rng.uniform(math.log(0.003), math.log(0.03)))
     angle_noise_rad = math.exp(rng.uniform(math.log(0.004), math.log(0.03)))
-    colour, lost = rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.04)
+    noise_correlation, lost = rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.04)
     points = setup.points_m
     x = points[1:, 0] if len(points) > 2 else points[:, 0] / 3
     extent = float(np.ptp(x))
     return reality.Camera(
-        position_noise_m, angle_noise_rad, colour, lost, np.array([x.mean(), 0.2 * extent]), extent
+        position_noise_m, angle_noise_rad, noise_correlation, lost, np.array([x.mean(), 0.2 * extent]), extent
     )
 
 

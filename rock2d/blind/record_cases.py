@@ -34,7 +34,7 @@ from rock2d.files.folders import make_folder
 from rock2d.scene.world import World
 
 SHARE_OF_RECORDS = 1.0 / 3.0  # share of the cases that are based on a record, if as many can be
-HELDOUT_SHARE = 0.4  # held-out releases over those of the fit: a record has few
+RECORD_HELDOUT_SHARE = 0.4  # held-out releases over those of the fit: a record has few
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     result = diagnosed_film(load_experiment(folder), folder, workers, progress)
     table, attribution = result.experiment.trajectories, result.found
     assert table is not None and attribution is not None
-    fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
+    fewest = math.ceil((1.0 + RECORD_HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
     if table["release"].nunique() < fewest:
         raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
     effects = {name: catalogue()[name] for name in effects_of_size("")}
@@ -111,9 +111,9 @@ def write_record_case(
     original = record.experiment
     assert original.trajectories is not None
     names = np.unique(original.trajectories["release"])
-    most = int(len(names) / (1.0 + HELDOUT_SHARE))
+    most = int(len(names) / (1.0 + RECORD_HELDOUT_SHARE))
     count = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(most))))
-    chosen = rng.permutation(names)[: count + math.ceil(HELDOUT_SHARE * count)]
+    chosen = rng.permutation(names)[: count + math.ceil(RECORD_HELDOUT_SHARE * count)]
     films = [of_releases(original, own) for own in (chosen[:count], chosen[count:])]
     model, p = record.fit.model, record.fit.p
     hidden, strengths = list[dict[str, Any]](), list[float]()

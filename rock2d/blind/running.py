@@ -110,7 +110,7 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
 
 
 def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
-    """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`_tail`) over
+    """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`*_tail`) over
     segments of the root mean square of place and angle, in standard deviations of the camera's noise."""
     experiment = load_experiment(folder)
     assert experiment.trajectories is not None

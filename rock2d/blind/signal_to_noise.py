@@ -144,7 +144,7 @@ class _Whitening:
         # the statistics are coefficients of orthonormal polynomials and have the noise of a frame; noise that is
         # correlated from frame to frame averages out less
         camera = case.camera
-        correlated = np.sqrt((1.0 + camera.colour) / (1.0 - camera.colour))
+        correlated = np.sqrt((1.0 + camera.noise_correlation) / (1.0 - camera.noise_correlation))
         noise = correlated * np.array(
             [camera.position_noise_m, camera.position_noise_m, camera.angle_noise_rad] * 5
         )

@@ -282,7 +282,7 @@ def test_forms_of_an_effect_differ() -> None:
 
 def test_noise_and_lost_frames() -> None:
     poses = np.zeros((20, 2000, 3))
-    camera = Camera(3e-4, 0.02, colour=0.5, lost=0.1, centre_m=np.zeros(2), extent_m=1.0)
+    camera = Camera(3e-4, 0.02, noise_correlation=0.5, lost=0.1, centre_m=np.zeros(2), extent_m=1.0)
     record = record_poses(poses, np.arange(2000) * 1e-3, camera, [], 0)
     lost = np.isnan(record)
     assert (lost.any(axis=2) == lost.all(axis=2)).all()

@@ -12,10 +12,10 @@ K_L, K_UL, K_T, MU, K_R = range(5)  # columns of soil rows
 # corners, position of the centroid, number of corners that share a contact (0: a circle), size
 MASS, INERTIA, REACH, ROUNDING, CENTROID_X, CENTROID_Y, GROUP, SIZE = range(8)
 BODY_WIDTH = SIZE + 1
-# columns of the motion of the ground: the pivot about which it is turned and the angle, how far the embankment is
-# shifted along x and with which velocity, how far all ground is lifted and with which velocity
-PIVOT_X, PIVOT_Y, TILT, SHIFT, DRIFT, LIFT, HEAVE = range(7)
-N_GROUND_MOTION = HEAVE + 1
+# columns of the motion of the ground: the pivot about which it is turned and the angle, the shift of the embankment
+# along x and its speed, the rise of all ground and its speed
+PIVOT_X, PIVOT_Y, TILT, SHIFT, SHIFT_SPEED, RISE, RISE_SPEED = range(7)
+N_GROUND_MOTION = RISE_SPEED + 1
 
 
 class Ground(NamedTuple):

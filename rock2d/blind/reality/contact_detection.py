@@ -114,7 +114,7 @@ def _circle_contacts(
         nx, ny = outward_normal(x, y, qx, qy, f, sunk, points)
         found[p, DEPTH], found[p, NX], found[p, NY] = -clearance, nx, ny
         found[p, PX], found[p, PY], found[p, FACET] = x - radius * nx, y - radius * ny, f
-    return ContactRows(0 * p0, p0, p1), gap
+    return ContactRows(0 * p0, p0, p1), gap  # 0 with the type of the others
 
 
 @numba.njit

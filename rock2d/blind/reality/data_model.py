@@ -125,14 +125,14 @@ class Camera:
     Attributes
     ----------
     position_noise_m, angle_noise_rad : standard deviations of the noise of a frame
-    colour : correlation of the noise from frame to frame (0: white)
+    noise_correlation : of the noise from frame to frame
     lost : share of the frames that are lost (NaN)
     centre_m, extent_m : centre of the picture, and the length by which distortions scale
     """
 
     position_noise_m: float
     angle_noise_rad: float
-    colour: float
+    noise_correlation: float
     lost: float
     centre_m: Array
     extent_m: float

@@ -167,16 +167,16 @@ def record_poses(poses: Array, times_s: Array, camera: Camera, hidden: Sequence[
     sd = np.array([camera.position_noise_m, camera.position_noise_m, camera.angle_noise_rad])
     for i, release in enumerate(record):
         rng = np.random.default_rng([seed, i, 11])
-        release += sd * _coloured(rng.normal(size=release.shape), camera.colour)
+        release += sd * _correlated(rng.normal(size=release.shape), camera.noise_correlation)
         release[rng.random(len(release)) < camera.lost] = np.nan
     return record
 
 
-def _coloured(white: Array, colour: float) -> Array:
-    """Noise (frames, 3) of unit variance with the correlation `colour` from frame to frame."""
-    if colour == 0.0:
+def _correlated(white: Array, correlation: float) -> Array:
+    """Noise (frames, 3) of unit variance with this correlation from frame to frame."""
+    if correlation == 0.0:
         return white
     noise = white.copy()
     for k in range(1, len(noise)):
-        noise[k] = colour * noise[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1.0 - correlation**2) * white[k]
     return noise

@@ -8,14 +8,14 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.compiled_records import (
-    DRIFT,
-    HEAVE,
     K_L,
     K_R,
     K_T,
     K_UL,
     MU,
     OMEGA,
+    RISE_SPEED,
+    SHIFT_SPEED,
     THETA,
     VX,
     VY,
@@ -223,7 +223,7 @@ def sum_forces(
     found, memory, sums = contacts.found, contacts.memory, contacts.sums
     x, y = block.state[X], block.state[Y]
     velocity, path_velocity, span = block.velocity, block.path_velocity, block.span_s
-    drift, heave = ground_motion[DRIFT], ground_motion[HEAVE]
+    shift_speed, rise_speed = ground_motion[SHIFT_SPEED], ground_motion[RISE_SPEED]
     for k in range(N_SUMS):
         sums[k] = 0.0
     sums[NEXT_DISTANCE] = 1e9
@@ -235,11 +235,11 @@ def sum_forces(
         nx, ny = found[j, NX], found[j, NY]
         rx, ry = found[j, PX] - x, found[j, PY] - y
         facet = int(found[j, FACET])
-        gx = drift if ground.yielding[facet] > 0.0 else 0.0
-        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - heave
+        gx = shift_speed if ground.yielding[facet] > 0.0 else 0.0
+        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - rise_speed
         wx, wy = (
             path_velocity[0] - path_velocity[2] * ry - gx,
-            path_velocity[1] + path_velocity[2] * rx - heave,
+            path_velocity[1] + path_velocity[2] * rx - rise_speed,
         )
         rate, slip_velocity = -(ux * nx + uy * ny), ux * ny - uy * nx
         slip = span * (wx * ny - wy * nx)

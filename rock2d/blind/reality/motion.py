@@ -9,18 +9,18 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.compiled_records import (
-    DRIFT,
-    HEAVE,
     K_L,
     K_R,
     K_T,
     K_UL,
-    LIFT,
     N_GROUND_MOTION,
     OMEGA,
     PIVOT_X,
     PIVOT_Y,
+    RISE,
+    RISE_SPEED,
     SHIFT,
+    SHIFT_SPEED,
     THETA,
     TILT,
     VX,
@@ -146,7 +146,7 @@ def move_ground(base: Ground, motion: Array, points: Array) -> None:
             dx, dy = c * dx - s * dy, s * dx + c * dy
         shifted = (i < yielding.size and yielding[i] > 0.0) or (i > 0 and yielding[i - 1] > 0.0)
         points[i, 0] = pivot_x + dx + (motion[SHIFT] if shifted else 0.0)
-        points[i, 1] = pivot_y + dy + motion[LIFT]
+        points[i, 1] = pivot_y + dy + motion[RISE]
 
 
 @numba.njit
@@ -218,7 +218,7 @@ def simulate_release(
         if shaking:
             _shake(t + 0.5 * h, values, ground_motion)
         if shaking or moving:
-            ground_motion[SHIFT] += 0.5 * h * ground_motion[DRIFT]
+            ground_motion[SHIFT] += 0.5 * h * ground_motion[SHIFT_SPEED]
             move_ground(base, ground_motion, ground.points)
         ax = ay = alpha = 0.0
         # contacts begin and end, and press, in the middle of the step
@@ -274,22 +274,23 @@ def simulate_release(
 @numba.njit
 def _embankment_moves(motion: Array, values: Array) -> bool:
     """Whether the embankment moves, or its spring will push it back."""
-    return abs(motion[DRIFT]) > 1e-9 or (motion[SHIFT] != 0.0 and values[parameters.RECOIL_SPRING] > 0.0)
+    pushed = motion[SHIFT] != 0.0 and values[parameters.RECOIL_SPRING] > 0.0
+    return abs(motion[SHIFT_SPEED]) > 1e-9 or pushed
 
 
 @numba.njit
 def _shake(t: float, values: Array, motion: Array) -> None:
-    """Set the lift of shaking ground at the time t, and its velocity."""
+    """Set the rise of shaking ground at the time t, and its speed."""
     angle = values[parameters.SHAKE_RATE] * t + values[parameters.SHAKE_PHASE]
-    motion[LIFT] = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
-    motion[HEAVE] = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
+    motion[RISE] = values[parameters.SHAKE_AMPLITUDE] * np.sin(angle)
+    motion[RISE_SPEED] = values[parameters.SHAKE_AMPLITUDE] * values[parameters.SHAKE_RATE] * np.cos(angle)
 
 
 @numba.njit
 def _end_impact_of_ground(base: Ground, values: Array, motion: Array, points: Array, sums: Array) -> None:
     """End of an impact: the embankment stops unless a spring pushes it back, and turned ground turns back."""
     if values[parameters.RECOIL_SPRING] == 0.0:
-        motion[DRIFT] = 0.0
+        motion[SHIFT_SPEED] = 0.0
     if motion[TILT] != 0.0:
         motion[TILT] = 0.0
         move_ground(base, motion, points)
@@ -359,7 +360,7 @@ def _change_velocity_at_lift_off(state: Array, reach: float, loss: float, sums: 
 def _recoil(force: float, h: float, values: Array, motion: Array) -> None:
     """Move the embankment through the second half of a step of h under a horizontal `force` in N on it."""
     push = force / values[parameters.RECOIL_MASS] - values[parameters.RECOIL_SPRING] * motion[SHIFT]
-    drift = (motion[DRIFT] + h * push) / (1.0 + h * values[parameters.RECOIL_DASHPOT])
+    speed = (motion[SHIFT_SPEED] + h * push) / (1.0 + h * values[parameters.RECOIL_DASHPOT])
     friction = h * values[parameters.RECOIL_FRICTION]
-    motion[DRIFT] = np.sign(drift) * max(0.0, abs(drift) - friction)
-    motion[SHIFT] += 0.5 * h * motion[DRIFT]
+    motion[SHIFT_SPEED] = np.sign(speed) * max(0.0, abs(speed) - friction)
+    motion[SHIFT] += 0.5 * h * motion[SHIFT_SPEED]

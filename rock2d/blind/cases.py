@@ -173,12 +173,12 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
         if rng.random() < 0.5:
             releases = USUAL_RELEASES
     per_block = max(2, releases // n_blocks)
-    fit_and_check = per_block + math.ceil(HELDOUT_SHARE * per_block)
-    block_ids = np.repeat(np.arange(n_blocks), fit_and_check)
+    fit_and_heldout = per_block + math.ceil(HELDOUT_SHARE * per_block)
+    block_ids = np.repeat(np.arange(n_blocks), fit_and_heldout)
     heldout, order = np.zeros(len(block_ids), bool), np.empty(len(block_ids), int)
     for b in range(n_blocks):
         releases_of_block = np.flatnonzero(block_ids == b)
-        heldout[rng.choice(releases_of_block, fit_and_check - per_block, replace=False)] = True
+        heldout[rng.choice(releases_of_block, fit_and_heldout - per_block, replace=False)] = True
         for series in (
             releases_of_block[heldout[releases_of_block]],
             releases_of_block[~heldout[releases_of_block]],

@@ -39,7 +39,7 @@ CLOSURE_MARGIN = 0.15  # largest accepted error of a claimed closure, as a share
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
-MISSES = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # misses of predictions that are compared
+MISS_KEYS = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # misses of predictions that are compared
 MADE = "made"  # base of a case of the reality engine
 
 
@@ -56,7 +56,7 @@ class ScoredCase:
     p : inclusion probabilities of the listed effects, most probable first
     names : each named effect with the effects that it shares its name with
     claimed, true : share of the gap closed, by the diagnosis and in truth; None if unknown
-    missed : misses of predictions of the held-out film, see `running`; empty without those of the tail
+    misses : misses of predictions of the held-out film, see `running`; empty without those of the tail
     sizes : errors of the sizes of named effects that are hidden, if they can be compared
     base : name of the real record on which the case is based, or MADE
     of_record : effects that the original record contains
@@ -75,7 +75,7 @@ class ScoredCase:
     seconds: float
     claimed: float | None
     true: float | None
-    missed: Mapping[str, float] = field(default_factory=dict)
+    misses: Mapping[str, float] = field(default_factory=dict)
     sizes: Sequence[SizeError] = ()
     base: str = MADE
     of_record: frozenset[str] = frozenset()
@@ -136,12 +136,12 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     outside = [z for cause, z in strengths.items() if cause not in hidden]
     p = {str(cause["effect"]): float(cause["p"]) for cause in diagnosis["causes"]}
     names = [frozenset([own["effect"], *own["group"]]) for own in diagnosis["causes"] if own["named"]]
-    missed = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
+    misses = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
     return ScoredCase(
         name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
         dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p), int(label["releases"]),
         float(result["seconds"]), _number(diagnosis["gap"]["closure"]), _number(result.get("true_closure")),
-        missed if missed.keys() >= MISSES else {}, size_errors(label, diagnosis["causes"]),
+        misses if misses.keys() >= MISS_KEYS else {}, size_errors(label, diagnosis["causes"]),
         str(label.get("base", MADE)), frozenset(label.get("of_record", ())),
     )  # fmt: skip
 
@@ -157,7 +157,7 @@ def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
             "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,
             "named": "+".join("|".join(sorted(own)) for own in c.names), "p_outside": c.p_outside,
             "verdict": c.verdict, "p": c.p_verdict, "right": c.right,
-            "claimed": c.claimed, "true": c.true, **{f"heldout_{key}": miss for key, miss in c.missed.items()},
+            "claimed": c.claimed, "true": c.true, **{f"heldout_{key}": miss for key, miss in c.misses.items()},
             "seconds": c.seconds,
         }
         for c in cases
@@ -355,7 +355,7 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     relative reduction of the typical miss, and share of the cases in which the tail is not worse."""
     out = {}
     for name, group in _by_kind(cases).items():
-        known = [c.missed for c in group if c.missed]
+        known = [c.misses for c in group if c.misses]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share(

@@ -207,7 +207,7 @@ def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
 def test_where_a_release_was_never_seen_any_block_is_another_one():
     """Its frames along an arc were all lost, so that there is no place from which the new one could be far away."""
     follower = object.__new__(Follower)
-    follower.release = FollowedRelease("cube", [lost_sight(k, "no fit") for k in range(5)], 1.0, 0.0)
+    follower.release = FollowedRelease("cube", [lost_sight(k, "no fit") for k in range(5)])
     sight = Sight(5, np.array([100.0, 80.0, 0.0]), np.ones(3), 1.0, "")
     assert follower._far_away(sight, outline_of(falls().blocks["cube"], 1e-3, -1))
 

@@ -66,8 +66,8 @@ def test_falls_with_another_gravity_are_no_release():
     path = fallen(range(0, 20), 40.0, 100.0, (12.0, -14.0), FALL_PX)
     table = [candidate(f, *p) for f, p in path.items()]
     assert find_chains(find_arcs(table, FALL_PX / 4), 30.0, []) == []
-    arcs = arcs_of_other_gravity(table, FALL_PX / 4)
-    assert [a.other for a in arcs] == [True] and arcs[0].gravity_ratio == pytest.approx(4.0, rel=0.02)
+    (arc,) = arcs_of_other_gravity(table, FALL_PX / 4)
+    assert arc.falls_otherwise and arc.gravity_ratio == pytest.approx(4.0, rel=0.02)
 
 
 def test_of_a_ball_and_its_shadow_the_ball_is_the_release():

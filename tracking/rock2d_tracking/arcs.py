@@ -42,7 +42,7 @@ class Arc:
     curve : (3, 2) polynomial of u and v over (instant of the frame - `middle`), highest power first
     clock : the instants of frames
     falls : whether its curvature is significant and about that of gravity
-    other : whether its curvature is significant and not that of gravity
+    falls_otherwise : whether its curvature is significant and not that of gravity
     bend : its acceleration along v in px per usual time squared, with its standard error
     gravity_ratio : its acceleration over the gravity expected from scale and frame rate
     contrast : median change in grey levels, of the colour that changes most
@@ -56,7 +56,7 @@ class Arc:
     middle: float
     clock: Clock
     falls: bool
-    other: bool
+    falls_otherwise: bool
     bend: Measured
     gravity_ratio: float
     contrast: float
@@ -166,7 +166,7 @@ def arcs_of_other_gravity(candidates: list[Array], fall_px: float, clock: Clock 
     if fall is None:
         return []
     return [
-        replace(a, falls=False, other=True, gravity_ratio=a.bend.value / fall_px)
+        replace(a, falls=False, falls_otherwise=True, gravity_ratio=a.bend.value / fall_px)
         for a in find_arcs(candidates, fall.value, clock) if a.falls
     ]  # fmt: skip
 
@@ -295,9 +295,9 @@ class _Search:
         ratio = bend.value / fall_px if fall_px else 1.0
         curved = abs(bend.value) > GRAVITY_SIGMAS * bend.error
         falls = curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend.value * (fall_px or 1.0) > 0
-        other = curved and not falls and abs(bend.value - fall_px) > GRAVITY_SIGMAS * bend.error
+        otherwise = curved and not falls and abs(bend.value - fall_px) > GRAVITY_SIGMAS * bend.error
         return Arc(
-            rows["frame"], places, areas, curve, middle, self._clock, falls, other, bend, ratio,
+            rows["frame"], places, areas, curve, middle, self._clock, falls, otherwise, bend, ratio,
             contrast=float(np.abs(np.median(rows["change"], axis=0)).max()),
             shadow_share=float(rows["shadow"].mean()),
         )  # fmt: skip

@@ -12,10 +12,8 @@ Array = np.ndarray
 
 LEARNING_RATE = 0.02  # weight of a frame in the background
 LEARNING_INTERVAL = 4  # one frame of this many is used, with a larger weight
-CHANGED_SIGMAS, CHANGED_GREY = (
-    5.0,
-    6.0,
-)  # in noise and in grey levels; a pixel with a larger difference has changed
+# difference of a pixel that has changed, in noise and in grey levels
+CHANGED_SIGMAS, CHANGED_GREY = 5.0, 6.0
 CHANGED_LEARNING_SHARE = 0.05  # share of the learning rate for changed pixels
 BACKGROUND_SAMPLES = 25  # frames whose median it starts from
 

@@ -13,7 +13,7 @@ CANDIDATE = np.dtype([
     ("shadow", bool),
 ])  # fmt: skip
 CHUNK_SAMPLES = 41  # the background is the median of this many pictures
-CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
+MOVING_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
 LEAST_AREA_PX = 6  # area of a candidate in the coarse picture
 LARGEST_AREA_SHARE = 0.2  # area of a candidate, as a share of the picture
 MOST_CANDIDATES = 30  # per frame
@@ -64,7 +64,7 @@ def _limit(stack: Array, still: Array) -> Array:
     steps = np.abs(np.diff(stack.astype(np.int16), axis=0)) if len(stack) > 1 else np.zeros_like(stack[:1])
     own = np.median(steps, axis=0) / (0.6745 * np.sqrt(2.0))
     level = np.mean(own)
-    return np.clip(CHANGED_SIGMAS * np.maximum(own, level), LEAST_CHANGE_GREY, 250).astype(np.uint8)
+    return np.clip(MOVING_SIGMAS * np.maximum(own, level), LEAST_CHANGE_GREY, 250).astype(np.uint8)
 
 
 def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> Array:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.statistics import weighted_median
-from rock2d_tracking.outline import Outline, Patch
+from rock2d_tracking.outline import TUKEY_SIGMAS, Outline, Patch
 
 Array = np.ndarray
 
@@ -30,12 +30,9 @@ SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
 SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
 WIDE_ROUNDS, NARROW_ROUNDS = 3, 5
 FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it is not seen
-STRONG, ENOUGH_STRONG = (
-    0.25,
-    0.6,
-)  # least strength of an edge point that counts, and least share of such points
+# least strength of an edge point that counts, and least share of such points
+STRONG, ENOUGH_STRONG = 0.25, 0.6
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
-TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
 JACKKNIFE_PARTS = 8  # parts of an outline
 NO_SMEAR = np.zeros(2)

@@ -22,7 +22,7 @@ from rock2d_tracking.overlay import put_text, reduced, reduced_size
 
 Array = np.ndarray
 
-WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
+PICTURE_WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
 SIZE_AGREES = 0.15  # largest relative difference between the visible and the stated size
 GRAVITY_AGREES = 0.1
@@ -68,7 +68,7 @@ def write_explanation(folder: Path, seen: TrackingAttempt, said: str) -> None:
 def _counts(seen: TrackingAttempt) -> list[str]:
     _, motion, follower = seen
     number = [len(c) for c in motion.candidates]
-    falls, other = sum(a.falls for a in motion.arcs), sum(a.other for a in motion.arcs)
+    falls, other = sum(a.falls for a in motion.arcs), sum(a.falls_otherwise for a in motion.arcs)
     lines = [
         f"frames: {len(number)}; candidates in a frame: {np.median(number) if number else 0:g} (median), "
         f"{sum(own['shadow'].sum() for own in motion.candidates)} look like shadows",
@@ -99,7 +99,7 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
     _, motion, follower = seen
     setup = follower.setup if follower is not None else None
     found: list[str] = []
-    curved = [a for a in motion.arcs if (a.other or a.falls) and len(a.frames) >= FEWEST_CURVED]
+    curved = [a for a in motion.arcs if (a.falls_otherwise or a.falls) and len(a.frames) >= FEWEST_CURVED]
     if curved:
         best = max(curved, key=lambda a: len(a.frames) * a.contrast)
         ratio = best.gravity_ratio
@@ -179,7 +179,7 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
         for number, frame in enumerate(film):
             if number % stride or number >= len(motion.candidates):
                 continue
-            scale, size = reduced_size((frame.shape[1], frame.shape[0]), WIDTH_PX)
+            scale, size = reduced_size((frame.shape[1], frame.shape[0]), PICTURE_WIDTH_PX)
             picture = reduced(frame, size)
             if still is None:
                 writer = stack.enter_context(VideoWriter(folder / "candidates.webm", PLAYED_FPS, size))

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 KEPT_BYTES = 2_000_000_000  # of decoded frames in memory
-MOST_OF_DISK = (
-    0.5  # largest share of the free disk for the temporary file; otherwise each reading decodes the film
-)
+# largest share of the free disk for the temporary file; otherwise each reading decodes the film
+MOST_OF_DISK = 0.5
 FULL_RANGE = 2  # FFmpeg's value for brightness from 0 to 255; otherwise it is 16 to 235
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
 # tolerance of the time between frames: share of the usual one, and ticks of the clock

@@ -27,6 +27,7 @@ from rock2d_tracking.explanation import (
 )
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
+from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.first_setup import SETUP, FirstSetup, ground_of
 from rock2d_tracking.following import Follower, motion_in
 from rock2d_tracking.lens import lens_bend
@@ -45,7 +46,6 @@ from rock2d_tracking.tracked_film import (
     rescaled,
     tracked_film,
 )
-from rock2d_tracking.velocities import MID_AIR
 
 Array = np.ndarray
 
@@ -233,7 +233,7 @@ def _nothing_falls(film: FilmFile, motion: Motion) -> InputError:
         return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
     scale, fps, _ = motion.scale
     said = f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s"
-    bent = [arc for arc in motion.arcs if arc.other and arc.gravity_ratio > 0]
+    bent = [arc for arc in motion.arcs if arc.falls_otherwise and arc.gravity_ratio > 0]
     if bent:
         said += f". Something falls otherwise: {proposed(motion, bent).sentence(options=True)}"
     return InputError(said, film.path)

@@ -71,7 +71,8 @@ def _text(first: FirstSetup) -> str:
     film, motion, (metres_per_pixel, fps, gravity) = first.film, first.motion, first.scale
     assert metres_per_pixel is not None and fps is not None
     width, height = film.size_px
-    areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.other or a.falls]
+    arcs = [a for a in motion.arcs if a.falls or a.falls_otherwise]
+    areas = [own.area_px2 for own in motion.chains or arcs]
     radius = float(np.sqrt(np.median(areas) / np.pi)) * first.size if areas else UNSEEN_RADIUS_SHARE * width
     seen = first.ground_px is not None
     ground = first.ground_px if first.ground_px is not None else height - 1 + RESTS_RADII * radius

@@ -29,8 +29,8 @@ START_ANGLE_STEP_RAD = np.deg2rad(22.5)
 LARGEST_MISFIT = 0.2  # misfit of the edge in units of the contrast; a larger misfit is not this block
 FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in grey levels
 FAINTEST_CONTRAST_SHARE = 0.3  # share of the usual contrast; fainter objects are dust or afterimages
-# standard error, in px or in radii if that is more; a frame with a larger one is lost
-LARGEST_ERROR_PX, LARGEST_ERROR_RADII = 0.5, 0.1
+# standard error of a fit, in px or in radii if that is more; a frame with a larger one is lost
+LARGEST_FIT_ERROR_PX, LARGEST_FIT_ERROR_RADII = 0.5, 0.1
 LEAST_SMEAR_PX = 2.0  # displacement while the shutter is open; a shorter one is treated as blur
 COVERED_RADII = 0.7  # radius of the disc within an outline that is compared with the background
 WINDOW_MARGIN_PX = 6.0
@@ -160,7 +160,7 @@ class Fitter:
             return lost_sight(number, "no contrast")
         if found.seen < (least or self.least_seen):
             return lost_sight(number, "hidden")
-        if max(found.error[:2]) > max(LARGEST_ERROR_PX, LARGEST_ERROR_RADII * looks.edge.inner_px):
+        if max(found.error[:2]) > max(LARGEST_FIT_ERROR_PX, LARGEST_FIT_ERROR_RADII * looks.edge.inner_px):
             return lost_sight(number, "unsure")
         return Sight(number, found.pose, found.error, found.seen)
 
@@ -211,7 +211,7 @@ class Fitter:
             reason = "hidden"
         elif misfit > LARGEST_MISFIT:
             reason = "another outline"
-        elif max(error[0], error[1]) > LARGEST_ERROR_PX:
+        elif max(error[0], error[1]) > LARGEST_FIT_ERROR_PX:
             reason = "unsure"
         if reason:
             return lost_sight(number, reason)

@@ -18,7 +18,7 @@ from rock2d_tracking.learning import (
     frames_with_blocks,
     learned_looks,
 )
-from rock2d_tracking.looks import SLOW_ERROR_FACTOR, BlockFrame, best_channel_mix, plain_looks
+from rock2d_tracking.looks import BlockFrame, best_channel_mix, plain_looks
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
@@ -173,7 +173,7 @@ class Follower:
         # a block of which only the lit part is seen looks smaller and off centre
         beside = max(abs(looks.size - 1.0) - USUAL_SIZE_ERROR, 0.0) * radius
         bias_px = float(np.hypot(looks.bias_px, beside))
-        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, bias_px, radius, looks.shutter)
+        return FollowedRelease(name, [], bias_px, radius, looks.shutter)
 
     def _end_release(self) -> None:
         """End the release that is being followed."""

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.kinematics.flight_gravity import Measured
+from rock2d.kinematics.flight_gravity import PARABOLA, Measured
 from rock2d.kinematics.flights import Film, Flights
 from rock2d.records.columns import POSITION
 from rock2d_tracking.camera import PixelMap
 
 Array = np.ndarray
 
-PARABOLA = 3  # coefficients
-ROUNDS = 4  # in which places without the lens are found
+LENS_ROUNDS = 4  # in which places without the lens are found
 CLEAR_ERRORS = 5.0  # least k in standard errors
 LEAST_EXPLAINED = 0.3  # least share of the squared residuals that the lens must explain
 
@@ -37,7 +36,7 @@ def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int
     off = camera.to_pixel(film.pose[:, POSITION]) - middle
     left = _without_parabolas(film, parts, off)
     true, k = off, 0.0
-    for _ in range(ROUNDS):
+    for _ in range(LENS_ROUNDS):
         share = (true**2).sum(axis=1, keepdims=True) / (middle**2).sum()
         bend = _without_parabolas(film, parts, share * true)
         k = float(bend @ left) / float(bend @ bend)

@@ -15,11 +15,11 @@ import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.graphics.live_data import in_page
+from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import Outline
 from rock2d_tracking.sights import REASONS
-from rock2d_tracking.tracked_film import LARGEST_ERROR_RADII, LARGEST_STATED_ERROR_PX, TrackedFilm
-from rock2d_tracking.velocities import MID_AIR
+from rock2d_tracking.tracked_film import LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII, TrackedFilm
 
 Array = np.ndarray
 
@@ -135,7 +135,7 @@ def _text(raw: bytes) -> str:
 
 def _block(name: str, looks: Looks) -> dict[str, Any]:
     """Name, outline about the centroid in px, and why its frames are trusted."""
-    limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * looks.outline.radius_px)
+    limit = max(LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII * looks.outline.radius_px)
     how = (
         "correlation with the learned picture" if looks.kind == "picture" else "of the outline seen as fitted"
     )

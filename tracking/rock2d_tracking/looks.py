@@ -16,17 +16,13 @@ Array = np.ndarray
 GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
 COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used
 COLOUR_PAIRS = np.array([[1.0, -1.0, 0.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
-RIM_RADII, RIM_SECTORS = (
-    (0.5, 0.85),
-    8,
-)  # the rim of a block around its place on an arc, and its number of sectors
+# the rim of a block around its place on an arc, and its number of sectors
+RIM_RADII, RIM_SECTORS = (0.5, 0.85), 8
 WEAK_QUANTILE = 0.15  # of the contrast of the sectors
 TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
 PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, before frames are compared
 SEARCH_RADII = 0.8  # around the expected place in which the learned picture is looked for
-
-SLOW_ERROR_FACTOR = 1.75  # true errors over those of a fit, measured on synthetic films
 
 Kind = Literal["outline", "edge", "picture"]
 

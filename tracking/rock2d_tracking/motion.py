@@ -83,7 +83,7 @@ class Chain:
         return sum(len(a.frames) for a in self.arcs)
 
     def pace(self, frame: int) -> Array:
-        """(2,) way in px in the usual time between two frames, about a frame."""
+        """(2,) displacement in px per usual frame interval at a frame."""
         arc = min(self.arcs, key=lambda a: max(a.first - frame, frame - a.last, 0))
         return arc.pace(frame)
 
@@ -207,7 +207,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     """Releases: successive arcs that begin where the previous one ends; at least one of them falls."""
     longest = max(LONGEST_LINK_FRAMES, round(LONGEST_LINK_S * fps))
     chains: list[Chain] = []
-    for arc in sorted((a for a in arcs if not a.other), key=lambda a: (a.first, a.last)):
+    for arc in sorted((a for a in arcs if not a.falls_otherwise), key=lambda a: (a.first, a.last)):
         before = [
             c for c in chains
             if -LONGEST_OVERLAP < arc.first - c.last <= longest and arc.last > c.last + LONGEST_OVERLAP

@@ -12,9 +12,9 @@ from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, live_page
 from rock2d.kinematics.film_segments import FilmSegments
+from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.live_frames import LiveFrames
 from rock2d_tracking.tracked_film import TrackedFilm
-from rock2d_tracking.velocities import MID_AIR
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,11 +25,11 @@ LISTED_IMPACTS = 8  # up to this many, the restitution of each impact is listed
 SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel
 
 
-def write_page(path: Path, film: TrackedFilm, background: Array, live: LiveFrames) -> None:
+def write_page(path: Path, film: TrackedFilm, still: Array, live: LiveFrames) -> None:
     """Write the page; `overlay.webm` must be in the same folder."""
     frames, name = film.frames, film.experiment.name
     figures = [
-        ("Tracks", "Trusted frames on the still picture of the film.", _tracks(frames, background)),
+        ("Tracks", "Trusted frames on the still picture of the film.", _tracks(frames, still)),
         ("Gravity", "Acceleration of each flight that shows it, with its 95 % interval. The band is what all flights "
          "say together, the line the stated gravity: beside the band, scale or frame rate is wrong.",
          _gravity(film)),
@@ -88,9 +88,9 @@ def _restitution(impacts: pd.DataFrame) -> str:
     return f"{middle:.2f} (half of them {low:.2f} to {high:.2f}), each ± {error:.3f} (medians of {len(seen)} impacts)"
 
 
-def _tracks(frames: pd.DataFrame, background: Array) -> Figure:
-    figure, (axes,) = blank_axes(9.0, 9.0 * background.shape[0] / background.shape[1])
-    axes.imshow(background, cmap="gray", vmin=0, vmax=255)
+def _tracks(frames: pd.DataFrame, still: Array) -> Figure:
+    figure, (axes,) = blank_axes(9.0, 9.0 * still.shape[0] / still.shape[1])
+    axes.imshow(still, cmap="gray", vmin=0, vmax=255)
     for _, own in frames[frames["reason"] == ""].groupby("release"):
         axes.plot(own["u_px"], own["v_px"], lw=0.8)
     axes.set_xlabel("u (px)")

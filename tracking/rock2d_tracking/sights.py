@@ -14,6 +14,8 @@ ERROR_NEIGHBOURS = 3
 FEWEST_COMPARED = 5  # frames of such a parabola
 LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
 FEWEST_ERROR_FRAMES = 8
+# true errors over their scatter from frame to frame, measured on synthetic films: they change slowly
+SLOW_ERROR_FACTOR = 1.75
 ERROR_FACTORS = (0.3, 30.0)  # of the errors that fits state, to the scatter that frames show
 KINK_FRAMES = 3  # before and after a frame between which velocities are compared
 # a kink is larger than the quieter changes of velocity, and than this per frame
@@ -78,7 +80,6 @@ class FollowedRelease:
     ----------
     block : its name
     sights : its frames in order
-    error_factor : errors over their scatter from frame to frame; they are larger because they change slowly
     bias_px : standard error of a coordinate that all frames share; not part of the errors of frames
     radius_px : half the size of the block in the picture
     shutter : share of the frame interval in which the shutter is open
@@ -86,7 +87,6 @@ class FollowedRelease:
 
     block: str
     sights: list[Sight] = field(default_factory=list)
-    error_factor: float = 1.0
     bias_px: float = 0.0
     radius_px: float = 0.0
     shutter: float = 0.0
@@ -151,10 +151,10 @@ def set_errors(release: FollowedRelease, fall_px: float) -> None:
         return
     place = 1.4826 * float(np.median(ratios[:, :2]))
     turn = 1.4826 * float(np.nanmedian(ratios[:, 2])) if np.isfinite(ratios[:, 2]).any() else 1.0
-    factor = release.error_factor * np.clip([place, place, turn], *ERROR_FACTORS)
+    factor = SLOW_ERROR_FACTOR * np.clip([place, place, turn], *ERROR_FACTORS)
     for sight in seen:
         sight.error = np.maximum(sight.error, usual) * factor
-    alike = release.error_factor * float(np.median(usual[:2])) * np.sqrt(max(1.0 - place**2, 0.0))
+    alike = SLOW_ERROR_FACTOR * float(np.median(usual[:2])) * np.sqrt(max(1.0 - place**2, 0.0))
     release.bias_px = float(np.hypot(release.bias_px, alike))
 
 

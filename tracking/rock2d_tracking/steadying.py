@@ -9,13 +9,13 @@ import numpy as np
 
 Array = np.ndarray
 
-WIDTH_PX = 640  # of the picture in which the background is compared, at most
+COMPARED_WIDTH_PX = 640  # of the picture in which the background is compared, at most
 TRIED_FRAMES = 40  # frames, evenly distributed over the film, that show whether the camera moves
 MEDIAN_FRAMES = 21  # the still picture is the median of this many frames
 # root mean square; a smaller motion is not removed (a person in front of the wall can cause it)
 LEAST_SHAKE_PX = 1.3
 # factors by which the compared pictures are reduced, in this order, and steps at each
-LEVELS, ROUNDS = (4, 1), 8
+LEVELS, TRANSLATION_ROUNDS = (4, 1), 8
 CONVERGED_PX = 0.005
 BLUR_PX = 1.5  # of the compared pictures, so that slopes hold over a step
 # difference in grey, over the usual one, at which a pixel has half its weight
@@ -65,7 +65,7 @@ def _shifts(film: Iterable[Array], still: Array | None = None) -> Array:
     ways: list[Array] = []
     first: list[Array] = []
     for frame in film:
-        scale = max(1.0, frame.shape[1] / WIDTH_PX)
+        scale = max(1.0, frame.shape[1] / COMPARED_WIDTH_PX)
         pictures = [_small(frame, scale * level) for level in LEVELS]
         if not first:
             first = pictures if still is None else [_small(still, scale * level) for level in LEVELS]
@@ -81,7 +81,7 @@ def _translation(one: Array, other: Array, way: Array) -> Array:
     du, dv = np.gradient(one, axis=1), np.gradient(one, axis=0)
     margin = np.s_[2:-2, 2:-2]
     slopes = np.stack([du[margin].ravel(), dv[margin].ravel()])
-    for _ in range(ROUNDS):
+    for _ in range(TRANSLATION_ROUNDS):
         off = (steadied(other, way) - one)[margin].ravel()
         usual = max(1.4826 * float(np.median(np.abs(off))), 0.1)
         weight = 1.0 / (1.0 + (off / (ROBUST_SIGMAS * usual)) ** 2)

@@ -16,16 +16,16 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, load_film
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
+from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
-from rock2d_tracking.velocities import flights_table, impacts_table
 
 Array = np.ndarray
 
 PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
-LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII = 1.0, 0.05
+LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side with which a step is compared
 SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
 SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
@@ -61,12 +61,12 @@ class TrackedFilm:
 
     @cached_property
     def flights(self) -> pd.DataFrame:
-        """See `velocities.flights_table`."""
+        """See `film_tables.flights_table`."""
         return flights_table(self.experiment, self.segments, self.findings.gravity)
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """See `velocities.impacts_table`."""
+        """See `film_tables.impacts_table`."""
         return impacts_table(self.experiment, self.segments)
 
 
@@ -140,7 +140,7 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
     for release in kept:
         reject_gross_errors(release, fall_px)
         set_errors(release, fall_px)
-        limit = max(LARGEST_STATED_ERROR_PX, LARGEST_ERROR_RADII * release.radius_px)
+        limit = max(LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII * release.radius_px)
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
                 sight.reject("unsure")

@@ -1,4 +1,4 @@
-"""Velocities before and after impacts, from the equations of free flight fitted to the frames between impacts.
+"""Tables of the flights and impacts of a film, from the equations of free flight fitted to the frames between impacts.
 
 As in Lambert et al., impacts are the breaks between ballistic flights; the equations of a flight give its translational
 and rotational velocity at any time. Deep penetration and low rebounds, which reduce the accuracy, are flagged.

@@ -38,7 +38,7 @@ class Points:
     said: str = ""
 
     @classmethod
-    def seen(
+    def of_rows(
         cls, path: Path, line: int, rows: list[dict[str, Any]], *, y: str = "", said: str = ""
     ) -> Points:
         """Points of rows with the keys of `table`, without those whose u, v or theta is empty; raises `InputError`."""

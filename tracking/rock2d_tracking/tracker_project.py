@@ -51,7 +51,7 @@ def read_project(path: Path, text: str) -> Points:
                 rows.append({"track": name, **_marked(path, entry, point)})
     if not rows:
         raise InputError("there is no marked point mass in the project", path, 1, code="empty")
-    return Points.seen(path, 1, rows, y="down", said=_calibration(root))
+    return Points.of_rows(path, 1, rows, y="down", said=_calibration(root))
 
 
 def _tree(path: Path, text: str) -> Element:

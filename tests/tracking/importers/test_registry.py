@@ -67,7 +67,7 @@ from rock2d_tracking.tracked_points import Points
 
 def read(path, text):
     frame, u, v = map(float, text.split()[1:])
-    return Points.seen(path, 1, [{"track": "stone", "line": 2, "frame": frame, "u": u, "v": v}])
+    return Points.of_rows(path, 1, [{"track": "stone", "line": 2, "frame": frame, "u": u, "v": v}])
 
 IMPORTER = Importer("Loupe", lambda text: text.startswith("loupe"), read)
 """

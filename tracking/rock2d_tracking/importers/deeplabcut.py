@@ -68,7 +68,7 @@ def read(path: Path, text: str) -> Points:
         for track, of in tracks.items():
             values = {key: number(row[j], path, line, f"{track} {coords[j]}") for key, j in of.items()}
             rows.append({"track": track, "line": line, "frame": frame, **values})
-    return Points.seen(path, top, rows)
+    return Points.of_rows(path, top, rows)
 
 
 IMPORTER = Importer("DeepLabCut", looks_like, read)

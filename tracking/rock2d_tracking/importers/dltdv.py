@@ -47,7 +47,7 @@ def read(path: Path, text: str) -> Points:
             raise InputError(f"point {track} has no column {track}_{'Y' if 'X' in of else 'X'}", path, top)
     table = [(line, cells(content, separator)) for line, content in lines]
     if table and path.suffix == ".tsv" and len(table[0][1]) == 3:
-        return Points.seen(path, top, _sparse(path, table[1:], tracks))
+        return Points.of_rows(path, top, _sparse(path, table[1:], tracks))
     rows: list[dict[str, Any]] = []
     for frame, (line, row) in enumerate(table):
         if len(row) != len(header):
@@ -55,7 +55,7 @@ def read(path: Path, text: str) -> Points:
         for track, of in tracks.items():
             u, v = (number(row[of[axis]], path, line, header[of[axis]]) for axis in "XY")
             rows.append({"track": track, "line": line, "frame": frame, "u": u, "v": v})
-    return Points.seen(path, top, rows)
+    return Points.of_rows(path, top, rows)
 
 
 def _sparse(

@@ -73,7 +73,7 @@ def _read_csv(path: Path, text: str) -> Points:
         for track, of in tracks.items():
             u, v = (number(row[of[axis]], path, line, header[of[axis]]) for axis in "XY")
             rows.append({"track": track, "line": line, "time": time, "u": u, "v": v})
-    return Points.seen(path, top, rows)
+    return Points.of_rows(path, top, rows)
 
 
 def _read_text(path: Path, text: str) -> Points:
@@ -98,7 +98,7 @@ def _read_text(path: Path, text: str) -> Points:
                 )
                 track = name if k == 1 else f"{name}/{k // 2}"
                 rows.append({"track": track, "line": line, "time": time, "u": u, "v": v})
-    return Points.seen(path, 1, rows)
+    return Points.of_rows(path, 1, rows)
 
 
 def _time(cell: str, path: Path, line: int) -> float:

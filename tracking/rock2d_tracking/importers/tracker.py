@@ -66,7 +66,7 @@ def read(path: Path, text: str) -> Points:
         for track, of in columns.items():
             values = {key: number(row[j], path, line, header[j]) for key, j in of.items()}
             rows.append({"track": track, "line": line, **values})
-    return Points.seen(path, at + 1, rows)
+    return Points.of_rows(path, at + 1, rows)
 
 
 def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> list[Path]:

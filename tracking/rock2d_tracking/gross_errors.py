@@ -119,7 +119,7 @@ def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float
     before, after = (one, other) if one[0].when < other[0].when else (other, one)
     if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION or min(len(before), len(after)) < 2:
         return True
-    _, paths = _between(before, after, fall_px)
+    paths = _between(before, after, fall_px)
     step = max(float(np.hypot(*np.diff(path[:5:4], axis=0).T).max()) for path in paths)
     allowed = max(APART_PX, APART_RADII * radius_px) + APART_STEPS * step
     return bool(np.hypot(*(paths[0] - paths[1]).T).min() < allowed)
@@ -132,19 +132,18 @@ def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
     for before, after in pairwise(own for own in flights if len(own) >= FEWEST_BOUNCE_FRAMES):
         if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION:
             continue
-        _, (coming, going) = _between(before, after, fall_px)
+        coming, going = _between(before, after, fall_px)
         if coming[-1, 1] > coming[-2, 1] and going[1, 1] < going[0, 1]:
             at = int(np.hypot(*(coming - going).T).argmin())
             found.append(0.5 * (coming[at] + going[at]))
     return found
 
 
-def _between(before: list[Sight], after: list[Sight], fall_px: float) -> tuple[Array, tuple[Array, Array]]:
-    """Instants (n,) between two flights, four per frame, and the places (n, 2) of both flights, extrapolated."""
+def _between(before: list[Sight], after: list[Sight], fall_px: float) -> list[Array]:
+    """Places (n, 2) of two flights, extrapolated to the instants between them, four per frame."""
     gap = after[0].when - before[-1].when
     when = np.linspace(before[-1].when, after[0].when, 4 * int(np.ceil(gap)) + 1)
-    one, other = (_extrapolated(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS]))
-    return when, (one, other)
+    return [_extrapolated(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS])]
 
 
 def _extrapolated(sights: list[Sight], when: Array, fall_px: float) -> Array:

@@ -48,7 +48,7 @@ def find_contacts(state: Array, body: Body, ground: Ground, found: Array) -> tup
         for k in range(i * group, (i + 1) * group):
             px = x + c * corners[k, 0] - s * corners[k, 1]
             py = y + s * corners[k, 0] + c * corners[k, 1]
-            depth, nx, ny, _, _, facet = nearest_on_ground(px, py, points)
+            depth, nx, ny, facet = nearest_on_ground(px, py, points)
             if depth + rounding > found[i, DEPTH]:
                 found[i, DEPTH], found[i, NX], found[i, NY] = depth + rounding, nx, ny
                 found[i, PX], found[i, PY], found[i, FACET] = px - rounding * nx, py - rounding * ny, facet
@@ -170,8 +170,8 @@ def outward_normal(
 
 
 @numba.njit
-def nearest_on_ground(x: float, y: float, points: Array) -> tuple[float, float, float, float, float, int]:
-    """Depth of a point in m (negative: height above the surface), outward unit vector, nearest point, facet."""
+def nearest_on_ground(x: float, y: float, points: Array) -> tuple[float, float, float, int]:
+    """Depth of a point in m (negative: height above the surface), outward unit vector, nearest facet."""
     home = facet_at(x, points)
     qx, qy, best, _ = nearest_on_facet(x, y, home, points)
     at = home
@@ -190,7 +190,7 @@ def nearest_on_ground(x: float, y: float, points: Array) -> tuple[float, float, 
     sunk = is_below(x, y, home, points)
     nx, ny = outward_normal(x, y, qx, qy, at, sunk, points)
     depth = np.sqrt(best)
-    return (depth if sunk else -depth), nx, ny, qx, qy, at
+    return (depth if sunk else -depth), nx, ny, at
 
 
 def ground_turns(points: Array) -> Array:

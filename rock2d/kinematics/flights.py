@@ -21,12 +21,7 @@ from rock2d.engines.geometry import (
     polygon_depth,
 )
 from rock2d.files.experiment import Experiment, seen_frames
-from rock2d.kinematics.segmentation import (
-    ACCELERATION_SD,
-    FLIGHT,
-    SPIN_ACCELERATION_SD,
-    partition,
-)
+from rock2d.kinematics.segmentation import ACCELERATION_SD, FLIGHT, SPIN_ACCELERATION_SD, partition
 from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
 
@@ -53,9 +48,9 @@ class Film:
     ----------
     t_s : (frames,) instants
     pose : (frames, 3) x_m, y_m, theta_rad (unwrapped) as recorded
-    release, block : (frames,) index into `release_names` and `block_names`
+    release : (frames,) index into `release_names`
     release_names : numbers of the releases, ascending, in the order of filming
-    release_block : (releases,) block of each release
+    release_block : (releases,) index of the block of each release in `block_names`
     angle_known : (releases,) whether the angle was measured; the angle of a circle without marks is constant
     stated_noise : (3,) noise of the experiment, 1 sigma
     noise : (3,) 1 sigma of a frame; `long_noise` (3,) the same for averages over many frames, which is larger if the
@@ -121,18 +116,9 @@ def load_film(experiment: Experiment) -> Film:
         angle_known[r] = measured[r] if not round_[blocks[a]] else np.ptp(pose[a:b, THETA]) > 0.0
     stated = np.array([experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad])
     film = Film(
-        table["t_s"].to_numpy(float),
-        pose,
-        release,
-        names,
-        blocks[starts],
-        block_names,
-        angle_known,
-        stated,
-        stated,
-        stated,
-        experiment.smear_offset_s,
-    )
+        table["t_s"].to_numpy(float), pose, release, names, blocks[starts], block_names, angle_known, stated, stated,
+        stated, experiment.smear_offset_s,
+    )  # fmt: skip
     film.noise = film.long_noise = _or_stated(film, _first_noise(film))
     return film
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rock2d_tracking.candidates import CANDIDATE
 from rock2d_tracking.following import Follower, releases_shown
-from rock2d_tracking.looks import plain_looks
+from rock2d_tracking.looks import Looks
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.outline import outline_of
 from rock2d_tracking.setup_file import Setup, write_setup
@@ -195,7 +195,7 @@ def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
         np.array([(k, p[:2], 300.0, (-13.0, -13.0, -10.0), True, shadow)][: k % 3], CANDIDATE)
         for k, p in enumerate(places)
     ]
-    follower.chain, follower.looks = None, {"sphere": plain_looks(outline)}
+    follower.chain, follower.looks = None, {"sphere": Looks("outline", outline)}
     follower.motion = Motion(candidates=darker)
     sights = [Sight(k, p, np.full(3, 0.5), confidence) for k, p in enumerate(places)]
     release = FollowedRelease("sphere", sights)

@@ -5,7 +5,7 @@ import pytest
 from rock2d_tracking.background import Background
 from rock2d_tracking.fitting import Fitter
 from rock2d_tracking.learning import _centre_of_picture
-from rock2d_tracking.looks import BlockFrame, plain_looks
+from rock2d_tracking.looks import BlockFrame, Looks
 from rock2d_tracking.outline import outline_of
 
 from rock2d.scene.blocks import make_block
@@ -33,7 +33,7 @@ def test_the_centroid_is_found_where_arcs_lead_beside_it(off):
     background = Background([noisy(np.full((HEIGHT, WIDTH), WALL)) for _ in range(9)])
     fitter = Fitter(background, np.ones((HEIGHT, WIDTH), np.uint8), 0.55)
     ball = make_block("ball", "circle", 0.1, "solid_sphere", diameter_m=2 * RADIUS_PX * 1e-3)
-    looks = plain_looks(outline_of(ball, 1e-3, 1))
+    looks = Looks("outline", outline_of(ball, 1e-3, 1))
     places = np.column_stack([np.linspace(60, 180, 9), np.linspace(60, 100, 9)])
     frames = [
         BlockFrame(k, noisy(half_transparent_ball((u, v))), np.array([u, v]) + off, np.zeros(2))

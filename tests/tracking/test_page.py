@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rock2d_tracking.live_frames import live_frames
-from rock2d_tracking.looks import plain_looks
+from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import outline_of
 from rock2d_tracking.page import write_page
 from rock2d_tracking.setup_file import Setup, write_setup
@@ -44,7 +44,7 @@ def test_a_film_without_an_impact_or_a_flight_gets_its_page(tmp_path, frames):
     found = tossed(Setup(tmp_path / "setup.yaml"), frames)
     assert len(found.impacts) == 0 and len(found.flights) == (frames > 8)
     still = np.zeros(SIZE_PX[::-1], np.uint8)
-    looks = {"sphere": plain_looks(outline_of(BLOCKS["sphere"], CAMERA.metres_per_pixel, CAMERA.up))}
+    looks = {"sphere": Looks("outline", outline_of(BLOCKS["sphere"], CAMERA.metres_per_pixel, CAMERA.up))}
     live = live_frames([still] * frames, found, np.arange(frames), looks, still)
     write_page(tmp_path / "page.html", found, still, live)
     page = (tmp_path / "page.html").read_text()

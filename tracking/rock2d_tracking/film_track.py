@@ -247,7 +247,7 @@ def _track(
     seen = TrackingAttempt(frames, follower.motion, follower)
     for sight in (s for release in follower.releases for s in release.sights):
         sight.when = float(stamps.clock(sight.frame))
-        sight.read, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
+        sight.number_in_file, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
     try:
         kept = moving_releases(follower.releases, follower.fall_px)
         if not kept:
@@ -265,8 +265,8 @@ def _track(
         raise NotTrackedError(error, seen, follower.setup.text, overlay) from None
     found.remarks.extend(_remarks_on_scale(found, options=guessed))
     found.remarks.extend(_remarks_on_lens(found, film.size_px))
-    read = np.array([sight.read for release in kept for sight in release.sights])
-    live = live_frames(frames, found, read, follower.looks, still)
+    numbers = np.array([sight.number_in_file for release in kept for sight in release.sights])
+    live = live_frames(frames, found, numbers, follower.looks, still)
     return FilmTrack(found, follower.looks, overlay, still, live), seen
 
 

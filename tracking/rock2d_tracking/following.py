@@ -18,7 +18,7 @@ from rock2d_tracking.learning import (
     frames_with_blocks,
     learned_looks,
 )
-from rock2d_tracking.looks import BlockFrame, best_channel_mix, plain_looks
+from rock2d_tracking.looks import BlockFrame, Looks, best_channel_mix
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
@@ -78,7 +78,7 @@ class Follower:
         visible = above_ground(setup.cross_section, camera, size_px)
         self.fitter = Fitter(self.background, visible, setup.keys.detection.least_seen)
         self.looks = {
-            name: plain_looks(outline_of(block, setup.metres_per_pixel, camera.up))
+            name: Looks("outline", outline_of(block, setup.metres_per_pixel, camera.up))
             for name, block in setup.blocks.items()
         }
         self._chain_blocks = self._blocks_of_chains()

@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit, edge_points
+from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
 from rock2d_tracking.looks import BlockFrame, Looks, learned_picture
 from rock2d_tracking.motion import Motion
@@ -185,7 +185,7 @@ def _fit_size(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> t
     size, outline = 1.0, looks.outline
     turns = [start_angles(outline) for _ in block_frames]
     for _ in range(SIZE_ROUNDS):
-        trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
+        trial = replace(looks, outline=outline.scaled(size))
         sizes = []
         for k, frame in enumerate(block_frames):
             best: EdgeFit | None = None
@@ -210,4 +210,4 @@ def _fit_size(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> t
             break
     error = 1.25 * spread / np.sqrt(len(sizes))
     outline = outline.scaled(size)
-    return replace(looks, outline=outline, edge=edge_points(outline), size=size, size_error=error), turns
+    return replace(looks, outline=outline, size=size, size_error=error), turns

@@ -4,6 +4,7 @@ size, and the suitable kind of fit."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -79,7 +80,6 @@ class Looks:
 
     kind: Kind
     outline: Outline
-    edge: EdgePoints
     size: float = 1.0
     size_error: float = np.inf
     picture: Array | None = None
@@ -87,10 +87,10 @@ class Looks:
     centre_px: tuple[float, float] = (0.0, 0.0)
     shutter: float = 0.0
 
-
-def plain_looks(outline: Outline) -> Looks:
-    """The looks of a uniform block of the stated size."""
-    return Looks("outline", outline, edge_points(outline))
+    @cached_property
+    def edge(self) -> EdgePoints:
+        """The points on its outline at which its edge is looked for."""
+        return edge_points(self.outline)
 
 
 def best_channel_mix(block_frames: list[BlockFrame], still: Array, radius_px: float) -> ChannelMix:

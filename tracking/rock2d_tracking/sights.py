@@ -51,7 +51,7 @@ class Sight:
     confidence : share of the outline that agrees with the fit, less for a poor fit; 0 if lost
     reason : why the frame is lost, "" if it is not
     covered : share of the outline's inside that differs from the background; NaN if not measured
-    read : its number in the file, while `frame` is its number as filmed
+    number_in_file : its number in the file, while `frame` is its number as filmed
     when : its instant in units of the usual frame interval; the frame number until it is set
     """
 
@@ -61,7 +61,7 @@ class Sight:
     confidence: float
     reason: str = ""
     covered: float = np.nan
-    read: int = -1
+    number_in_file: int = -1
     when: float = field(init=False)
 
     def __post_init__(self) -> None:

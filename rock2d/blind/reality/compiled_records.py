@@ -19,7 +19,7 @@ N_GROUND_MOTION = RISE_SPEED + 1
 
 
 class Ground(NamedTuple):
-    """The ground: points (m, 2); zone, patch and yielding (1: embankment) of each facet (m - 1,); ridges (m,)."""
+    """The ground: points (m, 2), ridges (m,); soil row `zone`, patch, and whether it yields, of each facet (m - 1,)."""
 
     points: Array
     zone: Array
@@ -43,7 +43,7 @@ class Body(NamedTuple):
 
 
 class SoilLaw(NamedTuple):
-    """Soil rows (zones, 5), whether the rolling spring acts until the contact ends, gravity, values of `parameters`."""
+    """Soil of each facet (n, 5), whether the rolling spring acts until the contact ends, gravity, `parameters`."""
 
     soil: Array
     indentation: bool

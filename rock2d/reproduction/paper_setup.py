@@ -123,7 +123,10 @@ def scenario_text(values: Values, found: FoundSetup, seed: int) -> str:
             "measure_lines": {line: _lengths(ends) for line, ends in ground.measure_lines.items()},
         },
         "blocks": {block: block_keys(published.SETUP_BLOCKS[block]) for block in published.BLOCKS},
-        "model": {"deterministic": {"default": _table_4()}, "probabilistic": _table_3()},
+        "model": {
+            "deterministic": {"default": {**published.CONTACT_PARAMETERS, "rolling_cap": False}},
+            "probabilistic": _table_3(),
+        },
         "incident": {
             block: {"distribution": _arrival(values, found.place, block)} for block in published.BLOCKS
         },
@@ -162,10 +165,6 @@ def _assumed(values: Values, found: FoundSetup, seed: int) -> list[str]:
 
 def _lengths(points_m: Array) -> list[list[float]]:
     return np.round(np.asarray(points_m, float), LENGTH_DECIMALS).tolist()
-
-
-def _table_4() -> dict[str, Any]:
-    return {**published.CONTACT_PARAMETERS, "rolling_cap": False}
 
 
 def _table_3() -> dict[str, Any]:

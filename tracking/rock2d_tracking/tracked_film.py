@@ -147,14 +147,14 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
     return [release for release in kept if _moves(release, fall_px)]
 
 
-def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
+def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:
     """Renumber the frames if the camera or the file dropped some; returns the number of dropped frames.
 
     Steps over dropped frames, rotation included, are two or three times as long as the steps before and after. If a
     block hardly moves, dropped frames cannot be seen and do not matter."""
     seen = [s for s in sights if not s.reason]
     at = np.array([s.when for s in seen])
-    step = np.diff([s.pose * [1.0, 1.0, reach_px] for s in seen], axis=0)
+    step = np.diff([s.pose * [1.0, 1.0, radius_px] for s in seen], axis=0)
     single = np.diff(at) == 1
     found = np.zeros(len(step), np.int64)
     sides = np.array([*range(-COMPARED_STEPS, 0), *range(1, COMPARED_STEPS + 1)])

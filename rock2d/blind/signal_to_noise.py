@@ -145,9 +145,8 @@ class _Whitening:
         # correlated from frame to frame averages out less
         camera = case.camera
         correlated = np.sqrt((1.0 + camera.noise_correlation) / (1.0 - camera.noise_correlation))
-        noise = correlated * np.array(
-            [camera.position_noise_m, camera.position_noise_m, camera.angle_noise_rad] * 5
-        )
+        position = camera.position_noise_m
+        noise = correlated * np.array([position, position, camera.angle_noise_rad] * 5)
         without_scatter = first_flights.statistics(case, [], soil_sd=np.zeros(5))
         others = [
             first_flights.statistics(replace(case, seed=case.seed + k), []) for k in range(1, SOIL_DRAWS)

@@ -30,7 +30,8 @@ REASONS = {
     "another outline": "The visible object has another size or shape.",
     "another picture": "The correlation with the learned picture is too low.",
     "too far from the expected place": "Something beside the path of the block was fitted.",
-    "unsure": "The standard error of the position is larger than 1 px, and than 0.05 radii of the block.",
+    "unsure": "The standard error of the position is larger than 0.5 px in the fit of the frame (0.1 radii for a large "
+    "shaded ball), or than 1 px and 0.05 radii by the scatter about the flight.",
     "on the background": "The outline holds much less than usual of what differs from the background.",
     "like a shadow": "What moves darkens the background evenly, and its outline is not sharp.",
     "out of the picture": "The block has left the picture.",

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.files.checked_yaml import shown
-from rock2d.files.diagnosis import NOT_EFFECTS, read_fitted_diagnosis
+from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
 from rock2d.files.fitted_keys import FittedLaw, FittedParameter
 from rock2d.files.folders import OutsideFolderError, path_inside
@@ -221,19 +222,14 @@ def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path |
     for root in roots:
         try:
             file = path_inside(root, given)
+            if os.path.isdir(file):
+                file = path_inside(root, f"{given}/{DIAGNOSIS}")
         except OutsideFolderError as error:
             raise scenario.error(error.message, *where, code="outside_folder") from None
-        if _exists(file):
+        if os.path.exists(file):  # unlike Path.exists, for a name that no file can have, too
             return _diagnosed_model(given, file)
     message = f"no file {shown(given)} beside the scenario or under the data root"
     raise scenario.error(message, *where, code="missing_file", name=given)
-
-
-def _exists(file: Path) -> bool:
-    try:
-        return file.exists()
-    except OSError:  # a name that no file can have
-        return False
 
 
 def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:

@@ -149,8 +149,8 @@ class Laws(Checked):
     )
     diagnosis: str | None = Field(
         default=None,
-        description="Path of a diagnosis.json, relative to this file or to the data root (--data or ROCK2D_DATA): "
-        "the fitted soil for every zone that does not give its own, and the effects that were found",
+        description="Path of a diagnosis.json or its folder, relative to this file or to the data root (--data or "
+        "ROCK2D_DATA): the fitted soil for every zone that does not give its own, and the effects that were found",
     )
     deterministic: ContactTable | None = Field(
         default=None, description="Elasto-plastic contact (engine pymunk)"

@@ -176,6 +176,12 @@ def test_a_diagnosis_is_found_under_the_data_root(tmp_path, monkeypatch):
     assert undiagnosed(tmp_path, "{diagnosis: d.json}").diagnosed.verdict == "none"
 
 
+def test_the_folder_of_a_diagnosis_stands_for_its_file(tmp_path):
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found" / "diagnosis.json").write_text(json.dumps(content()))
+    assert undiagnosed(tmp_path, "{diagnosis: found}").diagnosed.verdict == "none"
+
+
 def test_uncertainty_needs_something_uncertain(tmp_path):
     with pytest.raises(InputError, match="the diagnosis has no uncertain value that influences"):
         diagnosed(tmp_path, content(), more=UNCERTAIN)

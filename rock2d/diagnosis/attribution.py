@@ -189,7 +189,9 @@ def _better_base(search: Search) -> Validated | None:
     best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
     start, least = best.fit.p[: len(base.fit.p)], base.fit.total()
     # the noise of the base is sufficient to see whether the fit leads back to it
-    rough = fit(base.fit.model, data, start, old=base.fit, convergence=Convergence(rival=least + REFIT_GAIN))
+    rough = fit(
+        base.fit.model, data, start, old=base.fit, convergence=Convergence(rival_total=least + REFIT_GAIN)
+    )
     if ends_at(rough, base.fit):
         return None
     refit = fit(base.fit.model, data, start)

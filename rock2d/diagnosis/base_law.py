@@ -72,7 +72,7 @@ def fit_from_grid(
             bar.step("some releases")
     best = max((fitted for k in sorted(fits_of_reading) for fitted in fits_of_reading[k]), key=Fit.total)
     if known is not None:
-        convergence = Convergence(rival=known.total() + REFIT_GAIN)
+        convergence = Convergence(rival_total=known.total() + REFIT_GAIN)
         best = fit(best.model, data, best.p, old=known, convergence=convergence)
         if ends_at(best, known, SAME_FIT):
             return None

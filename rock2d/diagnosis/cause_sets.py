@@ -87,8 +87,8 @@ class Search:
                 gain = max(gain, own.gain)
                 self.bars.explored(len(found) / len(jobs), gain)
                 bar.step(jobs[k][0].name)
-        rival = base.total() + gain
-        steps = [_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)]
+        rival_total = base.total() + gain
+        steps = [_Addition(base, name, None, found[k], rival_total) for k, name in enumerate(self.effects)]
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
 
@@ -112,7 +112,7 @@ class Search:
         self._fit([Reduction(cause_set.fit, name) for name in missing])
         return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
 
-    def rivals(
+    def find_rivals(
         self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()
     ) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
@@ -210,12 +210,16 @@ class Search:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
         names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
-        before, rival = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
+        before, rival_total = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
         starts = [
             None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p for name in new
         ]
         self._fit(
-            [_Addition(before, name, at, rival=rival) for name, at in zip(new, starts, strict=True)], lead
+            [
+                _Addition(before, name, at, rival_total=rival_total)
+                for name, at in zip(new, starts, strict=True)
+            ],
+            lead,
         )
         return [self.known[cause_set.names | {name}] for name in names]
 
@@ -230,11 +234,11 @@ class Search:
 
     def _exchange(self) -> bool:
         """Exchange a member for a rival that gains more; returns whether there is one."""
-        rivals: list[Validated] = []
+        exchanged: list[Validated] = []
         for smaller in self.without(self.best).values():
             lead = self.best.fit.total() - smaller.fit.total()
-            rivals += self._promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
-        best = max(rivals, key=lambda rival: self.gain(rival, self.best).total, default=None)
+            exchanged += self._promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
+        best = max(exchanged, key=lambda one: self.gain(one, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
         self.best = best
@@ -282,14 +286,14 @@ class Search:
 class _Addition:
     """Add the effect `name` to the fit `before`, from the parameters `start`; if there are none, they are explored.
 
-    `found`: result of exploring, if known; `rival`: log likelihood that another set reaches.
+    `found`: result of exploring, if known; `rival_total`: log likelihood that another set reaches.
     """
 
     before: Fit
     name: str
     start: Array | None
     found: Explored | None = None
-    rival: float = -np.inf
+    rival_total: float = -np.inf
 
     @property
     def model(self) -> Model:
@@ -303,8 +307,8 @@ class _Addition:
 
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
-            return fit(self.model, data, self.start, self.before, Convergence(rival=self.rival))
-        return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival)
+            return fit(self.model, data, self.start, self.before, Convergence(rival_total=self.rival_total))
+        return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival_total)
 
 
 @dataclass

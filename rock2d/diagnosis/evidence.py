@@ -273,7 +273,7 @@ def _evidence_of_member(
     large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
     rival_z = {
         rival: z
-        for rival, z in search.rivals(best, name, RIVAL_Z, rivals).items()
+        for rival, z in search.find_rivals(best, name, RIVAL_Z, rivals).items()
         if (own := search.known.get(other_names | {rival})) is None
         or not any(impossible_size(search.effects[rival], [size(own.fit, rival)], large_gain))
     }

@@ -69,14 +69,18 @@ def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
     return Explored(best.p if useful else extended(base, model), gain, useful)
 
 
-def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: float = -np.inf) -> Fit:
+def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_total: float = -np.inf) -> Fit:
     """Fit a model with more effects than `base` has (which come first) to all releases, from the explored parameters.
 
-    `rival`: log likelihood that another effect will reach, see `Convergence`.
+    `rival_total`: log likelihood that another effect will reach, see `Convergence`.
     """
-    coarse = Convergence(COARSE_CONVERGED_GAIN, rival)
+    coarse = Convergence(COARSE_CONVERGED_GAIN, rival_total)
     fitted = fit(
-        model, data, found.p, old=base, convergence=Convergence(rival=rival) if found.useful else coarse
+        model,
+        data,
+        found.p,
+        old=base,
+        convergence=Convergence(rival_total=rival_total) if found.useful else coarse,
     )
     if fitted.total() < base.total():
         # parameters that fit some releases need not fit all; a fit that starts at the base cannot end below it

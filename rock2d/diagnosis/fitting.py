@@ -87,15 +87,15 @@ def some_releases(data: Data) -> Array:
 
 class Convergence(NamedTuple):
     """When a fit ends: after `rounds` iterations, or if an iteration gains less log likelihood than `gain`. A fit far
-    behind the log likelihood `rival` ends at a larger gain, because its exact value does not matter."""
+    behind the log likelihood `rival_total` ends at a larger gain, because its exact value does not matter."""
 
     gain: float = CONVERGED_GAIN
-    rival: float = -np.inf
+    rival_total: float = -np.inf
     rounds: int = MOST_ITERATIONS
 
     def at(self, total: float) -> float:
         """Gain at which a fit with this log likelihood has converged."""
-        return max(self.gain, CONVERGED_LEAD_SHARE * (self.rival - total))
+        return max(self.gain, CONVERGED_LEAD_SHARE * (self.rival_total - total))
 
 
 FEW_ROUNDS = Convergence(rounds=5)  # of fits that only explore

@@ -99,10 +99,10 @@ def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
     plain = FilmData.residuals
     monkeypatch.setattr(FilmData, "residuals", lambda *a: simulated.append(0) or plain(*a))
 
-    def fitted(rival: float) -> tuple[Fit, int]:
+    def fitted(rival_total: float) -> tuple[Fit, int]:
         simulated.clear()
         return fit(
-            model, two.data, extended(base, model), old=base, convergence=Convergence(rival=rival)
+            model, two.data, extended(base, model), old=base, convergence=Convergence(rival_total=rival_total)
         ), len(simulated)
 
     (alone, all_steps), (near, same), (far, fewer) = map(
@@ -120,16 +120,16 @@ def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     hidden = {"inertia_error": [1.5], "frame_rate_error": [1.05]}
     search = tried_alone(hidden, (*hidden, "scale_error", "angle_offset"))
     search.best = search.set_of(frozenset(hidden))
-    search.rivals(search.best, "frame_rate_error", np.inf)
+    search.find_rivals(search.best, "frame_rate_error", np.inf)
     smaller, both = search.without(search.best)["frame_rate_error"], search.best
     twin = search.known[frozenset({"inertia_error", "scale_error"})]
     lead, gain = search.gain(both, twin), search.gain(both, smaller).total
-    z = search.rivals(search.best, "frame_rate_error", np.inf).get("scale_error", np.inf)
+    z = search.find_rivals(search.best, "frame_rate_error", np.inf).get("scale_error", np.inf)
     assert z == (min(lead.significance, lead.total / (0.25 * gain)) if lead.total <= 0.5 * gain else np.inf)
     assert 0.0 < lead.total < gain
     beside = frozenset({"frame_rate_error", "angle_offset"})
     assert beside not in search.known
-    search.rivals(search.best, "inertia_error", np.inf, ["angle_offset"])
+    search.find_rivals(search.best, "inertia_error", np.inf, ["angle_offset"])
     assert beside in search.known
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
+from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -77,7 +77,7 @@ class Search:
     def try_alone(self) -> None:
         """Fit the base law with each effect alone. All are explored first, so that a fit far behind another one ends
         early."""
-        base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
+        base, on_some = self.base.fit, total_on_some(self.base.fit, self.data)
         found, gain = dict[int, Explored](), -np.inf
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
         with self.bars.stage(EXPLORING, len(jobs), "effects") as bar:
@@ -301,14 +301,11 @@ class _Addition:
         effects = [catalogue()[name] for name in (*known.places, self.name)]
         return replace(known, effects=effects, known_p=self.before.p)
 
-    def explored(self, data: Data, on_some: float = -np.inf) -> Explored:
-        """Explore the start parameters; `on_some`: log likelihood of `fit_to_some` of the fit before."""
-        return explored(self.model, data, self.before, on_some)
-
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
             return fit(self.model, data, self.start, self.before, Convergence(rival_total=self.rival_total))
-        return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival_total)
+        found = self.found or explore_on_some(self.model, data, self.before)
+        return fit_effects(self.model, data, self.before, found, self.rival_total)
 
 
 @dataclass
@@ -357,7 +354,7 @@ def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | No
     path = None if folder is None else folder / f"explored_{_file_name(step)}.npz"
     if path is not None and (kept := load_arrays(path)) is not None:
         return Explored(kept["p"], float(kept["gain"]), bool(kept["useful"]))
-    found = step.explored(data, on_some)
+    found = explore_on_some(step.model, data, step.before, on_some)
     if path is not None:
         save_arrays(path, **{name: np.asarray(part) for name, part in found._asdict().items()})
     return found

@@ -29,7 +29,7 @@ REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its paramete
 LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the base law with a step of a scan
 
 
-def fit_to_some(base: Fit, data: Data) -> float:
+def total_on_some(base: Fit, data: Data) -> float:
     """Log likelihood of the releases on which effects are explored, under a base that is fitted to these alone."""
     some = some_releases(data)
     if some.all():
@@ -53,17 +53,18 @@ class Explored(NamedTuple):
     useful: bool
 
 
-def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
+def explore_on_some(model: Model, data: Data, base: Fit, on_some: float = -np.inf) -> Explored:
     """Explore a model with more effects than `base` has (which come first), on some releases.
 
-    `on_some`: log likelihood that `fit_to_some` returns, because the base gains, too, if it is fitted to some releases.
+    `on_some`: `total_on_some` of the base, which gains, too, if it is fitted to some releases; without it, the fit to
+    all releases starts at the explored parameters whatever they gain.
     """
     some = some_releases(data)
     if some.all():
-        best = explore(model, data.coarse(), base)
+        best = _best_short_fit(model, data.coarse(), base)
         return Explored(best.p, best.total() - on_some, True)
     part = base.only(some[data.impact_release], some[data.flight_release])
-    best = explore(model, data.only(some).coarse(), part)
+    best = _best_short_fit(model, data.only(some).coarse(), part)
     gain = best.total() - on_some
     useful = gain > EXPLORED_GAIN
     return Explored(best.p if useful else extended(base, model), gain, useful)
@@ -89,7 +90,7 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
     return fitted
 
 
-def explore(model: Model, data: Data, base: Fit) -> Fit:
+def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
     reacts to large residuals. For an effect with a compulsory choice, one more fit starts from the stated law, because
     `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.

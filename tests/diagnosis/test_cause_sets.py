@@ -12,7 +12,7 @@ from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.cross_validation import Validated, by_release
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.evidence import probability_of_no_closure
-from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
+from rock2d.diagnosis.exploring import explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars
@@ -167,7 +167,7 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     (setup, data), start = data_of(experiment), base_start(experiment)
     base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
     model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
-    found = fit_effects(model, data, base, explored(model, data, base, fit_to_some(base, data)))
+    found = fit_effects(model, data, base, explore_on_some(model, data, base, total_on_some(base, data)))
     assert model.values(found.p) == [[MIRROR_THETA]]
     assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5
 

@@ -156,7 +156,7 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
         return None
     null = fit_base(setup, start, data, sanity.registered)
     variance = np.median(np.diagonal(attribution.final.fit.covariance(), axis1=1, axis2=2), axis=0)
-    base = _gap(held, attribution.base.model.residuals(attribution.base.p, held), variance)
+    base = _gap(held, attribution.base.fit.model.residuals(attribution.base.fit.p, held), variance)
     closed = _gap(held, residuals_on(held, attribution.learnt), variance)
     floor = _gap(twin, null.model.residuals(null.p, twin), variance)
     return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None

@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
 from rock2d.diagnosis.cause_sets import TWINS, Search
-from rock2d.diagnosis.cross_validation import HeldOut, Names, Validated, held_out_gain
+from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
@@ -70,7 +70,7 @@ class Attribution:
 
     Attributes
     ----------
-    base, base_held_out : the refitted base law, and its residuals and scores on held-out releases
+    base : the refitted base law
     candidates : name -> candidate
     chain : the effects of the best set, first the one with the largest gain alone. Each has the joint fit of all of
         them, and its gain over the set without it. If no effect gains significantly, only the best one
@@ -87,8 +87,7 @@ class Attribution:
         up to three effects all subsets
     """
 
-    base: Fit
-    base_held_out: HeldOut
+    base: Validated
     candidates: dict[str, Candidate]
     chain: list[Candidate]
     base_regressed: RegressedResiduals
@@ -113,7 +112,7 @@ class Attribution:
     @property
     def settled(self) -> Fit:
         """The fit with all named effects; the base if there are none."""
-        return self.final.fit if self.named else self.base
+        return self.final.fit if self.named else self.base.fit
 
     @property
     def uncertain(self) -> list[str]:
@@ -234,7 +233,7 @@ def _attribution(search: Search) -> Attribution:
     chain = _chain(search, best, candidates) or [candidates[largest]]
     of_base, of_best, left = _regressions(search, chain[-1], learnt)
     return Attribution(
-        search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
+        search.base, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in _dependences(chain[-1].fit, learnt, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
         learnt, left, best.names, search.known_subsets(best.names),

@@ -153,7 +153,7 @@ def diagnose(
         result.checks = predictive_checks(data, attribution.learnt.fit, seed)
         bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
-            result.predicted = predicted_gap(data, attribution.sets[frozenset()], attribution.learnt, seed)
+            result.predicted = predicted_gap(data, attribution.base, attribution.learnt, seed)
         bar.step("predictions")
     return result
 

@@ -173,10 +173,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     assert result.budget is not None
     zones = result.experiment.cross_section.zone_names
     return {
-        "base": base_values(attribution.base),
+        "base": base_values(attribution.base.fit),
         "law": {
             "rolling_in_indentation": bool(
-                attribution.base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
+                attribution.base.fit.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
             ),
             "fitted": bool(len(data.impact_release)),
         },
@@ -215,7 +215,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "gravity_m_s2": float(result.experiment.gravity_m_s2),
         "unseen": result.unseen,
-        "assumptions": [reading_sentence(attribution.base)],
+        "assumptions": [reading_sentence(attribution.base.fit)],
     }
 
 
@@ -359,7 +359,7 @@ def _chain_json(attribution: Attribution) -> list[dict[str, Any]]:
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
     """Median errors for held-out releases: velocity after an impact, position and angle at the end of a segment."""
     assert result.found is not None
-    models = (result.found.base_held_out, result.found.learnt.held_out)
+    models = (result.found.base.held_out, result.found.learnt.held_out)
     errors = [np.hypot(*model.residuals.impacts[:, -3:-1].T) for model in models]
     speeds = [model[np.isfinite(model)] for model in errors]
     misses = {"m_s": [float(np.median(model)) for model in speeds]} if all(map(len, speeds)) else {}

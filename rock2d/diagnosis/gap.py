@@ -46,7 +46,7 @@ def budget_and_shares(data: Data, attribution: Attribution, seed: int) -> tuple[
         draws.gap_after_reduction(sizes.of(learnt), sizes.impacts, ratio),
     )
     sets = {names: sizes.of(own.held_out.residuals) for names, own in attribution.sets.items()}
-    base = draws.gap(sizes.of(attribution.base_held_out.residuals))
+    base = draws.gap(sizes.of(attribution.base.held_out.residuals))
     floor = draws.floor([*floors, draws.gap(sizes.of_remaining(attribution.base_regressed))], [base])
     shares = {}
     for name, candidate in attribution.candidates.items():
@@ -125,7 +125,7 @@ def _impact_part(data: Data, attribution: Attribution) -> Part:
     elif attribution.verdict == attribution.best and not attribution.chain[0].effect.camera:
         # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
         # that was fitted with the effect, with its air forces, shows where the ground is wrong.
-        law = attribution.base.model.world(final.p[: len(BASE_WIDTH)], data.impact_order)
+        law = attribution.base.fit.model.world(final.p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(final.model.effects, final.model.values(final.p), strict=True):
             law = final.model.applied(effect, law, values) if effect.phase == "flight" else law
         bare = data.residuals(law).impacts / standard_deviations(final.covariance())
@@ -151,7 +151,9 @@ def _rest_part(data: FilmData, attribution: Attribution, ground: CrossSection, r
     """Squares of the ends of the releases, by coordinate."""
     best = attribution.final.fit
     variance = rest_variance(data, rests, best)
-    before, after = (rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base, best))
+    before, after = (
+        rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base.fit, best)
+    )
     block, release = data.flights.block[rests.flight], data.flights.release[rests.flight]
     return Part("rest", before - after, before, after, zone_below(ground, rests.pose[:, X]), block, release)
 
@@ -165,12 +167,9 @@ def zone_below(cross_section: CrossSection, x: Array) -> Array:
 def _explained_spread(attribution: Attribution) -> Array:
     """(n, channels) gain in deviance, for an effect that widens the spread and shifts no mean."""
     deviance = []
-    for fitted, out in (
-        (attribution.base, attribution.base_held_out),
-        (attribution.final.fit, attribution.final.held_out),
-    ):
-        variance = np.maximum(np.diagonal(fitted.covariance(), axis1=1, axis2=2), 1e-300)
-        deviance.append(clipped(out.residuals.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
+    for model in (attribution.base, attribution.final):
+        variance = np.maximum(np.diagonal(model.fit.covariance(), axis1=1, axis2=2), 1e-300)
+        deviance.append(clipped(model.held_out.residuals.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
     return np.asarray(deviance[0] - deviance[1])
 
 

@@ -123,7 +123,7 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     stuck = fit(proper.model, data, off, convergence=Convergence(np.inf))
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, effects("angle_offset", "air_drag"))
-    assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
+    assert found.base.fit.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
     assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
 
 

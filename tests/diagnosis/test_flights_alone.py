@@ -91,7 +91,7 @@ def test_what_flights_do_not_show_is_not_tried_and_not_excluded(content):
 def test_the_law_of_the_ground_is_not_called_fitted(drops, content):
     assert content["law"]["fitted"] is False and content["predicted"] is None
     assert any("it was not fitted" in line for line in content["assumptions"])
-    np.testing.assert_allclose(drops.found.base.p, 0.0, atol=1e-9)
+    np.testing.assert_allclose(drops.found.base.fit.p, 0.0, atol=1e-9)
 
 
 def test_a_prediction_takes_the_drag_of_each_ball(drops, content, tmp_path):

@@ -219,7 +219,7 @@ def test_median_misses_of_a_channel_are_those_of_the_residuals(page, diagnosed):
 def test_zones_have_their_typical_residuals_and_can_be_chosen(page, diagnosed):
     tick(page, "camera_tilt")
     data, zones = diagnosed.data, diagnosed.experiment.cross_section.zone_names
-    models = (diagnosed.found.base_held_out, diagnosed.found.sets[frozenset({"camera_tilt"})].held_out)
+    models = (diagnosed.found.base.held_out, diagnosed.found.sets[frozenset({"camera_tilt"})].held_out)
     rows = {row[0]: row[1:] for row in cells(page, "#live-zones tbody tr")}
     for z in np.unique(data.impact_zone):
         own = data.impact_zone == z
@@ -239,7 +239,7 @@ def listed(page) -> list[str]:
 
 
 def test_the_list_has_the_sizes_of_the_impact_table_and_filters_choose_of_it(page, diagnosed):
-    sizes = impact_misses(diagnosed, diagnosed.found.base_held_out).sigma
+    sizes = impact_misses(diagnosed, diagnosed.found.base.held_out).sigma
     page.locator("#live-phase").select_option("impacts")
     tick(page)
     said = listed(page)
@@ -354,7 +354,7 @@ def test_a_release_lists_its_impacts_and_flights_and_each_can_be_chosen(page, di
     assert [row[1] for row in rows].count("flight") == len(flights)
     assert [float(row[0]) for row in rows] == sorted(float(row[0]) for row in rows)
     own = [row for row in rows if row[1] == "impact"]
-    models = (diagnosed.found.base_held_out, diagnosed.found.sets[frozenset({"inertia_error"})].held_out)
+    models = (diagnosed.found.base.held_out, diagnosed.found.sets[frozenset({"inertia_error"})].held_out)
     for i, row in zip(impacts, own, strict=True):
         for out, said in zip(models, row[3:], strict=True):
             size, mm, degrees = map(float, re.findall(r"[\d.]+", said))
@@ -388,7 +388,7 @@ def test_it_plays_pauses_and_shows_the_whole_section(page):
 
 
 def test_the_view_opens_where_the_base_law_misses_most(page, diagnosed):
-    worst = impact_misses(diagnosed, diagnosed.found.base_held_out).sigma.max()
+    worst = impact_misses(diagnosed, diagnosed.found.base.held_out).sigma.max()
     assert float(listed(page)[0].split(" σ")[0]) >= round(worst, 1)
     assert f"release {page.input_value('#live-release')}," in listed(page)[0]
     assert "segment" in frame_words(page) and "base law off by" in frame_words(page)
@@ -470,7 +470,7 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
         json.loads(whole["data"])["frames"]["release"],
     )
     assert f"holds {len(held)} of {len(every)} releases" in less["notes"][0] and len(whole["notes"]) == 1
-    sizes = impact_misses(diagnosed, found.base_held_out).sigma
+    sizes = impact_misses(diagnosed, found.base.held_out).sigma
     monkeypatch.setattr(live_gap, "MOST_NUMBERS", 8000)
     least = live_gap.live_gap(diagnosed, content, [], {})
     assert len(json.loads(least["data"])["frames"]["release"]) < len(held)

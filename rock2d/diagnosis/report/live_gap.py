@@ -20,7 +20,6 @@ from rock2d.diagnosis.checks import REPLICATES, Check
 from rock2d.diagnosis.cross_validation import Validated
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import CHANNELS, typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
@@ -76,11 +75,11 @@ class _Model:
 
 
 def live_gap(
-    result: Diagnosis, content: Mapping[str, Any], passing: Sequence[Row], named: Mapping[str, Fit]
+    result: Diagnosis, content: Mapping[str, Any], passing: Sequence[Row], named: tables.Models
 ) -> dict[str, Any] | None:
     """What live_gap.html.j2 shows of a diagnosed film; None if it has no impacts.
 
-    `passing`: passing frequencies of the film and of the models in `named` (name -> fit)
+    `passing`: passing frequencies of the film and of the models in `named` (name -> model)
     """
     data = result.data
     assert isinstance(data, FilmData)
@@ -101,7 +100,9 @@ def live_gap(
         "checks": list(map(_check_data, checks)),
     }  # fmt: skip
     moving, notes = _moving_data(result, data, segments, models, items, MOST_BYTES - len(compact(known)))
-    simulated = {k: name for k, m in enumerate(models) for name, fit in named.items() if m.own.fit is fit}
+    simulated = {
+        k: name for k, m in enumerate(models) for name, model in named.items() if m.own.fit is model.fit
+    }
     return {
         "data": in_page(known | moving), "causes": _cause_boxes(result, content, causes, names),
         "models": _model_words(models, data, segments, simulated, passing), "blocks": list(map(spoken, blocks)),

@@ -89,8 +89,8 @@ def report_page(
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
     context |= live_assets("live_gap") | {"replicates": REPLICATES}
     models = tables.compared_models(result) if result.found is not None else None
-    effect = models.fits.get("effect") if models is not None else None
-    chain = [e.name for e in effect.model.effects] if effect is not None else []
+    effect = models.get("effect") if models is not None else None
+    chain = [e.name for e in effect.fit.model.effects] if effect is not None else []
     context |= (
         _verdict_section(result, content, chain) | budget_section(content) | checks_section(result.checks)
     )
@@ -139,8 +139,8 @@ def _sections(
     assert result.found is not None and result.data is not None
     labels = {"measured": "measured", "base": "base law", "effect": f"with {listed(chain)}"}
     context = {
-        "labels": labels, "chain": chain, "models": list(models.fits), "shapes": SHAPES,
-        "marks": [(labels[model], model) for model in ("measured", *models.fits)],
+        "labels": labels, "chain": chain, "models": list(models), "shapes": SHAPES,
+        "marks": [(labels[model], model) for model in ("measured", *models)],
         "segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": [], "practice": [],
         "assumptions": text.assumptions(result, content, chain), **_where_section(result, content, models),
     }  # fmt: skip
@@ -157,7 +157,7 @@ def _sections(
     if isinstance(result.data, FilmData):
         context |= _film_section(result, content, result.data, models, labels, folder, on_progress)
     else:
-        residuals = {name: out.residuals.impacts for name, out in models.held_out.items()}
+        residuals = {name: model.held_out.residuals.impacts for name, model in models.items()}
         quantities = table_quantities(result.experiment, result.data, residuals)
         context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
     return context
@@ -175,7 +175,7 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Mo
     flights = []
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
-    misses = tables.impact_misses(result, models.held_out["base"])
+    misses = tables.impact_misses(result, models["base"].held_out)
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     blocks, keys = list(experiment.blocks), ("share", "z", "phase", "zone", "block", "channel")
     impacts = [
@@ -276,9 +276,9 @@ def _film_section(
     repetitions = int(np.clip(MOST_REPORTED_RELEASES // len(film), 1, 8))
     drawn = {"measured": film.pose[None]}
     plain = {}
-    for name, fit in models.fits.items():
-        plain[name] = simulated_releases(data, fit, film, signs)
-        drawn[name] = simulated_releases(data, fit, film, signs, repetitions=repetitions)
+    for name, model in models.items():
+        plain[name] = simulated_releases(data, model.fit, film, signs)
+        drawn[name] = simulated_releases(data, model.fit, film, signs, repetitions=repetitions)
     top = float(np.nanmax(film.pose[..., 1]))
     lines, line_note = measure_lines(experiment, top)
     on_progress("which")
@@ -291,7 +291,7 @@ def _film_section(
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
         "passing_tile": _passing_tile(passing, labels) if improves else [],
-        "live": live_gap(result, content, passing, models.fits),
+        "live": live_gap(result, content, passing, models),
         "line_note": line_note, "repetitions": repetitions, "improves": improves, "releases": len(film),
         "segments": [
             {"image": embedded(segment_figure(experiment.cross_section, s), "svg"), "alt": segment_alt(s, labels),

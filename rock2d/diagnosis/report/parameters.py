@@ -36,11 +36,11 @@ UNDETERMINED_TEXT = "not determined by these data"
 def parameters_section(result: Diagnosis, content: Mapping[str, Any], models: Models) -> dict[str, Any]:
     """Template variables of the parameters. For each model: `law`, the base law's five parameters, and `scatter`, their
     scatter from impact to impact (1 sigma) in %."""
-    values = [_law_values(fit) for fit in models.fits.values()]
+    values = [_law_values(model.fit) for model in models.values()]
     return {
         "law": [(*about, [own[i] for own in values]) for i, about in enumerate(LAW)],
         "scatter": [
-            (symbol, [f"{100 * fit.scatter[i]:.2g} %" for fit in models.fits.values()])
+            (symbol, [f"{100 * model.fit.scatter[i]:.2g} %" for model in models.values()])
             for i, symbol in enumerate(SCATTER)
         ],
         "effect_rows": _effect_rows(models), "noise": _noise_rows(result, models),
@@ -80,10 +80,10 @@ def _law_values(fit: Fit) -> list[tuple[str, str]]:
 def _effect_rows(models: Models) -> list[tuple[str, ...]]:
     """(effect, meaning, unit, value, 95 % interval, plausible range, remark) of each parameter of the effects in the
     model."""
-    if (fit := models.fits.get("effect")) is None:
+    if (best := models.get("effect")) is None:
         return []
     rows: list[tuple[str, ...]] = []
-    model, values = fit.model, effect_values(fit)
+    model, values = best.fit.model, effect_values(best.fit)
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
         for k, parameter in enumerate(parameters):
             own, meaning, remark = values[effect.name][parameter.name], parameter.meaning, ""
@@ -126,6 +126,6 @@ def _noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], lis
         return ("1 sigma", "stated", "found", "found, in averages", ""), rows
     assert data is not None
     spread = np.diagonal(data.extra_scatter()[0])
-    noise = models.fits["base"].scatter[-len(spread) :] * spread
+    noise = models["base"].fit.scatter[-len(spread) :] * spread
     names = ("along the ground (m/s)", "across it (m/s)", "spin (rad/s)")
     return ("1 sigma", "fitted"), [(name, f"{v:.3g}") for name, v in zip(names, noise, strict=True)]

@@ -3,15 +3,14 @@ video."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut
+from rock2d.diagnosis.cross_validation import HeldOut, Validated
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
-from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
 from rock2d.diagnosis.report.figures import MODEL_STYLES, Misses, Segment
@@ -25,21 +24,14 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
+# the models that a report compares: the "base" law, and if there is a gap to explain, the model with the "effect"
+Models = dict[str, Validated]
 SHOWN_SEGMENTS = 6
 LINE_POINTS = 160  # points of a predicted line
 SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `FlightPairs.window_s`
 FLIGHT_POINTS = 12
 MOST_FLIGHTS = 600
 MOST_SCENES = 3
-
-
-@dataclass
-class Models:
-    """The models that a report compares: the "base" law, and if there is a gap to explain, the model with the
-    "effect"."""
-
-    fits: dict[str, Fit]
-    held_out: dict[str, HeldOut]
 
 
 def compared_models(result: Diagnosis) -> Models:
@@ -50,11 +42,10 @@ def compared_models(result: Diagnosis) -> Models:
     """
     found = result.found
     assert found is not None
-    models = Models({"base": found.base}, {"base": found.base_held_out})
+    models: Models = {"base": found.base}
     if found.verdict != "none" and (found.verdict != "unknown" or found.named):
         name = reported_effect(found)
-        best = found.final if name == found.best else found.candidates[name]
-        models.fits["effect"], models.held_out["effect"] = best.fit, best.held_out
+        models["effect"] = found.final if name == found.best else found.candidates[name]
     return models
 
 
@@ -117,7 +108,7 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     """The impacts that the effect improves most or, unless it `improves`, those with the largest residuals."""
     data = result.data
     assert isinstance(data, FilmData)
-    squares = {name: impact_squares(result, out) for name, out in models.held_out.items()}
+    squares = {name: impact_squares(result, model.held_out) for name, model in models.items()}
     base, effect = squares["base"], squares.get("effect")
     chosen: list[int] = []
     for i in np.argsort(effect - base if improves and effect is not None else -base, kind="stable"):
@@ -134,9 +125,14 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {
         name: recorded_simulation(
-            data, fit.model.world(fit.p, data.impact_order[which]), impacts.before[which], t, start, signs
+            data,
+            own.fit.model.world(own.fit.p, data.impact_order[which]),
+            impacts.before[which],
+            t,
+            start,
+            signs,
         )
-        for name, fit in models.fits.items()
+        for name, own in models.items()
     }
     blocks, zones = list(result.experiment.blocks.items()), result.experiment.cross_section.zone_names
     segments = []

@@ -31,7 +31,7 @@ from rock2d.diagnosis.evidence import (
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
-from rock2d.diagnosis.levers import Discrepancy, discrepancies
+from rock2d.diagnosis.levers import Dependence, find_dependences
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
@@ -95,7 +95,7 @@ class Attribution:
     probabilities: dict[str, float]
     evidence: dict[str, Evidence]
     outside: float
-    unexplained: list[Discrepancy]
+    unexplained: list[Dependence]
     learnt: Learnt
     learnt_regressed: RegressedResiduals
     named: Names
@@ -326,14 +326,14 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         search.best = search.set_of(names)
 
 
-def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Discrepancy]:
+def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Dependence]:
     """Dependences in the residuals of a fit; they are known if learning began there."""
     state: Learnt | None = learnt
     while state is not None:
         if state.fit is fitted and state.dependences is not None:
             return state.dependences
         state = state.before
-    return discrepancies(fitted, data)
+    return find_dependences(fitted, data)
 
 
 def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:

@@ -1,6 +1,6 @@
 """Learnt changes: dependences without a named cause become a part of the model.
 
-For a dependence that is found in the residuals (`levers.discrepancies`), the lever becomes a smooth function with a few
+For a dependence that is found in the residuals (`levers.find_dependences`), the lever becomes a smooth function with a few
 coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
 """
 
@@ -16,7 +16,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import LEVERS, Discrepancy, Levers, discrepancies
+from rock2d.diagnosis.levers import LEVERS, Dependence, Levers, find_dependences
 from rock2d.diagnosis.model import LeverResponse
 from rock2d.diagnosis.significance import Gain, SummedGain
 
@@ -43,7 +43,7 @@ class Change(KnownChange, SummedGain):
     Attributes
     ----------
     gain : (releases,) gain in log likelihood on held-out releases
-    units : (numbers of the lever,) natural units, in which its coefficients are fitted
+    units : (components of the lever,) natural units, in which its coefficients are fitted
     """
 
     gain: Array
@@ -60,7 +60,7 @@ class Learnt(Validated):
 
     changes: list[Change] = field(default_factory=list)
     before: Learnt | None = None
-    dependences: list[Discrepancy] | None = None
+    dependences: list[Dependence] | None = None
 
     def changes_at(self, p: Array) -> list[Change]:
         """The changes at other parameters p of the fit."""
@@ -80,8 +80,8 @@ def learn(
     """
     state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out)
     for count in range(MOST_LEARNT if start.fit.free else 0):
-        levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
-        dependences = discrepancies(state.fit, data, only, levers)
+        levers, tried = Levers(state.fit, data), list[tuple[Dependence, Learnt, Gain]]()
+        dependences = find_dependences(state.fit, data, only, levers)
         if only is LEVERS:
             state.dependences = dependences
         if count and dependences:
@@ -112,7 +112,7 @@ def learn(
     return state
 
 
-def _surpasses(gain: Gain, expected: Discrepancy, weaker: Discrepancy) -> bool:
+def _surpasses(gain: Gain, expected: Dependence, weaker: Dependence) -> bool:
     """Whether a change gained what was `expected` of it, and so much that a weaker one cannot gain more."""
     weak = weaker.total < min(WEAKER_EXPECTED * expected.total, WEAKER_GAIN * gain.total)
     return weak and gain.total > expected.total

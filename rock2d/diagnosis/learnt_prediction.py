@@ -55,7 +55,7 @@ LONGEST_STEP_RADII = 0.25
 
 @dataclass
 class KnownChange:
-    """A learnt change of a diagnosis: lever, basis and coefficients (numbers of the lever, functions), in SI."""
+    """A learnt change of a diagnosis: lever, basis and coefficients (components of the lever, functions), in SI."""
 
     lever: str
     basis: q.Basis
@@ -67,7 +67,7 @@ class KnownChange:
         return f"{self.lever} of {self.basis.name}"
 
     def of(self, quantities: Mapping[str, Array]) -> Array:
-        """(n, numbers of the lever) change for quantities, name -> (n,)."""
+        """(n, components of the lever) change for quantities, name -> (n,)."""
         return np.asarray(self.basis.features(quantities) @ self.coefficients.T)
 
 

@@ -5,7 +5,7 @@ its slope), the state before it, its outcome, and the frame: what camera or grou
 after it. The lever of a flight is its acceleration. Each may be a function on a basis (`quantities.Basis`). The
 responses to all coefficients follow from a few simulations by the chain rule.
 
-A *discrepancy* is a dependence of the residuals of a model on measured quantities, which effects need not explain. A
+A *dependence* is a lever that follows measured quantities in the residuals of a model; no effect need explain it. A
 regression without mechanics (`residual_regression`) needs many impacts to find a pattern in six channels; levers change
 all channels together. For each pair of lever and basis, one Newton step with free parameters of the model gives the
 gain on held-out releases.
@@ -59,7 +59,7 @@ FURTHER_QUANTITIES = {FRAME: {TIME_S}, SLOPE: {PLACE_M}}
 LEVER_QUANTITIES = {
     lever: quantities_of(own) | FURTHER_QUANTITIES.get(lever, set()) for lever, own in DEPENDENCES.items()
 }
-FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
+FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the components of the frame change
 # tried standard deviations of the coefficients, in the natural units of `Levers.units`
 WIDTHS = {
     LAW: (0.02, 0.1, 0.4),
@@ -111,7 +111,7 @@ class Levers:
 
     @cached_property
     def units(self) -> dict[str, Array]:
-        """Natural units of each number of a lever: 1 for a logarithm, block size and √(gravity × size) for states, the
+        """Natural units of each component of a lever: 1 for a logarithm, block size and √(gravity × size) for states, the
         spread of the noise for outcomes, gravity for accelerations."""
         size, gravity = self.world.mean_size_m / 2.0, self.world.gravity_m_s2
         pace = np.sqrt(gravity * size)
@@ -196,7 +196,7 @@ class Levers:
 
 
 def _coefficient_columns(features: Array, units: Array) -> Array:
-    """(n, numbers, coefficients) change of each number by its own coefficients, from features (n, k)."""
+    """(n, components, coefficients) change of each component by its own coefficients, from features (n, k)."""
     turns = np.eye(len(units))[:, :, None] * units[:, None, None]
     return np.asarray((turns[None] * features[:, None, None, :]).reshape(len(features), len(units), -1))
 
@@ -213,7 +213,7 @@ def _along_ground(tangent: Array, states: Array) -> Array:
 
 
 @dataclass
-class Discrepancy(SummedGain):
+class Dependence(SummedGain):
     """A dependence of a lever on measured quantities, and its gain.
 
     Attributes
@@ -232,9 +232,9 @@ class Discrepancy(SummedGain):
         return f"{self.lever} of {self.basis.name}"
 
 
-def discrepancies(
+def find_dependences(
     fit: Fit, data: Data, only: Collection[str] = LEVERS, levers: Levers | None = None
-) -> list[Discrepancy]:
+) -> list[Dependence]:
     """All tried dependences of the levers `only`, the one with the largest gain first.
 
     `levers`: those of the fit, if they are used further: their derivatives are then computed once.
@@ -254,5 +254,5 @@ def discrepancies(
             best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
             # the best of many bases of the same name has a gain by chance
             penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
-            dependences.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
+            dependences.append(Dependence(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
     return sorted(dependences, key=lambda d: -d.total)

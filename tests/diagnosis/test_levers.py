@@ -6,7 +6,7 @@ import pytest
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.learnt import LEAST_GAIN
-from rock2d.diagnosis.levers import discrepancies
+from rock2d.diagnosis.levers import find_dependences
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities
@@ -35,8 +35,8 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
 def test_a_dependence_is_found_where_it_is_and_gone_once_it_is_modelled(effect, values, name, errors):
     base, full, data = _fitted(effect, values)
     kind = name.split(" of ")[0]
-    found = next(d for d in discrepancies(base, data) if d.name.startswith(kind))
-    remaining = discrepancies(full, data)[0]
+    found = next(d for d in find_dependences(base, data) if d.name.startswith(kind))
+    remaining = find_dependences(full, data)[0]
     assert found.name == name
     assert found.total > max(errors * found.error, LEAST_GAIN)
     assert remaining.total < max(0.1 * found.total, LEAST_GAIN)  # nothing that would be learnt
@@ -44,7 +44,7 @@ def test_a_dependence_is_found_where_it_is_and_gone_once_it_is_modelled(effect, 
 
 def test_nothing_is_found_in_a_film_of_the_law_itself():
     base, _, data = _fitted(None, [])
-    for found in discrepancies(base, data):
+    for found in find_dependences(base, data):
         assert found.total < 3.0 * max(found.error, 1.0)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, PROFILE, SLOPE, STATE
-from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, PLACE_M, ZONE, Curve
+from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, LINE, PLACE_M, SPLINE, WAVES, ZONE, Curve
 from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.overlays import draw_ground, draw_outline
@@ -281,12 +281,12 @@ def _draw_curves(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coeffi
     """Draw the components of a lever that change most, over one quantity."""
     at = _points(curve)
     values = curve.features(at) @ coefficients.T
-    numbers = COMPONENTS[lever][-len(coefficients) :]
+    components = COMPONENTS[lever][-len(coefficients) :]
     values = np.exp(values - values.mean(axis=0)) if lever == LAW else values
-    swing = np.ptp(values, axis=0) / [typical for _, _, typical in numbers]
+    swing = np.ptp(values, axis=0) / [typical for _, _, typical in components]
     drawn = [k for k in np.argsort(-swing)[:MOST_DRAWN] if swing[k] >= LEAST_SWING * swing.max()]
     for i, k in enumerate(drawn):
-        name, unit, _ = numbers[k]
+        name, unit, _ = components[k]
         style: dict[str, Any] = {"color": BLOCK_COLOURS[i % len(BLOCK_COLOURS)], "label": f"{name} ({unit})"}
         if curve.kind == KINDS:
             axis.plot(np.arange(len(at)), values[:, k], linestyle="none", marker="os^"[i], **style)
@@ -310,11 +310,11 @@ def _points(curve: Curve) -> Array:
     """Values of a quantity at which its curve is drawn."""
     if curve.kind == KINDS:
         return np.array(curve.numbers)
-    if curve.kind == "spline":
+    if curve.kind == SPLINE:
         return np.linspace(curve.numbers[0], curve.numbers[-1], POINTS)
-    if curve.kind == "line":
+    if curve.kind == LINE:
         return np.linspace(-2.0, 2.0, POINTS) * curve.numbers[0]
-    if curve.kind == "waves":
+    if curve.kind == WAVES:
         return np.linspace(0.0, 2.0 * np.pi / curve.numbers[0], POINTS)
     return np.linspace(-np.pi, np.pi, POINTS)
 

@@ -179,7 +179,7 @@ class _Residuals(NamedTuple):
         derivatives
     names, channels : names of the three tested channels, and (n, 3, d) their weights on z, in standard deviations
     quantities : name -> (n,) measured quantities
-    lever : (n,) factors on a pattern
+    bends : (n,) factors of the functions: `FilmData.unit_bends` of flights, 1 of impacts
     """
 
     release: Array
@@ -189,7 +189,7 @@ class _Residuals(NamedTuple):
     names: tuple[str, str, str]
     channels: Array
     quantities: Mapping[str, Array]
-    lever: Array
+    bends: Array
 
 
 class _RemainingPatterns:
@@ -214,15 +214,15 @@ class _RemainingPatterns:
             data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
         )  # fmt: skip
         m, _, degrees = fit.residuals.flights.shape
-        z, quantities, lever = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
+        z, quantities, bends = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
             quantities[BLOCK] = data.flights.block.astype(float)
-            lever = data.unit_bends()
+            bends = data.unit_bends()
         self._flights = _Residuals(
             data.flight_release, z, flight_weight(z),
             fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
-            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
+            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, bends,
         )  # fmt: skip
 
     @cached_property
@@ -293,7 +293,7 @@ class _RemainingPatterns:
             ("mean of the residual bend of flights", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
         ):
             for name, f, parts in self._functions(table, dependences, side):
-                columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
+                columns = np.einsum("n,nk,ncd->ndkc", side.bends, f, side.channels).reshape(*side.z.shape, -1)
                 patterns += self._mean(name, compared, parts, side, columns)
         return patterns + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
 

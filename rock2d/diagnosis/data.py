@@ -199,22 +199,22 @@ class FilmData(FilmSegments):
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: accelerations that forces would cause, times the bend under a unit acceleration."""
         flights = self.flights
-        lever = self.unit_bends()
+        bends = self.unit_bends()
         x, y, theta, vx, vy, w = self.states(world).middle.T
-        speed, size = np.hypot(vx, vy), np.array([b.radius_m for b in world.blocks.values()])[flights.block]
-        terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
-                 self.order[flights.release], np.sin(theta), np.cos(theta), w * size * np.sin(theta),
-                 w * size * np.cos(theta)]  # fmt: skip
+        speed, radius = np.hypot(vx, vy), np.array([b.radius_m for b in world.blocks.values()])[flights.block]
+        terms = [vx, vy, speed * vx, speed * vy, w * radius * vx, w * radius * vy, x, y, x * vx, y * vy,
+                 self.order[flights.release], np.sin(theta), np.cos(theta), w * radius * np.sin(theta),
+                 w * radius * np.cos(theta)]  # fmt: skip
         kinds = [flights.block == b for b in range(len(world.blocks))]
         return np.column_stack(
-            [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
+            [bends, *[t * bends for t in terms], *terms, *kinds, *[k * bends for k in kinds]]
         )
 
     def unit_bends(self) -> Array:
         """(m,) bend of each flight under the same acceleration, scaled to unit mean square."""
         duration = 1.0 / (self.basis.slope * self.basis.level)
-        lever = duration**2 / self.basis.level
-        return np.asarray(lever / np.sqrt(np.mean(lever**2)))
+        bends = duration**2 / self.basis.level
+        return np.asarray(bends / np.sqrt(np.mean(bends**2)))
 
 
 @dataclass
@@ -247,17 +247,17 @@ class TableData(ImpactTable):
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
-        size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
+        radius = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
         starts, gap = true.copy(), block_clearances(world, self.impact_block, true[:, POSE])
         starts[:, X] += gap * self.tangent[:, Y]  # along the normal, until the block touches the ground
         starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
-        earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
+        earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * radius / pace)
         # a slow block, or one that rotates into the ground, may touch the ground on the way back
         clear = block_clearances(world, self.impact_block, earlier[:, POSE]) > 0.0
         starts = np.where(clear[:, None], earlier, starts)
-        lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
-        limit = lasts + 10 * START_GAP_RADII * size / pace
+        lasts = LONGEST_IMPACT * np.sqrt(radius / max(world.gravity_m_s2, 1e-3))
+        limit = lasts + 10 * START_GAP_RADII * radius / pace
         result = run_world(
             world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1
         )

@@ -1,6 +1,6 @@
 """Learnt changes: dependences without a named cause become a part of the model.
 
-For a dependence that is found in the residuals (`levers.find_dependences`), the lever becomes a smooth function with a few
+For a dependence of the residuals (`levers.find_dependences`), the lever becomes a smooth function with a few
 coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
 """
 

@@ -88,8 +88,8 @@ class Levers:
         for lever in (LAW, STATE, OUTCOME, FRAME) if impacts else ():
             bases_of_lever[lever] = list(bases(DEPENDENCES[lever], quantities).values())
         if impacts and self._paths is not None:
-            pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
-            bases_of_lever[FRAME] += waves(quantities[TIME_S], pace_s)
+            unit_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
+            bases_of_lever[FRAME] += waves(quantities[TIME_S], unit_s)
             for lever in (SLOPE, PROFILE):
                 bases_of_lever[lever] = list(bases(DEPENDENCES[lever], quantities).values())
         if self._paths is not None:
@@ -111,20 +111,19 @@ class Levers:
 
     @cached_property
     def units(self) -> dict[str, Array]:
-        """Natural units of each component of a lever: 1 for a logarithm, block size and √(gravity × size) for states, the
-        spread of the noise for outcomes, gravity for accelerations."""
-        size, gravity = self.world.mean_size_m / 2.0, self.world.gravity_m_s2
-        pace = np.sqrt(gravity * size)
+        """Natural units of each component of a lever: 1 for a logarithm, `state_units` for states, the spread of the
+        noise for outcomes, gravity for accelerations."""
+        gravity, state = self.world.gravity_m_s2, state_units(self.world)
         variance = np.diagonal(self._fit.covariance(), axis1=1, axis2=2)
         spread = np.sqrt(np.median(variance, axis=0)) if len(variance) else np.ones(variance.shape[1])
         return {
             LAW: np.ones(len(BASE_WIDTH)),
-            STATE: state_units(self.world),
+            STATE: state,
             OUTCOME: spread,
             SLOPE: np.ones(1),
-            PROFILE: np.array([size]),
-            FRAME: np.array([pace, pace, pace / size, 1.0]),
-            FLIGHT: np.array([gravity, gravity, gravity / size]),
+            PROFILE: state[[Y]],
+            FRAME: state[list(FRAME_COLUMNS)],
+            FLIGHT: np.array([gravity, gravity, gravity / state[Y]]),
         }
 
     def response(self, lever: str, basis: Basis) -> LeverResponse:

@@ -30,7 +30,7 @@ STIFFNESS_HEADROOM = 2.0  # logarithm of the factor by which they may grow in a 
 SMALLEST_STIFFNESS_RATIO = 1.02  # least ratio of unloading to loading stiffness
 LARGEST_COEFFICIENT = 10.0  # of a learnt change, in units of its prior's standard deviation
 SLOPE_STEP_RAD = 0.003  # for differences
-STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
+STATE_STEP = 0.003  # for differences, in units of `state_units`
 
 
 @dataclass
@@ -240,10 +240,10 @@ class LeverDerivatives:
 
 
 def state_units(world: World) -> Array:
-    """(6,) natural units of a state: the size of the blocks and √(gravity × size)."""
-    size = world.mean_size_m / 2.0
-    pace = np.sqrt(world.gravity_m_s2 * size)
-    return np.array([size, size, 1.0, pace, pace, pace / size])
+    """(6,) natural units of a state: half the mean size of the blocks and √(gravity × half the size)."""
+    half = world.mean_size_m / 2.0
+    pace = np.sqrt(world.gravity_m_s2 * half)
+    return np.array([half, half, 1.0, pace, pace, pace / half])
 
 
 def with_changed_law(world: World, change: Array) -> World:

@@ -15,7 +15,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
-# releases that differ from the filmed ones: text, factor on speed, spin added in √(g / size)
+# releases that differ from the filmed ones: text, factor on speed, spin added in √(g / radius)
 VARIANTS = (
     ("as filmed", 1.0, 0.0),
     ("1.5 times as fast", 1.5, 0.0),
@@ -77,10 +77,10 @@ def _distance(
     data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float
 ) -> Array:
     """(n,) distance between the predictions of two models for each impact, in standard deviations."""
-    size = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
-    shift = np.zeros((len(size), N_STATE))
+    radius = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
+    shift = np.zeros((len(radius), N_STATE))
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
-    shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / size)
+    shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / radius)
     residuals = [
         data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)
     ]

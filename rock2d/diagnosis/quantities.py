@@ -199,11 +199,11 @@ def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str
     return basis_of
 
 
-def waves(times_s: Array, pace_s: float) -> list[Basis]:
-    """Bases of an oscillation in time, one for each frequency that the times (n,) can resolve; `pace_s`: √(size /
+def waves(times_s: Array, unit_s: float) -> list[Basis]:
+    """Bases of an oscillation in time, one for each frequency that the times (n,) can resolve; `unit_s`: √(size /
     g)."""
-    step = 1.0 / (WAVES_PER_PHASE * max(float(np.ptp(times_s)), pace_s))
-    rates = 2.0 * np.pi * np.arange(SLOWEST_WAVE / pace_s, FASTEST_WAVE / pace_s, step)
+    step = 1.0 / (WAVES_PER_PHASE * max(float(np.ptp(times_s)), unit_s))
+    rates = 2.0 * np.pi * np.arange(SLOWEST_WAVE / unit_s, FASTEST_WAVE / unit_s, step)
     ends = float(times_s.min()), float(times_s.max())
     return [Basis("time", (Curve(TIME_S, WAVES, (float(rate),), ends),)) for rate in rates]
 
@@ -245,13 +245,13 @@ def incident_quantities(
     world: World, block: Array, zone: Array, tangent: Array, before: Array
 ) -> dict[str, Array]:
     """Name -> (n,): quantities of impacts from the states `before` them (n, 6)."""
-    size = np.array([b.radius_m for b in world.blocks.values()])[block]
+    radius = np.array([b.radius_m for b in world.blocks.values()])[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
-    spin = before[:, OMEGA] * size
+    spin = before[:, OMEGA] * radius
     # of the block to the ground at the touch
     closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
     slope = np.arctan2(tangent[:, Y], tangent[:, X])
-    lean = before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * size / closing - slope
+    lean = before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * radius / closing - slope
     return {
         BLOCK: block.astype(float),
         ZONE: zone.astype(float),

@@ -117,7 +117,7 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
     model = Model(setup, base.model.base, effects)
     p = extended(base, model)
-    first = [model.places[name].start for name in REGISTERED]
+    first = [model.positions[name].start for name in REGISTERED]
     for _ in range(MOST_REGISTRATIONS):
         fitted = fit(model, data, p)
         p, world = fitted.p, setup

@@ -278,7 +278,7 @@ class Search:
         jobs = [(step, self.folder) for step in steps]
         for k, found in self.processes.as_finished(_fit_step, jobs):
             results[k] = found
-            self.bars.fitted(" + ".join(steps[k].model.places))
+            self.bars.fitted(" + ".join(steps[k].model.positions))
         return [results[k] for k in range(len(steps))]
 
 
@@ -298,7 +298,7 @@ class _Addition:
     @property
     def model(self) -> Model:
         known = self.before.model
-        effects = [catalogue()[name] for name in (*known.places, self.name)]
+        effects = [catalogue()[name] for name in (*known.positions, self.name)]
         return replace(known, effects=effects, known_p=self.before.p)
 
     def fitted(self, data: Data) -> Fit:
@@ -339,7 +339,7 @@ class Reduction:
     def fitted(self, data: Data) -> Fit:
         before, model = self.before, self.model
         kept, scatter = np.ones(before.model.size, bool), np.ones(len(before.scatter), bool)
-        kept[before.model.places[self.name]] = False
+        kept[before.model.positions[self.name]] = False
         for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
             scatter[k] = effect.name != self.name
         p, slope = before.p[kept], before.jacobian.only(kept)
@@ -377,4 +377,4 @@ def _file_name(step: _Addition | Reduction | _Refit) -> str:
     """Name of the saved result of a step, from its effects and its start."""
     parts = (step.before.p, getattr(step, "start", None))
     key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]
-    return f"{'+'.join(step.model.places)}_{key}"
+    return f"{'+'.join(step.model.positions)}_{key}"

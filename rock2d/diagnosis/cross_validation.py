@@ -71,7 +71,7 @@ class Validated:
     @property
     def names(self) -> Names:
         """Names of its effects."""
-        return frozenset(self.fit.model.places)
+        return frozenset(self.fit.model.positions)
 
 
 def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:

@@ -216,7 +216,7 @@ class _AddedEffect:
         self._jacobian = jacobian_by_differences(
             self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.jacobian
         )
-        place, self._others = self._model.places[effect.name], np.ones(self._model.size, bool)
+        place, self._others = self._model.positions[effect.name], np.ones(self._model.size, bool)
         self._others[place] = False
         # the parameter that is its size; for an effect with parameters for each block, those of all blocks
         step = len(effect.parameters) if self._model.has_own_parameters(effect) else place.stop - place.start
@@ -265,7 +265,9 @@ class _AddedEffect:
                 residuals.impacts - share * change.impacts, residuals.flights - share * change.flights
             )
             return (
-                LinearModel(self._fit_without_effect(left), data).expected(further, [np.ones(len(unit))]).gain
+                LinearModel(self._fit_without_effect(left), data)
+                .best_step(further, [np.ones(len(unit))])
+                .gain
             )
 
         return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]

@@ -38,7 +38,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     values_of_effects: dict[str, dict[str, dict[str, Any]]] = {}
     model = fit.model
     for effect, parameters, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
-        entries, first = [], model.places[effect.name].start
+        entries, first = [], model.positions[effect.name].start
         for k, (parameter, value) in enumerate(zip(parameters, values, strict=True), first):
             half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):

@@ -352,7 +352,7 @@ def size(fit: Fit, name: str) -> float:
     """
     low, high = fit.model.bounds()
     sizes = []
-    for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.places[name].start):
+    for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
         if parameter not in AIM_PARAMETERS and not parameter.has_neutral_choice:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))

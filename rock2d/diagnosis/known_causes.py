@@ -59,11 +59,11 @@ def with_cause(
 
     If the model already has the effect, the values add up; factors multiply. A scatter is not changed.
     """
-    if effect.name not in model.places:
+    if effect.name not in model.positions:
         model = replace(model, effects=[*model.effects, effect])
         p = np.concatenate([p, model.start()[len(p) :]])
     moved = p.copy()
-    for at, q in enumerate(model.parameters_of(effect.name), model.places[effect.name].start):
+    for at, q in enumerate(model.parameters_of(effect.name), model.positions[effect.name].start):
         if q.name in values and not effect.scatter:
             moved[at] = to_scale(q, values[q.name]) + (0.0 if q.choices else p[at])
     return model, p, moved

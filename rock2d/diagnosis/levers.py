@@ -250,7 +250,7 @@ def find_dependences(
                 continue
             columns = levers.columns(levers.response(lever, basis))
             count = columns.impacts.shape[-1]
-            best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
+            best = linear.best_step(columns, [np.full(count, width) for width in WIDTHS[lever]])
             # the best of many bases of the same name has a gain by chance
             penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
             dependences.append(Dependence(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))

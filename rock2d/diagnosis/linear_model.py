@@ -72,9 +72,9 @@ class LinearModel:
         fold = folds(data)
         self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]
 
-    def expected(self, columns: Residuals, widths: Sequence[Array]) -> Step:
-        """Step with columns (n, d, k) of impacts and (m, 3, degrees, k) of flights, for the best of the `widths`: (k,)
-        standard deviations of the prior of the further parameters."""
+    def best_step(self, columns: Residuals, widths: Sequence[Array]) -> Step:
+        """Newton step with columns (n, d, k) of impacts and (m, 3, degrees, k) of flights, for the best of `widths`:
+        (k,) standard deviations of the prior of the further parameters."""
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = self._fit.jacobian.flights
         if columns.flights.any():  # most levers do not change flights
@@ -218,7 +218,7 @@ class Screening:
             columns = _stacked([self._change(model, at, DIFFERENCE_STEP * steps[k]) for k in free])
             columns.impacts *= 1.0 / DIFFERENCE_STEP
             columns.flights *= 1.0 / DIFFERENCE_STEP
-            linear_step = self._linear.expected(columns, [np.ones(len(free))])
+            linear_step = self._linear.best_step(columns, [np.ones(len(free))])
             step = np.clip(linear_step.step, -LARGEST_STEP, LARGEST_STEP)
             trials.append((linear_step.gain, at - step @ steps[free]))
             chance.append(self._linear.chance_gains(columns))
@@ -232,7 +232,7 @@ class Screening:
                 at[k], full_step[k] = start[k] + full_step[k], 0.0
         if np.abs(full_step).max(initial=0.0) > DIFFERENCE_STEP:
             columns = _stacked([self._change(model, at, full_step)])
-            linear_step = self._linear.expected(columns, [np.ones(1)])
+            linear_step = self._linear.best_step(columns, [np.ones(1)])
             share = 1.0 if must_choose else float(np.clip(-linear_step.step[0], 0.0, LARGEST_MULTIPLE))
             trials.append((linear_step.gain, at + share * full_step))
             chance.append(self._linear.chance_gains(columns))

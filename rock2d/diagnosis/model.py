@@ -94,14 +94,14 @@ class Model:
         return bool(self.flown) and effect.origin == FLIGHT
 
     @cached_property
-    def places(self) -> dict[str, slice]:
+    def positions(self) -> dict[str, slice]:
         """Effect -> positions of its parameters in p."""
         ends = np.cumsum([len(BASE_WIDTH), *map(len, self.parameters)]).tolist()
         return {e.name: slice(*own) for e, own in zip(self.effects, pairwise(ends), strict=True)}
 
     def parameters_of(self, name: str) -> list[Parameter]:
         """Parameters of one effect, as in `parameters`."""
-        return self.parameters[list(self.places).index(name)]
+        return self.parameters[list(self.positions).index(name)]
 
     def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
         """The world with an effect whose parameters have these `values`."""
@@ -153,7 +153,7 @@ class Model:
         """Values of each effect's parameters at p."""
         return [
             [from_scale(q, z) for q, z in zip(own, p[at], strict=True)]
-            for own, at in zip(self.parameters, self.places.values(), strict=True)
+            for own, at in zip(self.parameters, self.positions.values(), strict=True)
         ]
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
@@ -284,4 +284,4 @@ def choice_positions(model: Model) -> list[int]:
 
 def scatter_positions(model: Model) -> list[int]:
     """Positions in p of the parameters that are standard deviations from impact to impact."""
-    return [model.places[e.name].start for e in model.scatter_effects]
+    return [model.positions[e.name].start for e in model.scatter_effects]

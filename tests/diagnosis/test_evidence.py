@@ -134,5 +134,5 @@ def test_the_place_where_an_effect_acts_is_no_size():
     effect = catalogue()["zone_contrast"]
     model = Model(world(), np.ones(5), [effect])
     own = SimpleNamespace(model=model, p=model.start())
-    own.p[model.places[effect.name]] = [0.1, 0.0, 0.0, 2.0]
+    own.p[model.positions[effect.name]] = [0.1, 0.0, 0.0, 2.0]
     assert 0.0 < size(own, effect.name) < 0.1

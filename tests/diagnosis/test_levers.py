@@ -52,11 +52,11 @@ def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothin
     base, _, data = _fitted(None, [])
     linear, rng = LinearModel(base, data), np.random.default_rng(0)
     own = Residuals(base.jacobian.impacts[..., :1], base.jacobian.flights[..., :1])
-    assert abs(linear.expected(own, [np.ones(1)]).gain.sum()) < 1.0
+    assert abs(linear.best_step(own, [np.ones(1)]).gain.sum()) < 1.0
     spread = base.residuals.impacts.std(axis=0)
     none = np.zeros((*base.residuals.flights.shape, 3))
     gains = [
-        linear.expected(
+        linear.best_step(
             Residuals(spread[:, None] * rng.normal(size=(*base.residuals.impacts.shape, 3)), none),
             [np.full(3, 0.1)],
         ).gain.sum()

@@ -11,7 +11,7 @@ from rock2d.files.diagnosis import KNOWN_SCHEMAS
 from rock2d.files.diagnosis_keys import DiagnosisFile
 from rock2d.files.fitted_keys import FittedParameter
 
-FEWEST_PROBABILITY = 0.05  # probability from which on the parameters of an effect are of interest
+LEAST_PROBABILITY_OF_INTEREST = 0.05  # probability from which on the parameters of an effect are of interest
 AGREEMENT = 1.0  # largest difference of equal values, over the half width of its 95 % interval
 PLACE_KEYS = ("phase", "zone", "block", "channel")
 
@@ -135,7 +135,7 @@ def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
 
 
 def _effects_of_interest(diagnosis: DiagnosisFile) -> set[str]:
-    likely = {name for name, p in diagnosis.probabilities.items() if p >= FEWEST_PROBABILITY}
+    likely = {name for name, p in diagnosis.probabilities.items() if p >= LEAST_PROBABILITY_OF_INTEREST}
     return {diagnosis.verdict, *diagnosis.group, *likely, *(further.effect for further in diagnosis.beside)}
 
 

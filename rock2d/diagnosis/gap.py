@@ -16,6 +16,7 @@ import numpy as np
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, GapBootstrap, ResidualSizes, Share, budget, share
 from rock2d.diagnosis.data import Data, FilmData
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH
@@ -31,8 +32,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-SIGNIFICANT_CELL_Z = 2.0
-SCATTER_STEP = 0.02  # step of finite differences of rests, as a share of a parameter's scale
+SIGNIFICANT_CELL_Z = 2.0  # standard errors from which on the gap in a place is significant
 
 
 def budget_and_shares(data: Data, attribution: Attribution, seed: int) -> tuple[Budget, dict[str, Share]]:
@@ -243,10 +243,10 @@ def find_rests(data: FilmData) -> Rests:
     return Rests(last, middle - data.basis.middle[last] - data.start_s[last], pose)
 
 
-def rest_squares(data: FilmData, rests: Rests, fit: Fit, covariance: Array) -> Array:
+def rest_squares(data: FilmData, rests: Rests, fit: Fit, variance: Array) -> Array:
     """(n, 3) squares of simulated - measured x, y, theta at the end, over their variance; clipped."""
     residuals = _residuals(data, rests, _world(data, rests, fit, fit.p))
-    return clipped(residuals / np.sqrt(covariance)) ** 2
+    return clipped(residuals / np.sqrt(variance)) ** 2
 
 
 def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
@@ -255,9 +255,9 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     at = _residuals(data, rests, world)
     variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
     for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
-        p = fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k)
+        p = fit.p + DIFFERENCE_STEP * (np.arange(len(fit.p)) == k)
         stepped = _residuals(data, rests, _world(data, rests, fit, p))
-        variance += np.nan_to_num((stepped - at) * sigma / SCATTER_STEP) ** 2
+        variance += np.nan_to_num((stepped - at) * sigma / DIFFERENCE_STEP) ** 2
     start = data.start_s[rests.flight]
     states = data.states_at(world, rests.flight, start)
     noise = data.true_covariance(world, rests.flight, start, states)

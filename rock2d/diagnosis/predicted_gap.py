@@ -58,7 +58,7 @@ class PredictedGap:
         gap = base - floor
         closed = np.divide(base - augmented, gap, out=np.zeros_like(gap), where=gap > 0.0)
         low, high = np.quantile(closed[1:], [0.025, 0.975])
-        ends = {
+        tail = {
             name: float(np.percentile(own, TAIL_PERCENTILE))
             for name, own in (("base", self.base), ("augmented", self.augmented))
         }
@@ -67,7 +67,7 @@ class PredictedGap:
                 "base": float(base[0]), "augmented": float(augmented[0]), "floor": float(floor[0]),
                 "closure": float(closed[0]), "closure_ci95": [float(low), float(high)],
             },
-            "tail": ends,
+            "tail": tail,
             "units": {"mm": 1e3 * float(self.noise[0]), "deg": float(np.rad2deg(self.noise[THETA]))},
         }  # fmt: skip
 

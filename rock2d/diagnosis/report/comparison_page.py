@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from rock2d.diagnosis.comparison import PLACE_KEYS
 from rock2d.diagnosis.report import text
 from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, bar, chart, share_mark, tick_labels
 from rock2d.graphics.pages import Download, download
@@ -70,7 +71,7 @@ def comparison_lines(content: Mapping[str, Any]) -> list[str]:
             shown = _parameter_row(row)
             rows.append((f"{row['effect']}.{row['parameter']}", shown["a"], shown["b"], JUDGED[row["agree"]]))
     for place in content["where"][:TERMINAL_PLACES]:
-        name = ", ".join(place[key] for key in ("phase", "zone", "block", "channel"))
+        name = ", ".join(place[key] for key in PLACE_KEYS)
         rows.append((name, *(f"{100 * place[side]:.0f} %" for side in SIDES)))
     lines = aligned([[_printable(cell) for cell in row] for row in rows])
     return [*lines, *(_printable(f"note: {note}") for note in content["notes"])]
@@ -161,7 +162,7 @@ def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:
         return [cell for own in known for cell in (own[key], *own["ci95"])]
 
     ends = ("a", "a_low95", "a_high95", "b", "b_low95", "b_high95")
-    places = ("phase", "zone", "block", "channel", "a", "b")
+    places = (*PLACE_KEYS, "a", "b")
     return {
         "probabilities": download("probabilities.csv", ("answer", "a", "b"), [
             (p["name"], p["a"], p["b"]) for p in content["probabilities"]]),

@@ -12,6 +12,7 @@ from rock2d.diagnosis.checks import REPLICATES
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
+from rock2d.diagnosis.gap import SIGNIFICANT_CELL_Z
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import tables, text
 from rock2d.diagnosis.report.figures import (
@@ -169,7 +170,7 @@ def _sections(
 def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
-    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SIGNIFICANT_PLACE_Z]
+    shown_cells = [cell for cell in content["where"] if cell["z"] >= SIGNIFICANT_CELL_Z]
     for cell in content["where"] if shown_cells and content["verdict"] != "none" else []:
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []

@@ -10,11 +10,12 @@ import numpy as np
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
+from rock2d.diagnosis.gap import SIGNIFICANT_CELL_Z
 from rock2d.diagnosis.model import is_factor
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
-from rock2d.wording import listed, number, percent, plus_minus, spoken
+from rock2d.wording import listed, number, percent, plus_minus, spoken, three_digits
 
 Tile = tuple[str, str, str]  # a key figure below the verdict: its name, its value, and a note
 
@@ -43,7 +44,6 @@ HINTS = {  # by the lever of a dependence, see `levers`
     "profile": "the ground has another profile than stated",
     "frame": "camera or ground move",
 }
-SIGNIFICANT_PLACE_Z = 2.0  # standard errors from which on the gap in a place is significant
 
 
 def share_closed(value: float, ci95: Sequence[float]) -> str:
@@ -245,15 +245,11 @@ def predicted_words(own: Mapping[str, Any]) -> str:
     """Errors of predictions of whole segments in words, from the key `predicted`."""
     typical, tail, units = own["typical"], own["tail"], own["units"]
     return (
-        f"from one flight to the next, held-out releases: they miss {_three_digits(typical['base'])} σ without and "
-        f"{_three_digits(typical['augmented'])} σ with it (median; {_three_digits(typical['floor'])} σ is noise and "
-        f"soil), the worst 5 % {_three_digits(tail['base'])} σ and {_three_digits(tail['augmented'])} σ or more; "
+        f"from one flight to the next, held-out releases: they miss {three_digits(typical['base'])} σ without and "
+        f"{three_digits(typical['augmented'])} σ with it (median; {three_digits(typical['floor'])} σ is noise and "
+        f"soil), the worst 5 % {three_digits(tail['base'])} σ and {three_digits(tail['augmented'])} σ or more; "
         f"1 σ is {units['mm']:.2g} mm and {units['deg']:.2g}°"
     )
-
-
-def _three_digits(value: float) -> str:
-    return number(value, abs(value) / 10.0)
 
 
 def _closed_by(content: Mapping[str, Any], effect: str) -> str:
@@ -319,7 +315,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
 
 def _has_significant_place(content: Mapping[str, Any]) -> bool:
     """Whether the gap is significant in any place."""
-    return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_PLACE_Z for cell in content["where"])
+    return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_CELL_Z for cell in content["where"])
 
 
 def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, float]:

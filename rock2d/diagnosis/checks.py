@@ -22,7 +22,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.flight_fields import path_quantities
+from rock2d.diagnosis.flight_response import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
 from rock2d.diagnosis.quantities import (
     BLOCK,

@@ -18,7 +18,7 @@ import numpy as np
 
 from rock2d.diagnosis import quantities as q
 from rock2d.diagnosis.data import turned
-from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
+from rock2d.diagnosis.flight_response import flight_paths, flight_response, path_quantities
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses

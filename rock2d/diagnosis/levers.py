@@ -22,7 +22,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, flight_response
+from rock2d.diagnosis.flight_response import FlightPaths, flight_paths, flight_response
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, LeverResponse, state_units
 from rock2d.diagnosis.quantities import (

@@ -9,7 +9,7 @@ from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
+from rock2d.diagnosis.flight_response import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
 from rock2d.diagnosis.levers import FLIGHT, LAW, PROFILE, SLOPE, Levers
 from rock2d.diagnosis.predict import predict

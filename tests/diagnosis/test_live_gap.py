@@ -16,7 +16,7 @@ from rock2d.diagnosis.gap import CHANNELS
 from rock2d.diagnosis.predicted_gap import held_out_poses
 from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import live_gap
-from rock2d.diagnosis.report.tables import impact_misses, touch_places
+from rock2d.diagnosis.report.report_data import impact_misses, touch_places
 from rock2d.diagnosis.report.text import share_closed
 from rock2d.records.columns import THETA
 from rock2d.wording import spoken

@@ -172,7 +172,7 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
 
 
 @dataclass
-class Segment:
+class ShownImpact:
     """One impact: the measured frames around it and the predictions of the models from the same state.
 
     Attributes
@@ -193,35 +193,35 @@ class Segment:
         return [(labels[name], *row) for name, own in series.items() for row in own]
 
 
-def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
+def impact_figure(cross_section: CrossSection, impact: ShownImpact) -> Figure:
     """The path x-y with the block at its end, above the angle over time."""
     figure = blank_figure(3.35, 3.9)
     way, angle = figure.subplots(2, 1, height_ratios=(1.55, 1.0))
-    every = np.vstack([segment.measured, *segment.models.values()])
+    every = np.vstack([impact.measured, *impact.models.values()])
     small = max(np.ptp(every[:, 1]), np.ptp(every[:, 2])) < 1.0
     factor, unit = (1e3, "mm") if small else (1.0, "m")
-    radius = segment.block.radius_m
+    radius = impact.block.radius_m
     low, high = every[:, 1:3].min(axis=0) - 1.3 * radius, every[:, 1:3].max(axis=0) + 1.3 * radius
     draw_ground(way, cross_section, factor, (high - low).max())
-    start = segment.measured[0, 0]
-    instants = segment.measured[:, 0] - start
+    start = impact.measured[0, 0]
+    instants = impact.measured[:, 0] - start
     clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
     # base last: its dashes show both lines where they agree
-    for name, rows in reversed(segment.models.items()):
+    for name, rows in reversed(impact.models.items()):
         colour, line = MODEL_STYLES[name]
         style = {"color": colour, "ls": line, "lw": 1.6, "zorder": 3}
         way.plot(*(rows[:, 1:3] * factor).T, **style)
         angle.plot((rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), **style)
-        _outline(way, segment.block, rows[-1, 1:], factor, colour, line)
+        _outline(way, impact.block, rows[-1, 1:], factor, colour, line)
     dots = {"color": MEASURED_COLOUR, "ms": 3.0, "mew": 0, "zorder": 2.5}
-    way.plot(*(segment.measured[:, 1:3] * factor).T, ".", **dots)
-    angle.plot(instants * clock, np.rad2deg(segment.measured[:, 3]), ".", **dots)
-    _outline(way, segment.block, segment.measured[0, 1:], factor, MEASURED_COLOUR, "-", fill=0.08)
-    _outline(way, segment.block, segment.measured[-1, 1:], factor, MEASURED_COLOUR, "-", fill=0.2)
+    way.plot(*(impact.measured[:, 1:3] * factor).T, ".", **dots)
+    angle.plot(instants * clock, np.rad2deg(impact.measured[:, 3]), ".", **dots)
+    _outline(way, impact.block, impact.measured[0, 1:], factor, MEASURED_COLOUR, "-", fill=0.08)
+    _outline(way, impact.block, impact.measured[-1, 1:], factor, MEASURED_COLOUR, "-", fill=0.2)
     middle, half = 0.5 * (low + high), 0.5 * max(high[0] - low[0], (high[1] - low[1]) * 1.25)
     way.set(aspect="equal", xlim=(middle[0] - half) * factor + np.array([0, 2 * half * factor]),
             ylim=(middle[1] - half / 1.25) * factor + np.array([0, 1.6 * half * factor]))  # fmt: skip
-    way.set_title(segment.title, fontsize=TEXT_PT, loc="left")
+    way.set_title(impact.title, fontsize=TEXT_PT, loc="left")
     way.set_xlabel(f"x ({unit})", labelpad=1)
     way.set_ylabel(f"y ({unit})")
     angle.set_xlabel(f"time ({tick})", labelpad=1)
@@ -230,17 +230,17 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     return finish(figure)
 
 
-def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
+def impact_alt(impact: ShownImpact, labels: Mapping[str, str]) -> str:
     """One impact in words: how far each model is from the film at the last measured frame."""
-    seen = segment.measured[np.isfinite(segment.measured).all(axis=1)]
+    seen = impact.measured[np.isfinite(impact.measured).all(axis=1)]
     t_s, *pose = seen[-1]
     parts = []
-    for name, rows in segment.models.items():
+    for name, rows in impact.models.items():
         x, y, theta = (float(np.interp(t_s, rows[:, 0], rows[:, i])) for i in (1, 2, 3))
         away, turn = float(np.hypot(x - pose[0], y - pose[1])), abs(float(np.rad2deg(theta - pose[2])))
         parts.append(f"{labels[name]} {length(away)} and {turn:.1f}°")
     return (
-        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the "
+        f"{impact.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the "
         f"predictions; distance from the film at the last frame: {', '.join(parts)}."
     )
 

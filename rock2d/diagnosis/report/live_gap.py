@@ -24,7 +24,7 @@ from rock2d.diagnosis.gap import CHANNELS, typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
 from rock2d.diagnosis.replay import Segments
-from rock2d.diagnosis.report import tables, text
+from rock2d.diagnosis.report import report_data, text
 from rock2d.diagnosis.report.figures import MISS_CLASSES
 from rock2d.diagnosis.report.practical_indicators import Row
 from rock2d.diagnosis.report.sections import LEARNT_ORIGIN, cause_name, learnt_name, p_text
@@ -75,7 +75,7 @@ class _Model:
 
 
 def live_gap(
-    result: Diagnosis, content: Mapping[str, Any], passing: Sequence[Row], named: tables.Models
+    result: Diagnosis, content: Mapping[str, Any], passing: Sequence[Row], named: report_data.Models
 ) -> dict[str, Any] | None:
     """What live_gap.html.j2 shows of a diagnosed film; None if it has no impacts.
 
@@ -203,8 +203,8 @@ def _static_data(result: Diagnosis, data: FilmData) -> dict[str, Any]:
     """Data that do not change: ground, blocks, and flights as lines."""
     ground, blocks = result.experiment.cross_section, result.experiment.blocks
     colours = block_colours(blocks)
-    flights = tables.flight_paths(data, tables.signs_of(result))
-    ways = np.vstack([*flights, tables.touch_places(result, data)])
+    flights = report_data.flight_paths(data, report_data.signs_of(result))
+    ways = np.vstack([*flights, report_data.touch_places(result, data)])
     radius = max(block.radius_m for block in blocks.values())
     return {
         "limits": motion_limits(ground, ways[:, 0], ways[:, 1], radius),
@@ -304,12 +304,12 @@ class Items:
         """All impacts and flights, with residuals on held-out releases."""
         found, impacts, flights = result.found, data.impacts, data.flights
         assert found is not None
-        setup, film, middle = tables.corrected_setup(result), data.film, data.basis.middle
+        setup, film, middle = report_data.corrected_setup(result), data.film, data.basis.middle
         began = film.t_s[np.searchsorted(film.release, np.arange(len(data.order)))]
         ends = film.t_s[flights.last[impacts.before] - 1]
         velocities = [
             np.column_stack([*ground_axes(impacts.tangent, own[:, LINEAR_VELOCITY]), own[:, OMEGA]])
-            for own in tables.states_around(result, data)
+            for own in report_data.states_around(result, data)
         ]
         aloft = data.states(setup).middle
         fitted = found.final.fit.model.world(found.final.fit.p, data.impact_order)
@@ -323,7 +323,7 @@ class Items:
             np.concatenate([impacts.release, flights.release]), np.concatenate([impacts.block, flights.block]),
             np.concatenate([impacts.zone, below]),
             np.concatenate([ends - began[impacts.release], middles]), np.concatenate([after_s, middles]),
-            np.concatenate([tables.touch_places(result, data), aloft[:, POSITION]]),
+            np.concatenate([report_data.touch_places(result, data), aloft[:, POSITION]]),
             np.concatenate([velocities[0], none]), np.concatenate([velocities[1], none]),
             np.array(squares), np.array(misses),
         )  # fmt: skip
@@ -409,7 +409,7 @@ def frames_table(
 ) -> dict[str, Any]:
     """Frames of the `shown` releases (releases,): instant and measured pose, and for each model how far the predicted
     pose is off; 0 outside the segments. The first and the last frame of each segment are always included."""
-    film, signs, models = data.film, np.array(tables.signs_of(result)), len(poses)
+    film, signs, models = data.film, np.array(report_data.signs_of(result)), len(poses)
     off, segment = np.zeros((len(film.t_s), models, 3)), np.full(len(film.t_s), -1)
     kept = np.zeros(len(film.t_s), bool)
     first = np.searchsorted(film.release, np.arange(len(data.order)))

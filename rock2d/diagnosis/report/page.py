@@ -14,14 +14,14 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.gap import SIGNIFICANT_CELL_Z
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
-from rock2d.diagnosis.report import tables, text
+from rock2d.diagnosis.report import report_data, text
 from rock2d.diagnosis.report.figures import (
     described,
+    impact_alt,
+    impact_figure,
     learnt_figure,
     section_alt,
     section_figure,
-    segment_alt,
-    segment_figure,
 )
 from rock2d.diagnosis.report.live_gap import live_gap
 from rock2d.diagnosis.report.parameters import parameters_section
@@ -89,7 +89,7 @@ def report_page(
     """The page as text; the video is written into `folder` and into the page."""
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
     context |= live_assets("live_gap") | {"replicates": REPLICATES}
-    models = tables.compared_models(result) if result.found is not None else None
+    models = report_data.compared_models(result) if result.found is not None else None
     effect = models.get("effect") if models is not None else None
     chain = [e.name for e in effect.fit.model.effects] if effect is not None else []
     context |= (
@@ -131,7 +131,7 @@ def _counts_sentence(result: Diagnosis) -> str:
 def _sections(
     result: Diagnosis,
     content: dict[str, Any],
-    models: tables.Models,
+    models: report_data.Models,
     chain: list[str],
     folder: Path,
     on_progress: Progress,
@@ -142,7 +142,7 @@ def _sections(
     context = {
         "labels": labels, "chain": chain, "models": list(models), "shapes": SHAPES,
         "marks": [(labels[model], model) for model in ("measured", *models)],
-        "segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": [], "practice": [],
+        "impacts": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": [], "practice": [],
         "assumptions": text.assumptions(result, content, chain), **_where_section(result, content, models),
     }  # fmt: skip
     context["learnt"] = [
@@ -167,7 +167,7 @@ def _sections(
 # --- sections -----------------------------------------------------------------------------------------
 
 
-def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
+def _where_section(result: Diagnosis, content: dict[str, Any], models: report_data.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
     shown_cells = [cell for cell in content["where"] if cell["z"] >= SIGNIFICANT_CELL_Z]
@@ -175,8 +175,8 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: tables.Mo
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []
     if isinstance(result.data, FilmData):
-        flights = tables.flight_paths(result.data, tables.signs_of(result))
-    misses = tables.impact_misses(result, models["base"].held_out)
+        flights = report_data.flight_paths(result.data, report_data.signs_of(result))
+    misses = report_data.impact_misses(result, models["base"].held_out)
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     blocks, keys = list(experiment.blocks), ("share", "z", "phase", "zone", "block", "channel")
     impacts = [
@@ -268,11 +268,11 @@ def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
 
 
 def _film_section(
-    result: Diagnosis, content: dict[str, Any], data: FilmData, models: tables.Models, labels: Mapping[str, str],
+    result: Diagnosis, content: dict[str, Any], data: FilmData, models: report_data.Models, labels: Mapping[str, str],
     folder: Path, on_progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
     """Sections of a film: whole releases simulated again, single impacts, the video."""
-    signs, experiment = tables.signs_of(result), result.experiment
+    signs, experiment = report_data.signs_of(result), result.experiment
     film = measured_releases(data, signs, MOST_REPORTED_FRAMES)
     repetitions = int(np.clip(MOST_REPORTED_RELEASES // len(film), 1, 8))
     drawn = {"measured": film.pose[None]}
@@ -285,19 +285,19 @@ def _film_section(
     on_progress("which")
     quantities = film_quantities(experiment, film, drawn, lines)
     improves = content["verdict"] not in ("none", "unknown")
-    segments = tables.impact_segments(result, models, improves)
+    impacts = report_data.shown_impacts(result, models, improves)
     on_progress("practice")
-    apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
+    apart = {name: float(np.median(report_data.distances(film, poses))) for name, poses in plain.items()}
     passing = [row for q in quantities if q.title == PASSING for row in q.rows]
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
         "passing_tile": _passing_tile(passing, labels) if improves else [],
         "live": live_gap(result, content, passing, models),
         "line_note": line_note, "repetitions": repetitions, "improves": improves, "releases": len(film),
-        "segments": [
-            {"image": embedded(segment_figure(experiment.cross_section, s), "svg"), "alt": segment_alt(s, labels),
-             "data": download(f"impact_{i}.csv", ("series", "t_s", "x_m", "y_m", "theta_rad"), s.rows(labels))}
-            for i, s in enumerate(segments, 1)
+        "impacts": [
+            {"image": embedded(impact_figure(experiment.cross_section, own), "svg"), "alt": impact_alt(own, labels),
+             "data": download(f"impact_{i}.csv", ("series", "t_s", "x_m", "y_m", "theta_rad"), own.rows(labels))}
+            for i, own in enumerate(impacts, 1)
         ],
         "apart": {name: length(v) for name, v in apart.items()},
     }  # fmt: skip

@@ -12,7 +12,7 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import effect_values
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
-from rock2d.diagnosis.report.tables import Models
+from rock2d.diagnosis.report.report_data import Models
 from rock2d.diagnosis.report.text import in_degrees
 from rock2d.graphics.pages import download
 from rock2d.wording import interval, number, spoken

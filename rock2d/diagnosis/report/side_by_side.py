@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.replay import Releases
-from rock2d.diagnosis.report import tables
+from rock2d.diagnosis.report import report_data
 from rock2d.errors import InputError
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.pages import data_uri, download
@@ -35,12 +35,12 @@ def video_section(
     from rock2d.graphics.video import compare_video
     from rock2d.graphics.video_frames import VideoOptions
 
-    scenes, titles = tables.video_scenes(result, film, poses, improves)
+    scenes, titles = report_data.video_scenes(result, film, poses, improves)
     spans_s = [float(np.ptp(scene[0][0].t_s)) for scene in scenes]
     cross_section, blocks = result.experiment.cross_section, result.experiment.blocks
     pace = VIDEO_S / max(sum(spans_s), 1e-6)
     slow_motion = float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace)
-    view = tables.scenes_view(scenes, cross_section, max(b.radius_m for b in blocks.values()))
+    view = report_data.scenes_view(scenes, cross_section, max(b.radius_m for b in blocks.values()))
     shown = [labels[m] for m in ("measured", *poses)]
     path = folder / VIDEO
     compare_video(

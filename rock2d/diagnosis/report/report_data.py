@@ -13,7 +13,7 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
-from rock2d.diagnosis.report.figures import MODEL_STYLES, Misses, Segment
+from rock2d.diagnosis.report.figures import MODEL_STYLES, Misses, ShownImpact
 from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD, clipped
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
@@ -26,7 +26,7 @@ Array = np.ndarray
 
 # the models that a report compares: the "base" law, and if there is a gap to explain, the model with the "effect"
 Models = dict[str, Validated]
-SHOWN_SEGMENTS = 6
+MOST_SHOWN_IMPACTS = 6
 LINE_POINTS = 160  # points of a predicted line
 SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `FlightPairs.window_s`
 FLIGHT_POINTS = 12
@@ -104,7 +104,7 @@ def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     return paths
 
 
-def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[Segment]:
+def shown_impacts(result: Diagnosis, models: Models, improves: bool) -> list[ShownImpact]:
     """The impacts that the effect improves most or, unless it `improves`, those with the largest residuals."""
     data = result.data
     assert isinstance(data, FilmData)
@@ -114,7 +114,7 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     for i in np.argsort(effect - base if improves and effect is not None else -base, kind="stable"):
         if data.impacts.release[i] not in data.impacts.release[chosen]:  # one impact of a release
             chosen.append(int(i))
-        if len(chosen) == SHOWN_SEGMENTS:
+        if len(chosen) == MOST_SHOWN_IMPACTS:
             break
     signs, which = signs_of(result), np.array(chosen)
     impacts, middle = data.impacts, data.basis.middle
@@ -123,19 +123,12 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
     flights_end = data.film.t_s[data.flights.last[impacts.after[which]] - 1]
     end = np.minimum(flights_end, begin + SHOWN_AFTER * impacts.window_s[which])
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
-    poses = {
-        name: recorded_simulation(
-            data,
-            own.fit.model.world(own.fit.p, data.impact_order[which]),
-            impacts.before[which],
-            t,
-            start,
-            signs,
-        )
-        for name, own in models.items()
-    }
+    poses = {}
+    for name, own in models.items():
+        world = own.fit.model.world(own.fit.p, data.impact_order[which])
+        poses[name] = recorded_simulation(data, world, impacts.before[which], t, start, signs)
     blocks, zones = list(result.experiment.blocks.items()), result.experiment.cross_section.zone_names
-    segments = []
+    shown = []
     for k, i in enumerate(which):
         film = data.film
         rows = np.flatnonzero(
@@ -144,11 +137,11 @@ def impact_segments(result: Diagnosis, models: Models, improves: bool) -> list[S
         name, block = blocks[impacts.block[i]]
         place = f"{name} {film.release_names[impacts.release[i]]}, {zones[impacts.zone[i]]}".replace("_", " ")
         miss = f"residual {_sigma(base[i])}" + (f", then {_sigma(effect[i])}" if effect is not None else "")
-        segments.append(Segment(
+        shown.append(ShownImpact(
             f"{place}\n{miss}", block, np.column_stack([film.t_s[rows], film.pose[rows] * signs]),
-            {m: np.column_stack([t[k], own[k]]) for m, own in poses.items()},
+            {m: np.column_stack([t[k], pose[k]]) for m, pose in poses.items()},
         ))  # fmt: skip
-    return segments
+    return shown
 
 
 def _sigma(square: float) -> str:

@@ -15,7 +15,7 @@ from rock2d.diagnosis.model import is_factor
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
-from rock2d.wording import listed, number, percent, plus_minus, spoken, three_digits
+from rock2d.wording import listed, number, percent, plus_minus, spoken
 
 Tile = tuple[str, str, str]  # a key figure below the verdict: its name, its value, and a note
 
@@ -245,11 +245,15 @@ def predicted_words(own: Mapping[str, Any]) -> str:
     """Errors of predictions of whole segments in words, from the key `predicted`."""
     typical, tail, units = own["typical"], own["tail"], own["units"]
     return (
-        f"from one flight to the next, held-out releases: they miss {three_digits(typical['base'])} σ without and "
-        f"{three_digits(typical['augmented'])} σ with it (median; {three_digits(typical['floor'])} σ is noise and "
-        f"soil), the worst 5 % {three_digits(tail['base'])} σ and {three_digits(tail['augmented'])} σ or more; "
+        f"from one flight to the next, held-out releases: they miss {_in_sigma(typical['base'])} without and "
+        f"{_in_sigma(typical['augmented'])} with it (median; {_in_sigma(typical['floor'])} is noise and "
+        f"soil), the worst 5 % {_in_sigma(tail['base'])} and {_in_sigma(tail['augmented'])} or more; "
         f"1 σ is {units['mm']:.2g} mm and {units['deg']:.2g}°"
     )
+
+
+def _in_sigma(value: float) -> str:
+    return f"{number(value, abs(value) / 10.0)} σ"
 
 
 def _closed_by(content: Mapping[str, Any], effect: str) -> str:

@@ -62,15 +62,10 @@ class Fit:
         """(n, d, d) covariances of the residuals of impacts, from noise and the soil's scatter."""
         return residual_covariance(self.jacobian, self.scatter)
 
-    def scores(self) -> tuple[Array, Array]:
-        """Log likelihoods of impacts (n,) and flights (m,)."""
-        flights = flight_log_likelihood(self.residuals.flights)
-        return log_likelihood(self.residuals.impacts, self.covariance()), flights
-
     def total(self) -> float:
         """Log likelihood of all impacts and flights."""
-        impacts, flights = self.scores()
-        return float(impacts.sum() + flights.sum())
+        flights = flight_log_likelihood(self.residuals.flights)
+        return float(log_likelihood(self.residuals.impacts, self.covariance()).sum() + flights.sum())
 
     def only(self, impacts: Array, flights: Array) -> Fit:
         """The fit restricted to some impacts and flights, given as masks (n,) and (m,)."""

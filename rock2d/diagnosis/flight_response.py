@@ -128,10 +128,9 @@ def flight_response(data: FilmSegments, world: World, paths: FlightPaths, basis:
     )
 
 
-def integral(t: Array, values: Array, begin: Array | int = 0) -> Array:
+def integral(t: Array, values: Array, begin: Array) -> Array:
     """(n, k) cumulative integral of values (n, k) over t (n,) by the trapezoidal rule. Several paths follow each other;
     the integral starts anew at the rows `begin`."""
-    begin = np.atleast_1d(begin)
     steps = np.zeros_like(values)
     steps[1:] = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
     steps[begin] = 0.0

@@ -142,7 +142,7 @@ def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Release
 
 
 def simulated_releases(
-    data: FilmData, fit: Fit, film: Releases, signs: Signs, *, repetitions: int = 0, seed: int = 0
+    data: FilmData, fit: Fit, film: Releases, signs: Signs, *, repetitions: int = 0
 ) -> Array:
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
@@ -154,7 +154,7 @@ def simulated_releases(
         return recorded_simulation(
             data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs
         )
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    rng = np.random.default_rng(0)
     n, k = film.t_s.shape
     world = with_drawn_soils(fit, fit.model.world(fit.p, np.tile(order, repetitions)), repetitions * n, rng)
     t = np.tile(film.t_s, (repetitions, 1))

@@ -29,7 +29,7 @@ class RegressedResiduals:
 
     Attributes
     ----------
-    impacts, flights : (n, 6) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
+    impacts, flights : (n, d) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
     impacts_remaining, flights_remaining : the same minus the prediction
     """
 
@@ -39,9 +39,7 @@ class RegressedResiduals:
     flights_remaining: Array
 
 
-def regress(
-    world: World, data: Data, residuals: Residuals, covariance: Array, seed: int = 0
-) -> RegressedResiduals:
+def regress(world: World, data: Data, residuals: Residuals, covariance: Array) -> RegressedResiduals:
     """Predict residuals of impacts and flights from their features in a world."""
     impacts = clipped(residuals.impacts / standard_deviations(covariance))
     flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
@@ -50,13 +48,9 @@ def regress(
     fold = folds(data)
     impacts_remaining, flights_remaining = impacts.copy(), flights.copy()
     if len(impacts):
-        impacts_remaining -= _cross_predict(
-            data.impact_features(world), impacts, fold[data.impact_release], seed
-        )
+        impacts_remaining -= _cross_predict(data.impact_features(world), impacts, fold[data.impact_release])
     if isinstance(data, FilmData) and len(flights):
-        flights_remaining -= _cross_predict(
-            data.flight_features(world), flights, fold[data.flight_release], seed
-        )
+        flights_remaining -= _cross_predict(data.flight_features(world), flights, fold[data.flight_release])
     return RegressedResiduals(impacts, impacts_remaining, flights, flights_remaining)
 
 
@@ -65,7 +59,7 @@ def clipped(z: Array) -> Array:
     return np.clip(np.nan_to_num(z, nan=LARGEST_RESIDUAL_SD), -LARGEST_RESIDUAL_SD, LARGEST_RESIDUAL_SD)
 
 
-def _cross_predict(features: Array, target: Array, fold: Array, seed: int) -> Array:
+def _cross_predict(features: Array, target: Array, fold: Array) -> Array:
     from sklearn.ensemble import ExtraTreesRegressor
     from sklearn.linear_model import RidgeCV
     from sklearn.preprocessing import StandardScaler
@@ -79,7 +73,7 @@ def _cross_predict(features: Array, target: Array, fold: Array, seed: int) -> Ar
         x, own = scaler.transform(features[train]), scaler.transform(features[test])
         ridge = RidgeCV(np.logspace(0, 5, 11)).fit(x, target[train])
         trees = ExtraTreesRegressor(
-            TREES, min_samples_leaf=4, max_features=0.6, random_state=seed, n_jobs=1
+            TREES, min_samples_leaf=4, max_features=0.6, random_state=0, n_jobs=1
         ).fit(x, target[train] - ridge.predict(x))
         predicted[test] = ridge.predict(own) + trees.predict(own)
     return predicted

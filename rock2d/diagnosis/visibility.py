@@ -25,9 +25,7 @@ SPIN_TWINS = {"flight_damping": "air_drag"}
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
 
 
-def unseen(
-    base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None = None
-) -> dict[str, str]:
+def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None) -> dict[str, str]:
     """Effect that these data cannot show -> reason. `film`: what the film says of itself."""
     some = some_releases(data)
     part = base.only(some[data.impact_release], some[data.flight_release])

@@ -208,7 +208,7 @@ def test_the_answer_to_a_profile_is_that_of_a_raised_ground(hardened):
 
 def test_a_constant_integrates_to_a_line():
     t = np.linspace(0.0, 2.0, 9)
-    assert integral(t, np.ones((9, 1)))[:, 0] == pytest.approx(t)
+    assert integral(t, np.ones((9, 1)), np.zeros(1, int))[:, 0] == pytest.approx(t)
 
 
 def test_paths_one_after_the_other_are_integrated_each_alone():
@@ -216,7 +216,8 @@ def test_paths_one_after_the_other_are_integrated_each_alone():
     t, values = rng.uniform(size=30), rng.normal(size=(30, 2))
     begin = np.array([0, 1, 12, 20])
     alone = [
-        integral(*part) for part in zip(np.split(t, begin[1:]), np.split(values, begin[1:]), strict=True)
+        integral(*part, np.zeros(1, int))
+        for part in zip(np.split(t, begin[1:]), np.split(values, begin[1:]), strict=True)
     ]
     assert integral(t, values, begin) == pytest.approx(np.concatenate(alone), abs=1e-12)
 

@@ -84,7 +84,7 @@ def report_page(
     content: dict[str, Any],
     folder: Path,
     made: Made,
-    on_progress: Progress = lambda part: None,
+    on_progress: Progress,
 ) -> str:
     """The page as text; the video is written into `folder` and into the page."""
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}

@@ -130,8 +130,8 @@ class Attribution:
 
 
 class WeighedSet(NamedTuple):
-    """A set of causes, what is learnt beside it, the part of that which belongs to members, see `evidence.PERMANENT`,
-    and the evidence for each member."""
+    """A set of causes; the same with learnt changes; with those changes alone that belong to members, see
+    `evidence.PERMANENT`; and the evidence for each member."""
 
     cause_set: Validated
     learnt: Learnt

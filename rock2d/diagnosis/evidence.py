@@ -29,6 +29,7 @@ from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
@@ -56,7 +57,7 @@ CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may g
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 # laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
-RESISTANCES = {"air_drag": "flight_damping", "flight_damping": "air_drag"}
+RESISTANCES = SPIN_TWINS | {twin: name for name, twin in SPIN_TWINS.items()}
 MOST_RIVALS = 2  # rivals that may share the name of a member
 NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at which it is named as a cause
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
@@ -171,9 +172,9 @@ def evidence_of_members(
 ) -> dict[str, Evidence]:
     """Evidence for each member of the best set.
 
-    `learnt`: changes learnt with that set; `permanent`: those of them that are the permanent part of a member, see
-    `PERMANENT`; `known`: evidence from larger sets, whose `replacement_gain` is reused where the gain of the member has
-    changed little.
+    `learnt`: that set with learnt changes; `permanent`: the same with those alone that are the permanent part of a
+    member, see `PERMANENT`, mostly none; `known`: evidence from larger sets, whose `replacement_gain` is reused where
+    the gain of the member has changed little.
     """
     best, contained = search.best, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
@@ -275,7 +276,7 @@ def _evidence_of_member(
         rival: z
         for rival, z in search.find_rivals(best, name, RIVAL_Z, rivals).items()
         if (own := search.known.get(other_names | {rival})) is None
-        or not any(impossible_size(search.effects[rival], [size(own.fit, rival)], large_gain))
+        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], large_gain))
     }
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # only contacts could tell them apart, and something in the contacts is not understood
@@ -283,9 +284,8 @@ def _evidence_of_member(
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             rival_z = {other: min(OTHER_FORM_Z, rival_z.get(other, np.inf))} | rival_z
-    negligible, out_of_range = impossible_size(
-        effect, [size(fit, name) for fit in (best.fit, learnt.fit)], large_gain
-    )
+    sizes = [relative_size(fit, name) for fit in (best.fit, learnt.fit)]
+    negligible, out_of_range = size_faults(effect, sizes, large_gain)
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
@@ -344,7 +344,7 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     return Gain(scores[0] - scores[1])
 
 
-def size(fit: Fit, name: str) -> float:
+def relative_size(fit: Fit, name: str) -> float:
     """Largest size among the parameters of an effect, as a share of the plausible range on its side.
 
     It is 1 for an effect that is a choice. The aim of the camera, and a choice of the place where an effect acts, do
@@ -359,9 +359,9 @@ def size(fit: Fit, name: str) -> float:
     return float(max(sizes))
 
 
-def impossible_size(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
-    """Whether an effect with these sizes, see `size`, is too small to matter, and whether it lies at the end of the
-    plausible range. An effect with a large gain may be small, and a choice has no range."""
+def size_faults(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
+    """Whether an effect with these sizes, see `relative_size`, is too small to matter, and whether it lies at the end
+    of the plausible range. An effect with a large gain may be small, and a choice has no range."""
     is_choice = effect.parameters[0].must_choose
     return min(sizes) < LEAST_SIZE and not large_gain, max(sizes) > LARGEST_SIZE and not is_choice
 

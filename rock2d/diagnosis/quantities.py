@@ -1,8 +1,8 @@
 """What an impact or a flight may depend on: measured quantities, and smooth functions of few coefficients of them. And
 the features of impacts for the regression of the residuals.
 
-A *basis* is additive over its quantities. Splines follow any smooth curve, harmonics an angle, a line
-passes through zero; a kind has one value for each of its members.
+A *basis* is additive over its quantities. Splines follow any smooth curve, harmonics an angle, a line passes through
+zero; kinds, for example blocks or zones, have one value each.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Curve:
 
     Attributes
     ----------
-    numbers : breakpoints of a spline, orders of harmonics, members of kinds, unit of a line, or angular frequencies of
+    numbers : breakpoints of a spline, orders of harmonics, the kinds, unit of a line, or angular frequencies of
         waves
     measured : lowest and highest measured value of a line or waves; those of a spline are its ends
     """

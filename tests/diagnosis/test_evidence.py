@@ -14,8 +14,8 @@ from rock2d.diagnosis.evidence import (
     inclusion_probabilities,
     outside_probability,
     probability_from_p_value,
+    relative_size,
     single_answers,
-    size,
     unexplained_probability,
 )
 from rock2d.diagnosis.model import Model
@@ -135,4 +135,4 @@ def test_the_place_where_an_effect_acts_is_no_size():
     model = Model(world(), np.ones(5), [effect])
     own = SimpleNamespace(model=model, p=model.start())
     own.p[model.positions[effect.name]] = [0.1, 0.0, 0.0, 2.0]
-    assert 0.0 < size(own, effect.name) < 0.1
+    assert 0.0 < relative_size(own, effect.name) < 0.1

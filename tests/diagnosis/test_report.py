@@ -19,7 +19,7 @@ from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.report import page
-from rock2d.diagnosis.report.text import predicted_words, share_closed, size
+from rock2d.diagnosis.report.text import predicted_words, share_closed, size_words
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
@@ -318,9 +318,9 @@ def test_a_shape_without_a_marker_of_its_own_is_drawn():
 
 def test_sizes_have_units_that_a_person_can_use():
     scale, tilt = catalogue()["scale_error"].parameters[0], catalogue()["camera_tilt"].parameters[0]
-    assert size(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"
-    assert size(scale, {"value": 0.96, "ci95": [0.95, 0.97]}) == "−4.0 %"
-    assert size(tilt, {"value": 0.0349, "ci95": [0.03, 0.04]}).endswith("°")
+    assert size_words(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"
+    assert size_words(scale, {"value": 0.96, "ci95": [0.95, 0.97]}) == "−4.0 %"
+    assert size_words(tilt, {"value": 0.0349, "ci95": [0.03, 0.04]}).endswith("°")
 
 
 def test_misses_are_numbers_without_powers_of_ten():

@@ -82,7 +82,7 @@ def cause_name(cause: Mapping[str, Any]) -> str:
     parameter, unless this is a number without a unit."""
     first = catalogue()[cause["effect"]].parameters[0]
     pure = first.unit == "1" and not is_factor(first)
-    size = "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
+    size = "" if pure else f" {text.size_words(first, cause['parameters'][first.name])}"
     rivals = f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""
     return spoken(cause["effect"]) + size + rivals
 

@@ -268,10 +268,10 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     parameter, joint = effect.parameters[0], content.get("beside")
     own = joint[-1]["parameters"][effect.name] if joint else content["effects"][effect.name]["parameters"]
     what = "Choice" if parameter.choices else "Size"
-    return [(what, size(parameter, own[parameter.name]), parameter.meaning)]
+    return [(what, size_words(parameter, own[parameter.name]), parameter.meaning)]
 
 
-def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
+def size_words(parameter: Parameter, own: Mapping[str, Any]) -> str:
     """A fitted parameter with its unit; a factor as a change in %."""
     if parameter.choices:
         return parameter.choice_name(own["value"]) or f"{own['value']:g}"

@@ -124,7 +124,7 @@ class FilmData(FilmSegments):
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
         states = self.states(world)
-        difference = outcomes(world, self.impacts, states, shift, self.step_fraction)
+        difference = _outcome_differences(world, self.impacts, states, shift, self.step_fraction)
         at, along = states.middle[self.impacts.after], self.impacts.tangent
         across = np.column_stack([-along[:, Y], along[:, X]])
         for c, direction in ((ALONG, along), (ACROSS, across)):
@@ -320,12 +320,8 @@ def _recorded_velocities(world: World, true: Array) -> Array:
     return (later_pose - pose) / VELOCITY_STEP_S * world.view.time_scale
 
 
-def simulate(
-    world: World,
-    impacts: FlightPairs,
-    starts: Array,
-    times_s: Array,
-    step_fraction: float = BATCH_STEP_FRACTION,
+def _simulated_poses(
+    world: World, impacts: FlightPairs, starts: Array, times_s: Array, step_fraction: float
 ) -> Array:
     """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
 
@@ -341,16 +337,11 @@ def simulate(
     return samples
 
 
-def outcomes(
-    world: World,
-    impacts: FlightPairs,
-    states: States,
-    shift: Array | None = None,
-    step_fraction: float = BATCH_STEP_FRACTION,
+def _outcome_differences(
+    world: World, impacts: FlightPairs, states: States, shift: Array | None, step_fraction: float
 ) -> Array:
     """(n, 6) simulated - measured at the beginning of the next flight: along the ground, across it (m), angle (rad),
-    then their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see
-    `run_batch`."""
+    then their rates. `shift` (6,) or (n, 6) is added to the states before the impacts."""
     scale = world.view.time_scale
     starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
     if shift is not None:
@@ -362,7 +353,8 @@ def outcomes(
         after = move_freely(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
         pivot = after[:, POSITION]
         starts = turned(starts, pivot, -world.slope_rad)
-    simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale, step_fraction)
+    instants = (impacts.wait_s[:, None] + moments) * scale
+    simulated = _simulated_poses(world, impacts, starts, instants, step_fraction)
     if pivot is not None:
         simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
     measured = move_freely(

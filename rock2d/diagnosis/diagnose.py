@@ -57,7 +57,7 @@ class Diagnosis:
     film : what the film says of itself; None for an impact table and a film that cannot be read
     data : flights and impacts
     found : the attribution
-    gaps : effect -> share of the gap that it closes alone
+    shares : effect -> share of the gap that it closes alone
     predicted : errors of predictions of whole segments; None without impacts of a film
     checks : whether the model with the learnt changes would have made these data
     cells : where the gap lies
@@ -71,7 +71,7 @@ class Diagnosis:
     film: FilmFindings | None = None
     data: FilmData | TableData | None = None
     found: Attribution | None = None
-    gaps: dict[str, Share] | None = None
+    shares: dict[str, Share] | None = None
     budget: Budget | None = None
     predicted: PredictedGap | None = None
     checks: Checks | None = None
@@ -139,14 +139,14 @@ def diagnose(
                 base = fit_base(setup, base_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
-        hidden_effects = unseen(base, data, tried, result.film)
-        visible = {name: effect for name, effect in tried.items() if name not in hidden_effects}
+        unseen_effects = unseen(base, data, tried, result.film)
+        visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(
             base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars
         )
-    result.data, result.found, result.unseen, result.seed = data, attribution, hidden_effects, seed
+    result.data, result.found, result.unseen, result.seed = data, attribution, unseen_effects, seed
     with bars.stage(GAP, 4, "steps") as bar:
-        result.budget, result.gaps = budget_and_shares(data, attribution, seed)
+        result.budget, result.shares = budget_and_shares(data, attribution, seed)
         bar.step("budget")
         result.cells = locate_gap(experiment, data, attribution)
         bar.step("places")

@@ -168,7 +168,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     """The content for an experiment that was diagnosed."""
     names, attribution, data = list(catalogue()), result.found, result.data
     assert (
-        attribution is not None and data is not None and result.gaps is not None and result.cells is not None
+        attribution is not None
+        and data is not None
+        and result.shares is not None
+        and result.cells is not None
     )
     assert result.budget is not None
     zones = result.experiment.cross_section.zone_names
@@ -189,7 +192,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "effects": {
             name: {"parameters": effect_values(c.fit)[name], "base": base_values(c.fit)}
             | _gain_json(c)
-            | {"closure": result.gaps[name].closes, "closure_ci95": list(result.gaps[name].ci95)}
+            | {"closure": result.shares[name].closes, "closure_ci95": list(result.shares[name].ci95)}
             for name, c in attribution.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],

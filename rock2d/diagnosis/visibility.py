@@ -32,7 +32,7 @@ def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindi
     some_data = data.only(some).coarse()
     at = base.model.residuals(base.p, some_data)
     sd = standard_deviations(part.covariance())
-    reasons = _hidden_by_spin(data, film)
+    reasons = _unseen_without_spin(data, film)
     reasons |= film.unjudged if film is not None else {}
     for name, effect in effects.items():
         if name not in reasons:
@@ -43,7 +43,7 @@ def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindi
     return {name: reason for name, reason in reasons.items() if name in effects}
 
 
-def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
+def _unseen_without_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
     """Effects that cannot be distinguished from others without a measured spin -> reason."""
     if not isinstance(data, FilmData) or data.film.angle_known.any():
         return {}

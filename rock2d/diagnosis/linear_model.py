@@ -84,7 +84,7 @@ class LinearModel:
         steps = []
         for i, width in enumerate(widths):
             gain = self._held_out(impacts, flights, parts, width) - self._score_before
-            steps.append(Step(gain, self._newton(curvature, grad, width)[1], i))
+            steps.append(Step(gain, self._newton(curvature, grad, width)[len(self._fit.p) :], i))
         return max(steps, key=lambda step: float(step.gain.sum()))
 
     def chance_gains(self, columns: Residuals) -> Array:
@@ -125,9 +125,8 @@ class LinearModel:
         own, flights = self._own, self._fit.jacobian.flights
         return self._held_out(own, flights, [self._moments(own, flights, k) for k in range(FOLDS)])
 
-    def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
-        """Newton step, to subtract, of all parameters and of the further ones; without a `width` there are no further
-        ones."""
+    def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> Array:
+        """Newton step, to subtract: of the parameters and then of the further ones, unless there is no `width`."""
         model, p = self._fit.model, self._fit.p
         centre, prior_precision = prior(model)
         further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
@@ -135,8 +134,7 @@ class LinearModel:
         precision = np.concatenate([prior_precision, further])
         pull = np.concatenate([grad[: len(p)] + prior_precision * (p - centre), grad[len(p) : size]])
         pull[choice_positions(model)] = 0.0  # a scan chooses them
-        step = np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
-        return step, step[len(p) :]
+        return np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
 
     def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
         """Curvature and gradient of minus the log likelihood of one fold. `flights` may lack the further columns."""
@@ -171,7 +169,7 @@ class LinearModel:
         curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
         z, after = np.empty_like(self._z), np.empty_like(self._flights)
         for k, (c, g) in enumerate(parts):
-            step, _ = self._newton(curvature - c, grad - g, width)
+            step = self._newton(curvature - c, grad - g, width)
             impact_rows, flight_rows = self._fold == k, self._flight_fold == k
             z[impact_rows] = self._z[impact_rows] - impacts[impact_rows] @ step
             after[flight_rows] = self._flights[flight_rows] - flights[flight_rows] @ step[: flights.shape[-1]]

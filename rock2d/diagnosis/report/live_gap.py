@@ -203,7 +203,7 @@ def _static_data(result: Diagnosis, data: FilmData) -> dict[str, Any]:
     """Data that do not change: ground, blocks, and flights as lines."""
     ground, blocks = result.experiment.cross_section, result.experiment.blocks
     colours = block_colours(blocks)
-    flights = report_data.flight_paths(data, report_data.signs_of(result))
+    flights = report_data.flight_lines(data, report_data.signs_of(result))
     ways = np.vstack([*flights, report_data.touch_places(result, data)])
     radius = max(block.radius_m for block in blocks.values())
     return {

@@ -73,32 +73,19 @@ def write_report(
     `content`: that of diagnosis.json; `command`: command line that the page shows.
     """
     made = Made.now(command, f"{result.seed} (of the bootstrap intervals)")
-    with bars.stage(REPORT, PARTS, "parts") as bar:
-        page = report_page(result, content, folder, made, bar.step)
-        write_whole(folder / PAGE, page)
-        bar.step("page")
-
-
-def report_page(
-    result: Diagnosis,
-    content: dict[str, Any],
-    folder: Path,
-    made: Made,
-    on_progress: Progress,
-) -> str:
-    """The page as text; the video is written into `folder` and into the page."""
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
     context |= live_assets("live_gap") | {"replicates": REPLICATES}
-    models = report_data.compared_models(result) if result.found is not None else None
-    effect = models.get("effect") if models is not None else None
-    chain = [e.name for e in effect.fit.model.effects] if effect is not None else []
-    context |= (
-        _verdict_section(result, content, chain) | budget_section(content) | checks_section(result.checks)
-    )
-    if models is not None:
-        context |= _sections(result, content, models, chain, folder, on_progress)
-        context["key_figures"] += context["passing_tile"]
-    return rendered("rock2d.diagnosis.report", "page.html.j2", context)
+    with bars.stage(REPORT, PARTS, "parts") as bar:
+        models = report_data.compared_models(result) if result.found is not None else {}
+        effect = models.get("effect")
+        chain = [e.name for e in effect.fit.model.effects] if effect is not None else []
+        context |= _verdict_section(result, content, chain)
+        context |= budget_section(content) | checks_section(result.checks)
+        if models:
+            context |= _sections(result, content, models, chain, folder, bar.step)
+            context["key_figures"] += context["passing_tile"]
+        write_whole(folder / PAGE, rendered("rock2d.diagnosis.report", "page.html.j2", context))
+        bar.step("page")
 
 
 def _verdict_section(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
@@ -175,7 +162,7 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: report_da
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []
     if isinstance(result.data, FilmData):
-        flights = report_data.flight_paths(result.data, report_data.signs_of(result))
+        flights = report_data.flight_lines(result.data, report_data.signs_of(result))
     misses = report_data.impact_misses(result, models["base"].held_out)
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     blocks, keys = list(experiment.blocks), ("share", "z", "phase", "zone", "block", "channel")

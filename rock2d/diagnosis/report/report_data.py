@@ -91,7 +91,7 @@ def states_around(result: Diagnosis, data: FilmData) -> tuple[Array, Array]:
     return before, data.states_at(setup, impacts.after, impacts.begin_s)
 
 
-def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
+def flight_lines(data: FilmData, signs: Signs) -> list[Array]:
     """(k, 2) positions in a few frames of each measured flight, for at most MOST_FLIGHTS flights."""
     flights = data.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))

@@ -31,11 +31,11 @@ SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to t
 
 
 def fit_base(
-    setup: World, base: Array, data: Data, registered: World | None = None, bars: Bars | None = None
+    setup: World, start: Array, data: Data, registered: World | None = None, bars: Bars | None = None
 ) -> Fit:
     """The paper's law with its own parameters refitted: the base law.
 
-    The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the
+    The fit explores a coarse grid around `start` on some releases and then fits all of them. Both readings of the
     rolling resistance are tried (`ContactParameters.rolling_in_indentation`); the better one stays in the set-up.
 
     If the film was segmented in another world than the stated one (`registered`), the law is fitted there and used
@@ -45,13 +45,13 @@ def fit_base(
     bars = bars or Bars(False)
     if not len(data.impact_release):  # the data do not show the law: it stays as stated
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
-        return fit(Model(setup, base, flown=flown), data)
+        return fit(Model(setup, start, flown=flown), data)
     with bars.stage(BASE, 3, "fits") as bar:
-        best = fit_from_grid(Model(registered or setup, base), data, Processes(1, (data,)), bar)
+        best = fit_from_grid(Model(registered or setup, start), data, Processes(1, (data,)), bar)
         assert best is not None
     if registered is None:
         return best
-    stated = Model(replace(setup, contact=best.model.setup.contact), base)
+    stated = Model(replace(setup, contact=best.model.setup.contact), start)
     return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 

@@ -23,7 +23,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
-from rock2d.kinematics import sanity as checks
+from rock2d.kinematics import sanity as fault_codes
 from rock2d.kinematics.film_findings import (
     FilmFindings,
     film_findings,
@@ -43,8 +43,8 @@ CAMERA_NOISE = 2.0e-2  # in the same units
 NOISE_SEED = 1
 # faults of films whose flights can still be read
 FAULTS_THAT_LEAVE_FLIGHTS = {
-    checks.FEW_RELEASES, checks.FEW_IMPACTS, checks.WRONG_GRAVITY, checks.CONSTANT_ANGLE, checks.BELOW_GROUND,
-    checks.ABOVE_GROUND, checks.BESIDE_GROUND,
+    fault_codes.FEW_RELEASES, fault_codes.FEW_IMPACTS, fault_codes.WRONG_GRAVITY, fault_codes.CONSTANT_ANGLE,
+    fault_codes.BELOW_GROUND, fault_codes.ABOVE_GROUND, fault_codes.BESIDE_GROUND,
 }  # fmt: skip
 
 

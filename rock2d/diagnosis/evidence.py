@@ -177,7 +177,7 @@ def evidence_of_members(
     the gain of the member has changed little.
     """
     best, contained = search.best, {CONTAINED[change.lever] for change in permanent.changes}
-    evidence_of, fewer, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
+    evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
         before = known.get(name)
@@ -206,16 +206,16 @@ def evidence_of_members(
                 or abs(evidence.own_gain.total - before.own_gain.total)
                 >= RELEARN_CHANGE * before.own_gain.total
             ):
-                fewer[name] = without
+                to_relearn[name] = without
                 continue
             evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
         bar.step(name)
     jobs = [
         (without, search.effects[name].phase, evidence_of[name].own_gain.total)
-        for name, without in fewer.items()
+        for name, without in to_relearn.items()
     ]
     for k, gain in search.processes.as_finished(_replacement_gain, jobs):
-        name = list(fewer)[k]
+        name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
         bar.step(name)
     for name in doubted:

@@ -16,7 +16,7 @@ Array = np.ndarray
 
 FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
 # releases that differ from the filmed ones: text, factor on speed, spin added in √(g / radius)
-VARIANTS = (
+POSSIBLE_RELEASES = (
     ("as filmed", 1.0, 0.0),
     ("1.5 times as fast", 1.5, 0.0),
     ("two thirds as fast", 0.67, 0.0),
@@ -46,7 +46,7 @@ def next_release(
     second = max(rivals, key=lambda c: c.total)
     names = f"{first.effect.name} and {second.effect.name}"
     best, proposal = 0.0, ""
-    for text, faster, spin in VARIANTS:
+    for text, faster, spin in POSSIBLE_RELEASES:
         distance = _distance(data, setup, first, second, faster, spin)
         for block in range(len(setup.blocks)):
             for zone in range(len(zones)):

@@ -88,7 +88,7 @@ def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None)
     some, effect_start = data.only(keep), np.empty(0)
     if known is not None:
         effect_start = known.p[len(BASE_WIDTH) :]
-        known = known.only(keep[data.impact_release], keep[data.flight_release])
+        known = known.only(keep, data)
     rows = model.setup.contact.copy()
     rows[..., ROLLING_IN_INDENTATION] = reading
     model = replace(model, setup=replace(model.setup, contact=rows))

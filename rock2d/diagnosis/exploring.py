@@ -34,7 +34,7 @@ def total_on_some(base: Fit, data: Data) -> float:
     some = some_releases(data)
     if some.all():
         return base.total()
-    part = base.only(some[data.impact_release], some[data.flight_release])
+    part = base.only(some, data)
     return _short_fit(CachedResiduals(base.model, data.only(some).coarse()), part.p, part).total()
 
 
@@ -63,7 +63,7 @@ def explore_on_some(model: Model, data: Data, base: Fit, on_some: float = -np.in
     if some.all():
         best = _best_short_fit(model, data.coarse(), base)
         return Explored(best.p, best.total() - on_some, True)
-    part = base.only(some[data.impact_release], some[data.flight_release])
+    part = base.only(some, data)
     best = _best_short_fit(model, data.only(some).coarse(), part)
     gain = best.total() - on_some
     useful = gain > EXPLORED_GAIN

@@ -67,8 +67,9 @@ class Fit:
         flights = flight_log_likelihood(self.residuals.flights)
         return float(log_likelihood(self.residuals.impacts, self.covariance()).sum() + flights.sum())
 
-    def only(self, impacts: Array, flights: Array) -> Fit:
-        """The fit restricted to some impacts and flights, given as masks (n,) and (m,)."""
+    def only(self, releases: Array, data: Data) -> Fit:
+        """The fit restricted to some of the releases of its data, given as a mask."""
+        impacts, flights = releases[data.impact_release], releases[data.flight_release]
         s = self.jacobian
         jacobian = Jacobian(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])

@@ -28,7 +28,7 @@ LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviat
 def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None) -> dict[str, str]:
     """Effect that these data cannot show -> reason. `film`: what the film says of itself."""
     some = some_releases(data)
-    part = base.only(some[data.impact_release], some[data.flight_release])
+    part = base.only(some, data)
     some_data = data.only(some).coarse()
     at = base.model.residuals(base.p, some_data)
     sd = standard_deviations(part.covariance())

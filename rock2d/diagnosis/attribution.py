@@ -102,7 +102,8 @@ class Attribution:
     sets: dict[Names, Validated]
 
     @property
-    def best(self) -> str:
+    def strongest(self) -> str:
+        """The effect of the chain with the largest gain alone."""
         return self.chain[0].effect.name
 
     @property

@@ -77,7 +77,7 @@ class FilmData(FilmSegments):
     Attributes
     ----------
     impact_release, impact_block, impact_zone : (n,) index of release, block and zone of each impact
-    impact_order : (n,) place of each impact's release in its block's series
+    impact_order : (n,) position of each impact's release in its block's series
     tangent : (n, 2) direction of the ground at each impact
     flight_release, flight_block : (m,) index of release and block of each flight
     """

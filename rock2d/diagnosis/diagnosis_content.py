@@ -206,7 +206,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "next_release": next_release(data, result.setup, attribution, result.cells, zones),
         "unexplained": [{"dependence": d.name} | _gain_json(d) for d in attribution.unexplained],
-        "beside": _chain_json(attribution) if attribution.verdict == attribution.best else [],
+        "beside": _chain_json(attribution) if attribution.verdict == attribution.strongest else [],
         "model": _model_json(attribution),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
         "physical": _physical_json(result),

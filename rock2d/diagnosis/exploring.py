@@ -25,7 +25,7 @@ RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
 # gain in log likelihood of a step below which a fit has converged if its effect gained nothing on some releases
 COARSE_CONVERGED_GAIN = 8.0
 EXPLORED_GAIN = 1.0  # log likelihood of an effect on some releases for the fit to start from there
-REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are scanned again
+REFIT_GAIN = 15.0  # log likelihood that counts as much: what gains it is scanned or fitted again
 LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the base law with a step of a scan
 
 

@@ -120,9 +120,9 @@ def _impact_part(data: Data, attribution: Attribution) -> Part:
     """Squares of impacts along the ground, across it, and of the spin."""
     final, explained = attribution.final.fit, _explained_squares(attribution, "impacts")
     first, left = (own.impacts**2 for own in (attribution.base_regressed, attribution.learnt_regressed))
-    if attribution.verdict == attribution.best and any(c.effect.scatter for c in attribution.chain):
+    if attribution.verdict == attribution.strongest and any(c.effect.scatter for c in attribution.chain):
         explained = _explained_spread(attribution)
-    elif attribution.verdict == attribution.best and not attribution.chain[0].effect.camera:
+    elif attribution.verdict == attribution.strongest and not attribution.chain[0].effect.camera:
         # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
         # that was fitted with the effect, with its air forces, shows where the ground is wrong.
         law = attribution.base.fit.model.world(final.p[: len(BASE_WIDTH)], data.impact_order)

@@ -39,7 +39,7 @@ def next_release(
             f"More releases that show {_place(cell)}: most of the gap lies there, "
             "and nothing in the catalogue explains it."
         )
-    first = attribution.candidates[attribution.best]
+    first = attribution.candidates[attribution.strongest]
     rivals = [c for c in attribution.candidates.values() if c is not first and not c.effect.scatter]
     if not rivals or first.effect.scatter:
         return "More releases of every block: only many releases separate a scatter from a shift."

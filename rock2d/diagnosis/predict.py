@@ -192,8 +192,8 @@ def _predict_impacts(experiment: Experiment, content: dict[str, Any], base_only:
     given = experiment.impacts.dropna(subset=list(STATE_NAMES)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
     given = given.sort_values("release", kind="stable")
     data = TableData.of(replace(experiment, impacts=given))
-    places = _series_positions(content, list(experiment.blocks), data.release_block, data.order)
-    data.impact_order = places[data.impact_release]
+    positions = _series_positions(content, list(experiment.blocks), data.release_block, data.order)
+    data.impact_order = positions[data.impact_release]
     world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
     changes = [] if base_only else learnt_changes(content)
     known = data.impact_quantities(world).keys() | data.outcome_quantities(world).keys()

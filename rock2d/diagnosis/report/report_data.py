@@ -45,7 +45,7 @@ def compared_models(result: Diagnosis) -> Models:
     models: Models = {"base": found.base}
     if found.verdict != "none" and (found.verdict != "unknown" or found.named):
         name = reported_effect(found)
-        models["effect"] = found.final if name == found.best else found.candidates[name]
+        models["effect"] = found.final if name == found.strongest else found.candidates[name]
     return models
 
 

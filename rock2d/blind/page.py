@@ -44,6 +44,14 @@ if TYPE_CHECKING:
 CALIBRATION_COLUMNS = ("pairs", "present", "auroc", "brier", "ece", "ece_if_calibrated")
 CALIBRATION_HEAD = ("", "pairs", "present", "AUROC", "Brier", "ECE", "ECE of chance alone")
 KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # in the order of LABEL_KINDS
+_MARGIN = f"{100 * CLOSURE_MARGIN:.0f} points"
+CLOSURE_HEAD = (
+    "closure: median of claimed less true", f"within {_MARGIN}", f"claimed more than {_MARGIN} too much"
+)  # fmt: skip
+PREDICTED_CLOSURE = (
+    "The true closure here is the share of the gap of the typical miss that is closed in the held-out film. The floor "
+    "is that which the diagnosis states, at most what its model reaches."
+)
 GROUP_NAMES = {
     "all": "all cases",
     "without_outside": "no outside cause",
@@ -119,13 +127,28 @@ def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
 def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
     """Section on predictions of held-out films; none without predictions."""
     rows = [
-        (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]))
+        (
+            name,
+            f"{100 * own['median_smaller']:.0f} %",
+            share_text(own["tail_not_worse"]),
+            *_closure_cells(own),
+        )
         for name, own in found.items()
         if own["tail_not_worse"][3]
     ]
-    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's")
+    head = (
+        "hidden", "typical miss smaller by (median)", "tail not worse than the base law's", *CLOSURE_HEAD
+    )  # fmt: skip
     if rows:
-        yield Section("Predictions of held-out films", tables=[Table(head, rows)])
+        yield Section("Predictions of held-out films", [PREDICTED_CLOSURE], tables=[Table(head, rows)])
+
+
+def _closure_cells(own: dict[str, Any]) -> tuple[str, str, str]:
+    """The cells below CLOSURE_HEAD; empty without a closure."""
+    if not own["within_15_points"][3]:
+        return "", "", ""
+    median = f"{100 * own['median_claimed_less_true']:+.1f} points"
+    return median, share_text(own["within_15_points"]), share_text(own["claimed_too_much"])
 
 
 def _calibration_section(found: dict[str, Any]) -> Section:
@@ -179,21 +202,9 @@ def _wrong_text(wrong: dict[str, Any]) -> str:
 
 def _closure_section(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Section]:
     """Section on claimed and true closure; none if no case has both."""
-    rows = [
-        (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]),
-         share_text(own["claimed_too_much"]))
-        for name, own in found.items()
-        if own["within_15_points"][3] > 0
-    ]  # fmt: skip
-    margin = f"{100 * CLOSURE_MARGIN:.0f} points"
-    head = (
-        "hidden",
-        "median of claimed less true",
-        f"within {margin}",
-        f"claimed more than {margin} too much",
-    )
+    rows = [(name, *_closure_cells(own)) for name, own in found.items() if own["within_15_points"][3] > 0]
     if rows:
-        title = "Claimed and true closure"
+        title, head = "Claimed and true closure", ("hidden", *CLOSURE_HEAD)
         yield Section(
             title, pictures=[drawn(_closure_figure(cases), title, "svg")], tables=[Table(head, rows)]
         )

@@ -55,7 +55,10 @@ class ScoredCase:
     verdict, p_verdict : the single answer, and its probability
     p : inclusion probabilities of the listed effects, most probable first
     names : each named effect with the effects that it shares its name with
-    claimed, true : share of the gap closed, by the diagnosis and in truth; None if unknown
+    claimed, true : share of the gap closed, by the diagnosis and in truth; None if unknown. The truth is at most 1: the
+        null twin may have a larger floor than the film
+    claimed_predicted, found_predicted : share of the gap of predictions closed, by the diagnosis and in the held-out
+        film; None if unknown
     misses : misses of predictions of the held-out film, see `running`; empty without those of the tail
     sizes : errors of the sizes of named effects that are hidden, if they can be compared
     base : name of the real record on which the case is based, or MADE
@@ -75,6 +78,8 @@ class ScoredCase:
     seconds: float
     claimed: float | None
     true: float | None
+    claimed_predicted: float | None = None
+    found_predicted: float | None = None
     misses: Mapping[str, float] = field(default_factory=dict)
     sizes: Sequence[SizeError] = ()
     base: str = MADE
@@ -137,11 +142,19 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     p = {str(cause["effect"]): float(cause["p"]) for cause in diagnosis["causes"]}
     names = [frozenset([own["effect"], *own["group"]]) for own in diagnosis["causes"] if own["named"]]
     misses = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
+    misses = misses if misses.keys() >= MISS_KEYS else {}
+    typical = (diagnosis.get("predicted") or {}).get("typical") if misses else None
+    claimed, found = (
+        (None, None)
+        if typical is None
+        else (float(typical["closure"]), found_closure(misses, float(typical["floor"])))
+    )
+    true = _number(result.get("true_closure"))
     return ScoredCase(
         name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
         dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p), int(label["releases"]),
-        float(result["seconds"]), _number(diagnosis["gap"]["closure"]), _number(result.get("true_closure")),
-        misses if misses.keys() >= MISS_KEYS else {}, size_errors(label, diagnosis["causes"]),
+        float(result["seconds"]), _number(diagnosis["gap"]["closure"]), None if true is None else min(true, 1.0),
+        claimed, found, misses, size_errors(label, diagnosis["causes"]),
         str(label.get("base", MADE)), frozenset(label.get("of_record", ())),
     )  # fmt: skip
 
@@ -157,7 +170,8 @@ def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
             "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,
             "named": "+".join("|".join(sorted(own)) for own in c.names), "p_outside": c.p_outside,
             "verdict": c.verdict, "p": c.p_verdict, "right": c.right,
-            "claimed": c.claimed, "true": c.true, **{f"heldout_{key}": miss for key, miss in c.misses.items()},
+            "claimed": c.claimed, "true": c.true, "claimed_predicted": c.claimed_predicted,
+            "found_predicted": c.found_predicted, **{f"heldout_{key}": miss for key, miss in c.misses.items()},
             "seconds": c.seconds,
         }
         for c in cases
@@ -332,27 +346,41 @@ def _by_kind(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
     return {"all": cases} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
 
 
+def found_closure(misses: Mapping[str, float], floor: float) -> float:
+    """Share of the gap of predictions that is closed in a held-out film, from the medians of its misses. `floor`: that
+    of the diagnosis; no model can reach less, so it is at most the miss of the diagnosed one."""
+    floor = min(floor, misses["diagnosed"])
+    gap = misses["base"] - floor
+    return (misses["base"] - misses["diagnosed"]) / gap if gap > 0.0 else 0.0
+
+
 def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]]:
     """(kind of label, claimed, true) of the cases in which both are known."""
     return [(c.kind, c.claimed, c.true) for c in cases if c.claimed is not None and c.true is not None]
 
 
 def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
-    """Claimed minus true closure, for all cases and for each kind of label."""
-    out = {}
-    for name, group in _by_kind(cases).items():
-        errors = [claimed - true for _, claimed, true in known_closures(group)]
-        out[name] = {
-            "median_claimed_less_true": median(errors),
-            "within_15_points": wilson_share([abs(error) <= CLOSURE_MARGIN for error in errors]),
-            "claimed_too_much": wilson_share([error > CLOSURE_MARGIN for error in errors]),
-        }
-    return out
+    """Claimed minus true closure of the gap, for all cases and for each kind of label."""
+    return {
+        name: _closure_errors((claimed, true) for _, claimed, true in known_closures(group))
+        for name, group in _by_kind(cases).items()
+    }
+
+
+def _closure_errors(pairs: Iterable[tuple[float, float]]) -> dict[str, Any]:
+    """How far claimed closures are from found ones."""
+    errors = [claimed - found for claimed, found in pairs]
+    return {
+        "median_claimed_less_true": median(errors),
+        "within_15_points": wilson_share([abs(error) <= CLOSURE_MARGIN for error in errors]),
+        "claimed_too_much": wilson_share([error > CLOSURE_MARGIN for error in errors]),
+    }
 
 
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
-    relative reduction of the typical miss, and share of the cases in which the tail is not worse."""
+    relative reduction of the typical miss, share of the cases in which the tail is not worse, and claimed minus found
+    closure."""
     out = {}
     for name, group in _by_kind(cases).items():
         known = [c.misses for c in group if c.misses]
@@ -360,6 +388,11 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share(
                 [m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]
+            ),
+            **_closure_errors(
+                (c.claimed_predicted, c.found_predicted)
+                for c in group
+                if c.claimed_predicted is not None and c.found_predicted is not None
             ),
         }
     return out

@@ -9,7 +9,16 @@ import pytest
 from rock2d.blind.command import score
 from rock2d.blind.reality.catalogue import KNOWN
 from rock2d.blind.reality.cause import Scale
-from rock2d.blind.scoring import closures, inclusion, predicted, scored_case, scored_cases, summary, table
+from rock2d.blind.scoring import (
+    closures,
+    found_closure,
+    inclusion,
+    predicted,
+    scored_case,
+    scored_cases,
+    summary,
+    table,
+)
 from rock2d.blind.size_errors import MEANINGS, size_errors, size_summary
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -221,6 +230,28 @@ def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail
     ]
     found = predicted(cases)["one effect"]
     assert found["median_smaller"] == pytest.approx(0.5) and _counts(found["tail_not_worse"]) == (1, 2)
+
+
+def test_the_claimed_closure_of_predictions_is_compared_with_that_in_the_heldout_film():
+    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 2.5, "diagnosed_tail": 10.0}
+    assert found_closure(miss, floor=1.0) == pytest.approx(0.5)
+    assert found_closure(miss, floor=3.0) == 1.0  # no model is better than a perfect one
+    assert found_closure(miss | {"diagnosed": 5.5}, floor=1.0) == pytest.approx(-0.5)
+    assert found_closure(miss | {"diagnosed": 4.0}, floor=4.5) == 0.0  # there is no gap
+    result = _result({}, 0.0) | {"heldout": miss}
+    result["diagnosis"]["predicted"] = {"typical": {"closure": 0.75, "floor": 1.0}}
+    cases = [
+        scored_case("0", trial_label(air_drag=20.0), result),
+        scored_case("1", trial_label(), _result({}, 0.0)),
+    ]
+    found = predicted(cases)["all"]
+    assert found["median_claimed_less_true"] == pytest.approx(0.25)
+    assert _counts(found["within_15_points"]) == (0, 1) and _counts(found["claimed_too_much"]) == (1, 1)
+
+
+def test_a_true_closure_is_at_most_the_whole_gap():
+    """The null twin may have a larger floor than the film with its causes."""
+    assert scored_case("0", trial_label(air_drag=20.0), _result({}, 0.0, claimed=0.9, true=1.9)).true == 1.0
 
 
 def test_the_single_verdict_is_right_if_what_it_says_is_hidden(cases):

@@ -159,7 +159,8 @@ def test_misses_are_those_of_the_tiles_and_the_passing_frequencies_those_of_the_
     tick(page, *EFFECTS)
     page.locator(".live-model:visible summary").click()
     rows = {row[0]: row[1:] for row in cells(page, ".live-model:not([hidden]) details tr") if row}
-    models = ["measured", "base law", "with camera tilt and inertia error"]
+    found = " and ".join(spoken(effect.name) for effect in diagnosed.found.final.fit.model.effects)
+    models = ["measured", "base law", f"with {found}"]
     for (place, block), own in table.groupby(["place", "block"]):
         values = own.set_index("model")["value (%)"]
         assert rows[f"{place}: {block}"] == [f"{values[model]:.0f} %" for model in models]

@@ -361,9 +361,11 @@ def relative_size(fit: Fit, name: str) -> float:
 
 def size_faults(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
     """Whether an effect with these sizes, see `relative_size`, is too small to matter, and whether it lies at the end
-    of the plausible range. An effect with a large gain may be small, and a choice has no range."""
+    of the plausible range. An effect with a large gain may be small, unless it only widens the scatter: any noise that
+    is not modelled does so, and closes no gap. A choice has no range."""
     is_choice = effect.parameters[0].must_choose
-    return min(sizes) < LEAST_SIZE and not large_gain, max(sizes) > LARGEST_SIZE and not is_choice
+    negligible = min(sizes) < LEAST_SIZE and (effect.scatter or not large_gain)
+    return negligible, max(sizes) > LARGEST_SIZE and not is_choice
 
 
 def probability_of_no_closure(search: Search, name: str, learnt: Validated, without: Validated) -> float:

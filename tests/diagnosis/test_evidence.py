@@ -16,6 +16,7 @@ from rock2d.diagnosis.evidence import (
     probability_from_p_value,
     relative_size,
     single_answers,
+    size_faults,
     unexplained_probability,
 )
 from rock2d.diagnosis.model import Model
@@ -109,6 +110,15 @@ def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_oth
     plain = replace(found(own_gain=600.0, others_gain=3000.0), form_share=FORM_SHARE)
     assert found(own_gain=600.0, others_gain=3000.0).named("air_drag") and not plain.named("air_drag")
     assert replace(plain, others_gain=300.0).named("soil_compaction")
+
+
+def test_a_small_effect_matters_if_its_gain_is_large_but_never_a_small_scatter():
+    """A roughness of 0.05° gains in a long film, but it is that of no ground, and closes no gap."""
+    scale, roughness = catalogue()["scale_error"], catalogue()["surface_roughness"]
+    assert size_faults(scale, [0.003], large_gain=True) == (False, False)
+    assert size_faults(scale, [0.003], large_gain=False) == (True, False)
+    assert size_faults(roughness, [0.003], large_gain=True) == (True, False)
+    assert size_faults(roughness, [0.03], large_gain=True) == (False, False)
 
 
 def test_what_is_refused_and_not_negligible_is_unknown():

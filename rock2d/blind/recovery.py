@@ -114,9 +114,8 @@ def make_cases(
             added = values[parameter.name]
             expected = from_scale(parameter, to_scale(parameter, added) + to_scale(parameter, has))
             expected = float(np.hypot(has, added)) if effect.scatter else expected
-            growth = (
-                changed.releases / changed.pieces if effect.grows else 1.0
-            )  # it grows from piece to piece
+            # in a record of pieces, an effect that grows does so from piece to piece
+            growth = changed.releases / changed.pieces if effect.grows else 1.0
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
                 "pieces": changed.pieces, "cut": changed.cut, "expected": expected * growth,

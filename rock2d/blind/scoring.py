@@ -18,7 +18,7 @@ import pandas as pd
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
 from rock2d.blind.size_errors import SizeError, median, size_errors, size_summary
-from rock2d.diagnosis.predicted_gap import HARMFUL_TAIL
+from rock2d.diagnosis.predicted_gap import HARMFUL_TAIL, closed_share
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
@@ -347,11 +347,8 @@ def _by_kind(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
 
 
 def found_closure(misses: Mapping[str, float], floor: float) -> float:
-    """Share of the gap of predictions that is closed in a held-out film, from the medians of its misses. `floor`: that
-    of the diagnosis; no model can reach less, so it is at most the miss of the diagnosed one."""
-    floor = min(floor, misses["diagnosed"])
-    gap = misses["base"] - floor
-    return (misses["base"] - misses["diagnosed"]) / gap if gap > 0.0 else 0.0
+    """Share of the gap of predictions that is closed in a held-out film; `floor`: that of the diagnosis."""
+    return float(closed_share(*np.array([misses["base"], misses["diagnosed"], floor])))
 
 
 def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]]:

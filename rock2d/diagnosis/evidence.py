@@ -325,19 +325,22 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
         for other in smaller.keys() - {name}
     }
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
-    model = permanent.fit.model
-    slope_rad = sum(
-        response.slope @ coefficients
-        for response, coefficients in zip(model.responses, model.coefficients(permanent.fit.p), strict=True)
-        if response.slope is not None
-    )
-    # the slopes of the learnt profile are a part of its size
-    profile_size = float(np.sqrt(np.mean(np.square(slope_rad)))) / model.parameters_of(name)[0].high
-    sizes = [float(np.hypot(relative_size(permanent.fit, name), profile_size))]
     return Evidence(
         own_gain, held_out_gain(data, others, without), left, float(ndtr(-own_gain.significance)), {}, form_share=1.0,
-        negligible=size_faults(search.effects[name], sizes, large_gain=False)[0],
+        negligible=size_faults(search.effects[name], [_size_with_profile(permanent.fit, name)], False)[0],
     )  # fmt: skip
+
+
+def _size_with_profile(fit: Fit, name: str) -> float:
+    """`relative_size` of a permanent roughness: of its scatter and the slopes of its learnt profile together."""
+    model = fit.model
+    slope_rad = sum(
+        response.slope @ coefficients
+        for response, coefficients in zip(model.responses, model.coefficients(fit.p), strict=True)
+        if response.slope is not None
+    )
+    of_profile = np.sqrt(np.mean(np.square(slope_rad))) / model.parameters_of(name)[0].high
+    return float(np.hypot(relative_size(fit, name), of_profile))
 
 
 def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:

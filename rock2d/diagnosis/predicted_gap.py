@@ -55,8 +55,7 @@ class PredictedGap:
         """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases."""
         base, augmented = (self._medians(own, seed) for own in (self.base, self.augmented))
         floor = np.minimum(self._medians(self.floor.T, seed), augmented)
-        gap = base - floor
-        closed = np.divide(base - augmented, gap, out=np.zeros_like(gap), where=gap > 0.0)
+        closed = closed_share(base, augmented, floor)
         low, high = np.quantile(closed[1:], [0.025, 0.975])
         tail = {
             name: float(np.percentile(own, TAIL_PERCENTILE))
@@ -80,6 +79,13 @@ class PredictedGap:
             drawn = rng.integers(len(rows), size=len(rows))
             medians.append(np.median(values[np.concatenate([rows[i] for i in drawn])]))
         return np.array(medians, float)
+
+
+def closed_share(base: Array, augmented: Array, floor: Array) -> Array:
+    """Shares of gaps of predictions that are closed, from medians of misses (any shape); 0 without a gap. No model can
+    reach less than the floor, so it is at most the miss of the augmented one."""
+    gap = base - np.minimum(floor, augmented)
+    return np.divide(base - augmented, gap, out=np.zeros_like(gap), where=gap > 0.0)
 
 
 def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) -> PredictedGap | None:

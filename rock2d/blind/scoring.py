@@ -242,7 +242,7 @@ def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]
     """(effect, probability, whether present) of every case and effect of the catalogue, without the undecidable."""
     pairs = []
     for case in cases:
-        for effect in catalogue().keys() - (case.of_record - case.hidden.keys()):
+        for effect in sorted(catalogue().keys() - (case.of_record - case.hidden.keys())):
             z = case.hidden.get(effect, 0.0)
             if not ABSENT_SIGNAL_TO_NOISE <= z < PRESENT_SIGNAL_TO_NOISE:
                 pairs.append((effect, case.p.get(effect, 0.0), z >= PRESENT_SIGNAL_TO_NOISE))

@@ -3,15 +3,17 @@
 Every release is simulated until shortly after its first impact: with and without the hidden causes, with each of the
 five parameters of the law and each of the six components of its incident state changed, and without the scatter of the
 soil. Statistics describe the recording of each run: position and velocity before and after the first impact, and
-curvature of the first flight. Differences are divided by the standard deviations that noise and soil cause. The parts
-that other incident states and other parameters of the law can imitate are projected out. The length of the remaining
-vector is the signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
+curvature of the first flight. Differences are divided by the standard deviations that noise and soil cause. What other
+incident states imitate is projected out, and the parameters of the law are fitted: a block that lands on another corner
+answers to any small change, so that a linear model of the law would miss what a fit imitates. The length of the
+remaining vector is the signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,8 +22,17 @@ from rock2d.blind.cases import Case
 
 Array = np.ndarray
 
-# relative change of a parameter of the law, or of a component of the incident state in units of the block's scale
-RELATIVE_STEP = 0.003
+STATE_STEP = 0.003  # change of a component of the incident state, in units of the block's scale
+# Change of the logarithm of a parameter of the law: as large as the scatter of a soil, so that most blocks answer
+# smoothly.
+LAW_STEP = 0.1
+LARGEST_LAW_STEP = 0.5
+MOST_SLOPES = 4  # times that the slopes of a fit of the law are computed
+STEP_LENGTHS = (1.0, 0.5, 0.25)  # shares of a step that are tried
+LEAST_DESCENT = 0.01  # of the cost, log(1 + size²) of each release; the fit ends at less
+STEEPEST_SLOPE = (
+    3.0  # times the median over releases; steeper ones come from blocks that land on another corner
+)
 WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
 SOIL_DRAWS = 8  # draws of the soil from which the scatter is estimated
@@ -61,22 +72,64 @@ def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array
     noise = _Whitening.estimate(case, first_flights)
     incident = _incident_directions(case, first_flights, noise)
 
-    def projected(z: Array) -> Array:
-        return (z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0]).ravel()
+    def seen(log_factors: Array, hidden: list[reality.Hidden]) -> Array:
+        law = case.world.law
+        changed = {
+            name: getattr(law, name) * np.exp(x) for name, x in zip(LAW_PARAMETERS, log_factors, strict=True)
+        }
+        changed["k_ul"] = max(changed["k_l"], changed["k_ul"])
+        world = replace(case.world, law=replace(law, **changed))
+        return first_flights.statistics(replace(case, world=world), hidden)
 
-    law = case.world.law
-    changed_laws = []
-    for name in LAW_PARAMETERS:
-        changed = replace(law, **{name: getattr(law, name) * (1 + RELATIVE_STEP)})
-        changed_case = replace(case, world=replace(case.world, law=changed))
-        changed_laws.append(projected(noise.whitened(first_flights.statistics(changed_case, []))))
-    basis = np.column_stack(changed_laws)
+    def residual(film: Array, log_factors: Array) -> Array:
+        z = noise.whitened(film, seen(log_factors, []))
+        return np.asarray(z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0])
+
     out = []
     for cause in causes:
-        seen = projected(noise.whitened(first_flights.statistics(case, cause)))
-        remaining = seen - basis @ np.linalg.lstsq(basis, seen, rcond=None)[0]
-        out.append(remaining * np.sqrt(releases / len(chosen)))
+        film = seen(np.zeros(len(LAW_PARAMETERS)), cause)
+        remaining = _after_fit(partial(residual, film))
+        out.append(remaining.ravel() * np.sqrt(releases / len(chosen)))
     return out
+
+
+def _after_fit(residual: Callable[[Array], Array]) -> Array:
+    """The residuals (releases, 15) of the law that fits best; `residual`: those of a law, from the logarithms (5,) of
+    its factors. Releases count less the larger their residuals or their slopes are. Slopes are renewed where steps with
+    the old ones lead no further.
+    """
+    law = np.zeros(len(LAW_PARAMETERS))
+    r = residual(law)
+    for _ in range(MOST_SLOPES):
+        changed = np.stack([residual(law + step) for step in LAW_STEP * np.eye(len(law))], axis=-1)
+        slope, before = (r[..., None] - changed) / LAW_STEP, law
+        while (better := _better_law(residual, law, r, slope)) is not None:
+            law, r = better
+        if law is before:
+            break
+    return r
+
+
+def _better_law(
+    residual: Callable[[Array], Array], law: Array, r: Array, slope: Array
+) -> tuple[Array, Array] | None:
+    """One step of the fit from `law` with residuals `r` (releases, 15) and slopes (releases, 15, 5): a better law and
+    its residuals, or None."""
+    steepness = np.sqrt((slope**2).sum(axis=(1, 2)))
+    smooth = np.minimum(1.0, STEEPEST_SLOPE * np.median(steepness) / np.maximum(steepness, 1e-9))
+    weight = smooth / np.sqrt(1.0 + (r**2).sum(axis=1))
+    weighted = (slope * weight[:, None, None]).reshape(-1, len(law))
+    step = np.linalg.lstsq(weighted, (r * weight[:, None]).ravel(), rcond=1e-6)[0]
+    step = np.clip(step, -LARGEST_LAW_STEP, LARGEST_LAW_STEP)
+    for length in STEP_LENGTHS:
+        trial = law + length * step
+        if _cost(found := residual(trial)) < _cost(r) - LEAST_DESCENT:
+            return trial, found
+    return None
+
+
+def _cost(r: Array) -> float:
+    return float(np.log1p((r**2).sum(axis=1)).sum())
 
 
 def _some_releases(case: Case, chosen: Array) -> Case:
@@ -129,11 +182,10 @@ class _Whitening:
 
     Attributes
     ----------
-    base, sd : (releases, 15) statistics without causes, and their standard deviations by noise and soil
+    sd : (releases, 15) standard deviations of the statistics by noise and soil
     inverse_root : (releases, 15, 15) inverse Cholesky factor of their correlations
     """
 
-    base: Array
     sd: Array
     inverse_root: Array
 
@@ -164,11 +216,11 @@ class _Whitening:
         covariance = (1.0 - SHRINKAGE) * z.transpose(0, 2, 1) @ z / len(z[0])
         rest = np.maximum(1.0 - np.diagonal(covariance, axis1=1, axis2=2), 0.0)
         root = np.linalg.cholesky(covariance + np.eye(base.shape[1]) * rest[:, None, :])
-        return _Whitening(base, sd, np.linalg.inv(root))
+        return _Whitening(sd, np.linalg.inv(root))
 
-    def whitened(self, statistics: Array) -> Array:
-        """Differences from the statistics without causes, in standard errors."""
-        z = np.clip((statistics - self.base) / self.sd, -LARGEST_DEVIATION, LARGEST_DEVIATION)
+    def whitened(self, statistics: Array, others: Array) -> Array:
+        """Differences between statistics, in standard errors."""
+        z = np.clip((statistics - others) / self.sd, -LARGEST_DEVIATION, LARGEST_DEVIATION)
         return np.asarray((self.inverse_root @ z[..., None])[..., 0])
 
 
@@ -176,12 +228,12 @@ def _incident_directions(case: Case, first_flights: _FirstFlights, noise: _White
     """(releases, 15, 6) orthonormal directions that the incident state of a release can imitate."""
     size = _sizes_m(case)
     pace = np.sqrt(case.world.gravity_m_s2 * size)
-    units = RELATIVE_STEP * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
+    units = STATE_STEP * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
     changes = []
     for k in range(6):
         states = case.releases.states + units * (np.arange(6) == k)
         changed = replace(case, releases=replace(case.releases, states=states))
-        changes.append(noise.whitened(first_flights.statistics(changed, [])))
+        changes.append(noise.whitened(first_flights.statistics(changed, []), first_flights.base))
     directions, _ = np.linalg.qr(np.stack(changes, axis=-1))
     return np.asarray(directions)
 

@@ -11,9 +11,8 @@ remaining vector is the signal-to-noise ratio: the size of the causes in standar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -23,16 +22,9 @@ from rock2d.blind.cases import Case
 Array = np.ndarray
 
 STATE_STEP = 0.003  # change of a component of the incident state, in units of the block's scale
-# Change of the logarithm of a parameter of the law: as large as the scatter of a soil, so that most blocks answer
-# smoothly.
-LAW_STEP = 0.1
-LARGEST_LAW_STEP = 0.5
-MOST_SLOPES = 4  # times that the slopes of a fit of the law are computed
-STEP_LENGTHS = (1.0, 0.5, 0.25)  # shares of a step that are tried
-LEAST_DESCENT = 0.01  # of the cost, log(1 + size²) of each release; the fit ends at less
-STEEPEST_SLOPE = (
-    3.0  # times the median over releases; steeper ones come from blocks that land on another corner
-)
+# of the factors on the parameters of the law: a step as large as the scatter of a soil, so that most blocks answer
+# smoothly; their bounds; most steps of their fit
+LAW_STEP, LAW_BOUNDS, MOST_LAW_STEPS = 0.1, (0.3, 3.0), 12
 WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
 SOIL_DRAWS = 8  # draws of the soil from which the scatter is estimated
@@ -41,30 +33,27 @@ LARGEST_DEVIATION = 30.0  # limit of a statistic in standard deviations, beyond 
 LAW_PARAMETERS = ("k_l", "k_ul", "k_t", "mu", "k_r")
 
 
-def signal_to_noise(case: Case) -> float:
-    """Signal-to-noise ratio of all hidden causes together, in the first flights and impacts of all releases; 0 for
-    none."""
-    return float(np.linalg.norm(signatures(case, [case.hidden])[0])) if case.hidden else 0.0
-
-
 def signals_to_noise(case: Case) -> tuple[float, list[float]]:
-    """Signal-to-noise of the hidden causes of a case together, and of each cause: of the part of its signature that the
-    other causes cannot imitate. Each signature is that of the cause alone: beside a cause that moves some statistics
-    beyond their limit, the others would change alone, and that would look like a larger signal."""
-    if len(case.hidden) <= 1:
-        cause = signal_to_noise(case)
-        return cause, [cause] * len(case.hidden)
-    together, *alone = signatures(case, [case.hidden, *([cause] for cause in case.hidden)])
-    ratios = []
+    """Signal-to-noise of the hidden causes of a case together, in the first flights and impacts of all releases, and of
+    each cause: of the part of its signature that the other causes cannot imitate. Each signature is that of the cause
+    alone: beside a cause that moves some statistics beyond their limit, the others would change alone, and that would
+    look like a larger signal."""
+    if not case.hidden:
+        return 0.0, []
+    sets = [[cause] for cause in case.hidden]
+    found = signatures(case, sets if len(sets) == 1 else [*sets, case.hidden])
+    alone, ratios = np.array(found[: len(sets)]), []
     for i, own in enumerate(alone):
-        rest = np.delete(np.array(alone), i, axis=0).T
-        ratios.append(float(np.linalg.norm(own - rest @ np.linalg.lstsq(rest, own, rcond=None)[0])))
-    return float(np.linalg.norm(together)), ratios
+        rest = np.delete(alone, i, axis=0).T
+        ratios.append(float(np.linalg.norm(own - rest @ np.linalg.pinv(rest) @ own)))
+    return float(np.linalg.norm(found[-1])), ratios
 
 
 def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:
     """The signature of each set of causes: changes of the statistics of all releases, in standard errors, without the
     part that a fit can imitate."""
+    from scipy.optimize import least_squares
+
     chosen = np.flatnonzero(~case.heldout)
     releases, chosen = len(chosen), chosen[:: -(-len(chosen) // MOST_SIMULATED_RELEASES)]
     case = _some_releases(case, chosen)
@@ -72,64 +61,26 @@ def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array
     noise = _Whitening.estimate(case, first_flights)
     incident = _incident_directions(case, first_flights, noise)
 
-    def seen(log_factors: Array, hidden: list[reality.Hidden]) -> Array:
+    def seen(factors: Array, hidden: list[reality.Hidden]) -> Array:
         law = case.world.law
-        changed = {
-            name: getattr(law, name) * np.exp(x) for name, x in zip(LAW_PARAMETERS, log_factors, strict=True)
-        }
+        changed = {name: getattr(law, name) * x for name, x in zip(LAW_PARAMETERS, factors, strict=True)}
         changed["k_ul"] = max(changed["k_l"], changed["k_ul"])
         world = replace(case.world, law=replace(law, **changed))
         return first_flights.statistics(replace(case, world=world), hidden)
 
-    def residual(film: Array, log_factors: Array) -> Array:
-        z = noise.whitened(film, seen(log_factors, []))
-        return np.asarray(z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0])
+    def remaining(factors: Array, film: Array) -> Array:
+        z = noise.whitened(film, seen(factors, []))
+        return np.asarray(z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0]).ravel()
 
-    out = []
+    out, known = [], np.ones(len(LAW_PARAMETERS))
     for cause in causes:
-        film = seen(np.zeros(len(LAW_PARAMETERS)), cause)
-        remaining = _after_fit(partial(residual, film))
-        out.append(remaining.ravel() * np.sqrt(releases / len(chosen)))
+        film = seen(known, cause)
+        fit = least_squares(
+            remaining, known, loss="cauchy", diff_step=LAW_STEP, bounds=LAW_BOUNDS,
+            max_nfev=MOST_LAW_STEPS, args=(film,),
+        )  # fmt: skip
+        out.append(fit.fun * np.sqrt(releases / len(chosen)))
     return out
-
-
-def _after_fit(residual: Callable[[Array], Array]) -> Array:
-    """The residuals (releases, 15) of the law that fits best; `residual`: those of a law, from the logarithms (5,) of
-    its factors. Releases count less the larger their residuals or their slopes are. Slopes are renewed where steps with
-    the old ones lead no further.
-    """
-    law = np.zeros(len(LAW_PARAMETERS))
-    r = residual(law)
-    for _ in range(MOST_SLOPES):
-        changed = np.stack([residual(law + step) for step in LAW_STEP * np.eye(len(law))], axis=-1)
-        slope, before = (r[..., None] - changed) / LAW_STEP, law
-        while (better := _better_law(residual, law, r, slope)) is not None:
-            law, r = better
-        if law is before:
-            break
-    return r
-
-
-def _better_law(
-    residual: Callable[[Array], Array], law: Array, r: Array, slope: Array
-) -> tuple[Array, Array] | None:
-    """One step of the fit from `law` with residuals `r` (releases, 15) and slopes (releases, 15, 5): a better law and
-    its residuals, or None."""
-    steepness = np.sqrt((slope**2).sum(axis=(1, 2)))
-    smooth = np.minimum(1.0, STEEPEST_SLOPE * np.median(steepness) / np.maximum(steepness, 1e-9))
-    weight = smooth / np.sqrt(1.0 + (r**2).sum(axis=1))
-    weighted = (slope * weight[:, None, None]).reshape(-1, len(law))
-    step = np.linalg.lstsq(weighted, (r * weight[:, None]).ravel(), rcond=1e-6)[0]
-    step = np.clip(step, -LARGEST_LAW_STEP, LARGEST_LAW_STEP)
-    for length in STEP_LENGTHS:
-        trial = law + length * step
-        if _cost(found := residual(trial)) < _cost(r) - LEAST_DESCENT:
-            return trial, found
-    return None
-
-
-def _cost(r: Array) -> float:
-    return float(np.log1p((r**2).sum(axis=1)).sum())
 
 
 def _some_releases(case: Case, chosen: Array) -> Case:

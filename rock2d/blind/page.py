@@ -50,7 +50,7 @@ CLOSURE_HEAD = (
 )  # fmt: skip
 PREDICTED_CLOSURE = (
     "The true closure here is the share of the gap of the typical miss that is closed in the held-out film. The floor "
-    "is that which the diagnosis states, at most what its model reaches."
+    "is what the diagnosed model would miss in that film if it were exact, at most what it reaches."
 )
 GROUP_NAMES = {
     "all": "all cases",

@@ -20,12 +20,13 @@ from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT, read_in
 from rock2d.cluster import as_finished_on_cluster, require_dask
 from rock2d.diagnosis.base_law import fit_base
 from rock2d.diagnosis.budget import ResidualSizes
-from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.diagnose import Diagnosis, check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.learnt import residuals_on
+from rock2d.diagnosis.learnt import Learnt, residuals_on
 from rock2d.diagnosis.predict import predict
-from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE
+from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE, replicate_misses
+from rock2d.diagnosis.replay import Segments
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
@@ -104,14 +105,15 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
         seconds = perf_counter() - begin
         kept: dict[str, Any] = {"diagnosis": content, "seconds": seconds}
         if result.found is not None:
-            kept["heldout"] = _heldout(case / HELDOUT, content)
+            kept["heldout"] = _heldout(case / HELDOUT, content, result.found.learnt)
             kept["true_closure"] = true_closure(case, result)
     write_whole(out, json.dumps(kept, indent=1) + "\n")
 
 
-def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
+def _heldout(folder: Path, content: dict[str, Any], learnt: Learnt) -> dict[str, float]:
     """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`*_tail`) over
-    segments of the root mean square of place and angle, in standard deviations of the camera's noise."""
+    segments of the root mean square of place and angle, in standard deviations of the camera's noise; and the `floor`,
+    the median miss of replicates of these segments by the diagnosed model `learnt`."""
     experiment = load_experiment(folder)
     assert experiment.trajectories is not None
     noise_m = max(experiment.position_noise_m, LEAST_NOISE)
@@ -135,6 +137,9 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
             name: float(segments.median()),
             f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0)),
         }
+    data = _read(folder)[-1]
+    if isinstance(data, FilmData) and len(segments := Segments.of(data)):
+        out["floor"] = float(np.median(replicate_misses(data, segments, learnt, seed=0)))
     return out
 
 

@@ -39,7 +39,13 @@ CLOSURE_MARGIN = 0.15  # largest accepted error of a claimed closure, as a share
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
-MISS_KEYS = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # misses of predictions that are compared
+MISS_KEYS = {
+    "base",
+    "base_tail",
+    "diagnosed",
+    "diagnosed_tail",
+    "floor",
+}  # misses of predictions that are compared
 MADE = "made"  # base of a case of the reality engine
 
 
@@ -144,11 +150,7 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     misses = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
     misses = misses if misses.keys() >= MISS_KEYS else {}
     typical = (diagnosis.get("predicted") or {}).get("typical") if misses else None
-    claimed, found = (
-        (None, None)
-        if typical is None
-        else (float(typical["closure"]), found_closure(misses, float(typical["floor"])))
-    )
+    claimed, found = (None, None) if typical is None else (float(typical["closure"]), found_closure(misses))
     true = _number(result.get("true_closure"))
     return ScoredCase(
         name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
@@ -346,9 +348,9 @@ def _by_kind(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
     return {"all": cases} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
 
 
-def found_closure(misses: Mapping[str, float], floor: float) -> float:
-    """Share of the gap of predictions that is closed in a held-out film; `floor`: that of the diagnosis."""
-    return float(closed_share(*np.array([misses["base"], misses["diagnosed"], floor])))
+def found_closure(misses: Mapping[str, float]) -> float:
+    """Share of the gap of predictions that is closed in a held-out film."""
+    return float(closed_share(*np.array([misses[key] for key in ("base", "diagnosed", "floor")])))
 
 
 def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]]:

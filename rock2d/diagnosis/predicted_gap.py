@@ -98,7 +98,7 @@ def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) ->
     last = held_out_poses(data, segments, learnt)
     return PredictedGap(
         segments.release, misses(data, first, film), misses(data, last, film),
-        _replicate_misses(data, segments, learnt, seed), data.film.noise,
+        replicate_misses(data, segments, learnt, seed), data.film.noise,
         (end_misses(segments, first - film), end_misses(segments, last - film)),
     )  # fmt: skip
 
@@ -166,7 +166,7 @@ def misses(data: FilmData, poses: Array, reference: Array) -> Array:
     return np.sqrt(np.nanmean(((poses - reference) / data.film.noise) ** 2, axis=(1, 2)))
 
 
-def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:
+def replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:
     """(REPLICATES, n) misses of the model for segments drawn from the model itself."""
     fit, order = learnt.fit, data.order[segments.release]
     world, changes = fit.model.world(fit.p, order), learnt.changes

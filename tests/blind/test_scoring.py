@@ -222,7 +222,7 @@ def test_an_effect_of_the_record_does_not_take_the_place_of_the_hidden_one(tmp_p
 
 
 def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail():
-    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 1.0, "diagnosed_tail": 10.1}
+    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 1.0, "diagnosed_tail": 10.1, "floor": 1.0}
     worse = miss | {"diagnosed": 3.0, "diagnosed_tail": 12.0}
     cases = [
         scored_case(str(k), trial_label(air_drag=20.0), _result({}, 0.0) | {"heldout": own})
@@ -233,13 +233,13 @@ def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail
 
 
 def test_the_claimed_closure_of_predictions_is_compared_with_that_in_the_heldout_film():
-    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 2.5, "diagnosed_tail": 10.0}
-    assert found_closure(miss, floor=1.0) == pytest.approx(0.5)
-    assert found_closure(miss, floor=3.0) == 1.0  # no model is better than a perfect one
-    assert found_closure(miss | {"diagnosed": 5.5}, floor=1.0) == pytest.approx(-0.5)
-    assert found_closure(miss | {"diagnosed": 4.0}, floor=4.5) == 0.0  # there is no gap
+    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 2.5, "diagnosed_tail": 10.0, "floor": 1.0}
+    assert found_closure(miss) == pytest.approx(0.5)
+    assert found_closure(miss | {"floor": 3.0}) == 1.0  # no model is better than a perfect one
+    assert found_closure(miss | {"diagnosed": 5.5}) == pytest.approx(-0.5)
+    assert found_closure(miss | {"diagnosed": 4.0, "floor": 4.5}) == 0.0  # there is no gap
     result = _result({}, 0.0) | {"heldout": miss}
-    result["diagnosis"]["predicted"] = {"typical": {"closure": 0.75, "floor": 1.0}}
+    result["diagnosis"]["predicted"] = {"typical": {"closure": 0.75}}
     cases = [
         scored_case("0", trial_label(air_drag=20.0), result),
         scored_case("1", trial_label(), _result({}, 0.0)),

@@ -80,7 +80,7 @@ def demo(out, quiet) -> None:
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True,
               help="Of every random draw.")  # fmt: skip
 @click.option("--candidates", is_flag=True,
-              help="Also try what physics the deterministic model may lack (several minutes more).")  # fmt: skip
+              help="Also try what physics each model may lack (several minutes more).")  # fmt: skip
 @click.option("--hypotheses", type=click.IntRange(16), default=384, show_default=True,
               help="Hypotheses of each calibration.")  # fmt: skip
 @click.option("--releases", type=click.IntRange(8), default=64, show_default=True,
@@ -260,7 +260,8 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
 @click.option("--explain", is_flag=True,
-              help="If the film cannot be tracked, also write what moves in it, and which keys to try.")  # fmt: skip
+              help="Also write what moves in the film, and which keys to try. A film that cannot be tracked leaves this "
+              "in any case.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> None:
     """Track the blocks in a VIDEO and write an experiment folder with overlay video and page.

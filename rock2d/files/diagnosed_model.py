@@ -1,10 +1,9 @@
 """The contact law that a scenario takes from a diagnosis: the fitted soil and the effects that were found.
 
-- verdict is one effect: this effect and those found beside it act, with the soil that was fitted together with them
-- verdict is none or unknown: the refitted soil alone
-- verdict is a group that the data cannot tell apart: each effect of the group is an alternative with its probability;
+- some causes are more likely than not: all of these act, with the soil that was fitted together with them
+- else the verdict decides. One effect: this effect and those found beside it act. None or unknown: the refitted soil
+  alone. A group that the data cannot tell apart: each effect of the group is an alternative with its probability;
   outside an assessment, releases use the refitted soil alone
-- some causes are more likely than not (schema 2): all of these act, with the soil that was fitted together with them
 """
 
 from __future__ import annotations

@@ -260,8 +260,8 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
 @click.option("--explain", is_flag=True,
-              help="Also write what moves in the film, and which keys to try. A film that cannot be tracked leaves this "
-              "in any case.")  # fmt: skip
+              help="Also write what moves in the film, and which keys to try. A film that cannot be tracked "
+              "leaves this in any case.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> None:
     """Track the blocks in a VIDEO and write an experiment folder with overlay video and page.

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.checked_yaml import Document
 from rock2d.files.folders import atomic_file, check_file
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario import checked_scenario, load_scenario
 from rock2d.files.surveys.profile import Profile, simplified
 from rock2d.files.surveys.release_area import given_area, release_area
-from rock2d.files.surveys.scenario_template import DIAMETER_M, template_text
+from rock2d.files.surveys.scenario_template import DIAMETER_M, likely_class, template_text
 from rock2d.files.surveys.terrain import DRIVERS, along_line, down_fall_line, read_terrain
 from rock2d.files.surveys.zones import ZoneTable, facets_with_zones, read_zones, zones_of_points
 
@@ -76,7 +77,7 @@ def write_profile(
     with atomic_file(out) as part:
         part.write_text(template_text(profile, name, (points, names), area, options.smooth), encoding="utf-8")
         try:
-            load_scenario(part)
+            checked_scenario(Document(part), None)
         except InputError as error:  # an impossible site
             raise InputError(error.message, file, code=error.code) from None
     scenario = load_scenario(out)
@@ -94,6 +95,9 @@ def write_profile(
     report(f"start: {area}; {area.why}")
     report(
         "  to change it: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
+    )
+    report(
+        f"soil by the names of the zones: {', '.join(f'{z} {likely_class(z)}' for z in dict.fromkeys(names))}"
     )
     if scenario.roughness:
         report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")

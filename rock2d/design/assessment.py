@@ -141,7 +141,8 @@ class Assessment:
                 continue
             records: list[Any] = list(rows.itertuples())
             cells = [
-                f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
+                with_interval(r.value, r.low95, r.high95, 100.0)
+                + ("" if np.isnan(r.share_not_known) else f", {100 * r.share_not_known:.0f} % not known")
                 for r in records
             ]
             table = rows.assign(cell=cells).pivot(index="line", columns="block", values="cell")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rock2d.design.report_tables import quantity_text
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.places import number_at
+from rock2d.records.columns import Y
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line
 from rock2d.statistics import Estimate
 from rock2d.wording import three_digits, with_interval
@@ -65,8 +66,9 @@ def first_sentence(content: ReportContent) -> str:
         return ""
     worst = found[-1]
     over = "sampling" if content.assessment is None else "sampling and what is not known"
+    often = ", which pass most often," if worst.frequency.value > 0.0 else ""
     text = (
-        f"Of the released blocks of {worst.block}, which pass most often, {with_interval(*worst.frequency, 100.0)} % "
+        f"Of the released blocks of {worst.block}{often} {with_interval(*worst.frequency, 100.0)} % "
         f"pass {worst.line} (95 % interval over {over})"
     )
     loads = [_governing(content, quantity) for quantity in ("energy_J", "height_m")]
@@ -85,7 +87,20 @@ def answer_sentence(answer: Answer, scenario: Scenario) -> str:
     return (
         f"{_subject(answer, scenario)} {_verb(answer)} the target that {asked}: at {100 * target.confidence:.3g} % "
         f"confidence, up to {bound_text(shown.high[shown.worst], target.frequency)} % of the {target.per} blocks of "
-        f"{shown.worst} do{others}."
+        f"{shown.worst} do{others}.{_unresolved_text(answer)}"
+    )
+
+
+def _unresolved_text(answer: Answer) -> str:
+    """A sentence on unresolved releases of the worst block, if no size meets the target; else empty."""
+    shown = answer.shown
+    share = shown.unresolved.get(shown.worst, 0.0)
+    if answer.least is not None or share == 0.0:
+        return ""
+    size = "; so no size can meet it" if share > answer.target.frequency else ""
+    return (
+        f" {100 * share:.2g} % of the releases of {shown.worst} were cut short or buried before {answer.target.line}, "
+        f"and count as passed{size}."
     )
 
 
@@ -101,18 +116,28 @@ def norm_sentence(content: ReportContent) -> str:
     answer, height = content.answer, _largest(content, "height_m")
     if answer is None or height is None or not _is_height(answer):
         return ""
-    asked, shown = height.design, answer.shown.size
+    asked, crest = height.design, _crest_above_m(content.scenario, height.line)
     if answer.least is None:
-        own = f"more than {shown:.4g} m"
-        governs = "the target" if asked <= shown else "not known: enlarge the range"
+        own = f"more than {answer.shown.size:.4g} m"
+        governs = "the target" if asked <= crest else "not known: enlarge the range"
     else:
         own = answer.least_text.replace(" (", " m (", 1)
         governs = "not known: begin the range lower" if answer.is_bound else "the target"
-        governs = "the norm" if asked > shown else governs
+        governs = "the norm" if asked > crest else governs
     return (
-        f"Height: the target requires {own}, {height.norm} requires {_estimate_text(height)} above the ground at the "
-        f"line {height.line}. What governs: {governs}."
+        f"Height: the target requires {own}; the crest is then {crest:.3g} m above the ground at the line "
+        f"{height.line}. {height.norm} requires {_estimate_text(height)} above that ground. What governs: {governs}."
     )
+
+
+def _crest_above_m(scenario: Scenario, arrival: str) -> float:
+    """Height of the crest of an embankment above the ground at its arrival line."""
+    ground = scenario.make_cross_section()
+    crest, foot = (
+        ground.foot_and_head(ground.measure_lines[line])[0][Y]
+        for line in (arrival.replace(ARRIVAL_LINE, CREST_LINE), arrival)
+    )
+    return float(crest - foot)
 
 
 def _subject(answer: Answer, scenario: Scenario) -> str:

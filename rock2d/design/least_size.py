@@ -73,7 +73,8 @@ class Target:
 
     def counts(self, results: SiteResults, block: int) -> tuple[Array, Array, Array]:
         """(sites, releases) bool each, for the block with that index: whether a release passes in the sense of the
-        target, whether it passes or is unresolved, and whether it counts in the share."""
+        target, whether it passes or is unresolved, and whether it counts in the share. An unresolved release that has
+        not arrived may count in it, too."""
         k = results.lines.index(self.line)
         passed, most = results.passed[:, block, k], results.unresolved[:, block, k]
         limits = {"kinetic_J": self.above_J or None, "passing_height_m": self.above_m}
@@ -81,7 +82,7 @@ class Target:
             if least is not None:  # values are NaN if the block did not pass
                 passed = passed & (results.crossings[quantity][:, block, k] > least)
         of = results.arrived[:, block, k] if self.per == "arriving" else np.ones_like(passed)
-        return passed & of, (passed | most) & of, of
+        return passed & of, passed & of | most, of
 
 
 @dataclass(frozen=True)
@@ -338,17 +339,17 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
     for b, block in enumerate(results.blocks):
         unresolved[block] = float(results.unresolved[:, b, k].mean())
         passed, most, of = target.counts(results, b)
-        some = of.any(axis=1)
-        if not some.any():
+        if not of.any():
             bands[block] = Estimate(0.0, 0.0, 1.0)
             continue
-        passed, most, of = passed[some], most[some], of[some]
-        n = of.sum(axis=1)
+        possible = (of | most).sum(axis=1)
+        some = possible > 0
         low, high = (
-            float(np.quantile(further_site_draws(counts.sum(axis=1), n, rng), level))
+            float(np.quantile(further_site_draws(counts.sum(axis=1)[some], possible[some], rng), level))
             for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
         )
-        middle = float(np.median(passed.sum(axis=1) / n))
+        counted = of.any(axis=1)
+        middle = float(np.median(passed[counted].sum(axis=1) / of[counted].sum(axis=1)))
         bands[block] = Estimate(middle, min(low, middle), max(middle, high))
     median, low_of, high_of = ({block: band[i] for block, band in bands.items()} for i in range(3))
     return Judgement(size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved)

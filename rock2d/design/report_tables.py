@@ -139,7 +139,7 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
             if base in SHARES
             else quantity_text(base, r.value, r.low95, r.high95)
         )
-        share = f"{100 * r.share_not_known:.0f} %"
+        share = "" if np.isnan(r.share_not_known) else f"{100 * r.share_not_known:.0f} %"
         rows.append((r.line, r.block, NAMES[base] + ("" if base in SHARES else ", 95 %"), shown, share))
     return Table(
         ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,

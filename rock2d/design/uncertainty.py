@@ -36,7 +36,7 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     - value: median over the sites
     - low95, high95: bounds for a further site, such as the real one; the upper bound of a frequency counts unresolved
       releases as passed
-    - share_not_known, share_sampling: shares of the variance
+    - share_not_known, share_sampling: shares of the variance; NaN without variance
     - unresolved: share of unresolved releases over all sites
     """
     import pandas as pd
@@ -60,7 +60,7 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
 
 def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Generator) -> tuple[float, ...]:
     """(median, low, high, share not known, share of sampling) of the share of the releases `of` that pass; arrays
-    (sites, releases) bool. NaN if there are no such releases.
+    (sites, releases) bool. NaN if there are no such releases. Unresolved releases may belong to them, too.
 
     If no release passes at more than 2.5 % of the sites, the lower bound is 0; if all pass at more than 2.5 %, the
     upper bound is 1. A posterior never reaches these values, but a site can.
@@ -69,14 +69,14 @@ def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Gener
     if not some.any():
         return (np.nan,) * 5
     passed, unresolved, of = passed[some], unresolved[some], of[some]
-    n = of.sum(axis=1)
-    k, k_most = (passed & of).sum(axis=1), ((passed | unresolved) & of).sum(axis=1)
+    n, n_most = of.sum(axis=1), (of | unresolved).sum(axis=1)
+    k, k_most = (passed & of).sum(axis=1), (passed & of | unresolved).sum(axis=1)
 
     def bound(counts: Array, level: float) -> float:
-        return float(np.quantile(further_site_draws(counts, n, rng), level))
+        return float(np.quantile(further_site_draws(counts, n_most, rng), level))
 
     lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
-    highest = 1.0 if (k_most == n).mean() > 0.025 else bound(k_most, 0.975)
+    highest = 1.0 if (k_most == n_most).mean() > 0.025 else bound(k_most, 0.975)
     shares = _shares(_between(passed, of), float((k / n * (1 - k / n) / n).mean()))
     median = float(np.median(k / n))
     return median, min(lowest, median), max(median, highest), *shares
@@ -95,7 +95,7 @@ def _between(passed: Array, of: Array) -> float:
 
 def _shares(not_known: float, sampling: float) -> tuple[float, float]:
     total = not_known + sampling
-    return (not_known / total, sampling / total) if total > 0.0 else (0.0, 0.0)
+    return (not_known / total, sampling / total) if total > 0.0 else (np.nan, np.nan)
 
 
 def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:

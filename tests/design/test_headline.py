@@ -1,5 +1,6 @@
 """The answer in plain words: it follows the judgement, shows the bound that is judged, and names what governs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pandas as pd
@@ -9,8 +10,17 @@ from hypothesis import strategies as st
 
 from rock2d.design.headline import answer_sentence, bound_text, first_sentence, norm_sentence, worst_blocks
 from rock2d.design.least_size import Answer, Judgement, Target
+from rock2d.scene.cross_section import CrossSection
 
-SITE = SimpleNamespace(document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.0}}))
+# the foot of the line arrival lies 1.5 m above that of the embankment, 3 m below its crest of 4.5 m
+GROUND = CrossSection(
+    [[0.0, 11.5], [80.0, 1.5], [86.0, 0.0], [88.0, 4.5], [90.0, 4.5], [95.0, 0.0]], ["slope", *"abcd"],
+    {"arrival": [[80.0, 1.5], [80.0, 9.0]], "crest": [[88.0, 4.5], [88.0, 9.0]]},
+)  # fmt: skip
+SITE = SimpleNamespace(
+    document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.5}}),
+    make_cross_section=lambda: GROUND,
+)
 SHARES = st.floats(1e-5, 1.0)
 
 
@@ -59,6 +69,17 @@ def test_the_sentence_says_the_height_and_where_the_range_ends():
     )
 
 
+def test_releases_that_were_cut_short_are_named_where_they_decide():
+    """3.3 % that sink before the line count as passed: no height brings the bound below 1 %."""
+    found = answer([{"ball": 0.05}, {"ball": 0.043}])
+    cut = replace(found, judgements=tuple(replace(j, unresolved={"ball": 0.033}) for j in found.judgements))
+    text = answer_sentence(cut, SITE)
+    assert "3.3 % of the releases of ball were cut short or buried before crest" in text
+    assert text.endswith("count as passed; so no size can meet it.") and "cut short" not in answer_sentence(
+        found, SITE
+    )
+
+
 @pytest.mark.parametrize(
     "bound, target, text", [(0.01004, 0.01, "1.004"), (0.00996, 0.01, "0.996"), (0.01, 0.01, "1.00")]
 )
@@ -90,8 +111,10 @@ def content(found: Answer | None, height: float):
     [([0.5, 0.001], 4.2, "the norm"), ([0.5, 0.001], 2.5, "the target"), ([0.001, 0.0], 1.0, "begin the range lower"),
      ([0.5, 0.5], 2.5, "the target"), ([0.5, 0.5], 9.0, "enlarge the range")],
 )  # fmt: skip
-def test_the_higher_of_target_and_norm_governs(bounds, height, governs):
+def test_the_higher_of_target_and_norm_governs_above_the_same_ground(bounds, height, governs):
+    """A norm counts from the ground at the line arrival, the height of an embankment from its foot."""
     text = norm_sentence(content(answer([{"ball": high} for high in bounds]), height))
+    assert "the crest is then 3 m above the ground at the line arrival" in text
     assert f"UNI 11211-4 requires {height:.2f} [" in text and text.endswith(f"{governs}.")
 
 

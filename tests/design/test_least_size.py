@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,6 +85,12 @@ def test_a_share_of_the_arriving_blocks_and_a_limit_of_energy():
         judged = judge(results, 1.0, aim, 1)
         assert judged.median["ball"] == hits / of
         assert judged.high["ball"] == pytest.approx(beta(hits + 0.5, of - hits + 0.5).ppf(0.95), rel=0.1)
+    # 30 more that sink before the line may arrive and pass
+    buried = (np.arange(300) >= 270).reshape(1, 1, 1, 300)
+    judged = judge(replace(results, unresolved=buried), 1.0, Target("crest", 0.1, 0.95, "arriving"), 1)
+    assert judged.median["ball"] == 20 / 100
+    assert judged.low["ball"] == pytest.approx(beta(20.5, 110.5).ppf(0.05), rel=0.1)
+    assert judged.high["ball"] == pytest.approx(beta(50.5, 80.5).ppf(0.95), rel=0.1)
     none = SiteResults(("ball",), ("crest",), *(own & False for own in shaped), crossings)
     assert not judge(none, 1.0, Target("crest", 0.1, 0.95, "arriving"), 1).meets
     assert judge(none, 1.0, Target("crest", 0.1, 0.95), 1).meets

@@ -1,6 +1,7 @@
 """Profiles from tables, drawings and terrain models, and the scenarios that start from them."""
 
 import re
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -43,7 +44,9 @@ def test_a_table_is_read_however_it_is_written(put, text):
         ("0,40\n20,abc\n", "expected numbers", 2),
         ("0;40\n20;25,5\n", "decimal points, not commas", 2),
         ("a,b\n0,40\n", "expected columns of station and height", 1),
-        ("0,40\n20\n", "expected numbers", 2),
+        ("0,40\n20\n", "expected 2 columns", 2),
+        ("0,92\n25,62,5\n", "decimal points, not commas", 2),
+        ("station,height\n8,00,90,00\n", "decimal points, not commas", 2),
         ("0,40\n", "expected 2 to", None),
         ("0,40\n20,nan\n", "expected numbers", 2),
         ("1,0,40\n2,20,25\n", "3 columns without names", 1),
@@ -52,6 +55,14 @@ def test_a_table_is_read_however_it_is_written(put, text):
 )
 def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
     assert refusal(read_table, put(text), said=said).line == line
+
+
+def test_an_overhang_is_told_by_its_station():
+    """80 in place of 8: the next station goes back. A profile that is mirrored tells the stations of the survey."""
+    falling = checked_profile(np.array([[0.0, 92.0], [80.0, 90.0], [10.0, 78.0], [125.0, 62.0]]), "it")
+    rising = checked_profile(np.array([[0.0, 62.0], [115.0, 78.0], [45.0, 90.0], [125.0, 92.0]]), "it")
+    assert "overhangs after the station 80:" in falling.remarks[-1]
+    assert "overhangs after the station 45:" in rising.remarks[-1]
 
 
 def test_what_was_changed_is_said():
@@ -214,8 +225,22 @@ def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
     run(scenario, engine="point_mass", releases=5)
     assert out.with_suffix(".png").stat().st_size > 10_000
     assert "4 points, 80 m long, 40 m of height" in lines[0]
+    assert "soil by the names of the zones: rock bedrock, slope medium_scree, run_out deep_soil" in lines
     with pytest.raises(InputError, match="exists"):
         write_profile(tmp_path / "p.csv", out)
+
+
+def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
+    (tmp_path / "p.csv").write_text(
+        "x,y,zone\n0,40,slope\n40,10,ditch\n45,10,uphill_face\n48,14,crest\n52,14,downhill_face\n60,9,run_out\n90,8,\n"
+    )
+    with warnings.catch_warnings(record=True) as told:
+        write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lambda line: None)
+    soils = load_scenario(tmp_path / "s.yaml").model.soils
+    assert {soils[zone] for zone in ("uphill_face", "crest", "downhill_face")} == {"compacted_fill"}
+    assert len(told) == len({str(each.message) for each in told}) and not any(
+        ".partial" in str(t.message) for t in told
+    )
 
 
 @pytest.mark.parametrize(

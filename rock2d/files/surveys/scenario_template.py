@@ -11,12 +11,14 @@ import numpy as np
 from rock2d.files.surveys.profile import Profile
 from rock2d.files.surveys.release_area import ReleaseArea
 from rock2d.files.surveys.zones import DEFAULT_ZONE
+from rock2d.scene.cross_section import BACK_ZONE, CREST_ZONE, FACING_ZONE
 from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES, rough_zones
 
 Array = np.ndarray
 
 DEFAULT_CLASS = "medium_scree"
 FILL_CLASS = "compacted_fill"  # of an embankment
+EMBANKMENT_ZONES = (FACING_ZONE, CREST_ZONE, BACK_ZONE)
 CLASS_OF_WORD = {
     "rock": "bedrock", "cliff": "bedrock", "scree": "medium_scree", "talus": "coarse_talus", "meadow": "deep_soil",
     "soil": "deep_soil", "run_out": "deep_soil", "road": "asphalt", "forest": "shallow_soil",
@@ -31,10 +33,12 @@ ABOUT_ROUGHNESS = f"""\
 DIAMETER_M, DENSITY_KG_M3, DROP_M = 1.0, 2700.0, 1.0
 
 
-def _likely_class(zone: str) -> str:
+def likely_class(zone: str) -> str:
     """The soil class that the name of a zone suggests, else the default class."""
     if zone in SOIL_CLASSES:
         return zone
+    if zone in EMBANKMENT_ZONES:
+        return FILL_CLASS
     return next((soil for word, soil in CLASS_OF_WORD.items() if word in zone.lower()), DEFAULT_CLASS)
 
 
@@ -52,7 +56,8 @@ def template_text(
     mass = DENSITY_KG_M3 * np.pi / 6.0 * DIAMETER_M**3
     pairs = ", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in points)
     remarks = "".join(f"# {remark}\n" for remark in profile.remarks)
-    classes = {zone: _likely_class(zone) for zone in dict.fromkeys(names)}
+    classes = {zone: likely_class(zone) for zone in dict.fromkeys(names)}
+    fill = "".join(f"    # {zone}: {FILL_CLASS}\n" for zone in EMBANKMENT_ZONES if zone not in classes)
     return f"""# Profile from {profile.source}.
 {remarks}name: {_key(name)}
 about: A ball of 1 m on a profile; everything except the profile is a first guess.
@@ -75,10 +80,7 @@ model:
   soils:
     default: {DEFAULT_CLASS}
     # The embankment, if it is of compacted soil:
-    # uphill_face: {FILL_CLASS}
-    # crest: {FILL_CLASS}
-    # downhill_face: {FILL_CLASS}
-{_soils_and_roughness(classes, smooth)}incident:
+{fill}{_soils_and_roughness(classes, smooth)}incident:
   default:
     above_ground:
       # {start.why}

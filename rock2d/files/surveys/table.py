@@ -37,6 +37,7 @@ def read_table(path: Path) -> Profile:
     rows, separator = text_rows(path)
     columns: tuple[int, ...] = (0, 1)
     unread: list[str] = []
+    width = len(rows[0][1])
     if not all(map(reads_as_number, rows[0][1])):
         line, header = rows.pop(0)
         columns = profile_columns(header, path, line)
@@ -47,9 +48,11 @@ def read_table(path: Path) -> Profile:
         raise InputError(f"{message}station,height or x,y,z", path, rows[0][0], 1, code="bad_table")
     points = []
     for line, cells in rows:
-        if len(cells) <= max(columns):
+        if len(cells) <= max(columns) or any(cells[width:]):  # empty cells may follow
             found = separator.join(cells)[:60]
-            raise InputError(f"expected numbers, found {found!r}", path, line, 1, code="bad_table")
+            hint = "; write decimal points, not commas" if len(cells) > width and separator == "," else ""
+            message = f"expected {width} columns as in the first line, found {found!r}{hint}"
+            raise InputError(message, path, line, 1, code="bad_table")
         points.append([number(cells[column], path, line) for column in columns])
     points_m = station_and_height(np.array(points).reshape(-1, len(columns)))
     profile = checked_profile(points_m, f"table {path.name}")

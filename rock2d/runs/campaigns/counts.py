@@ -25,7 +25,7 @@ class Counts:
     ----------
     unclosed : () releases whose energy audit does not close
     left_source : () releases that left their source, if ends are kept
-    passed, unresolved, arrived, arrived_unresolved : (lines,) see `PassingCounts`
+    passed, unresolved, arrived, may_arrive : (lines,) see `PassingCounts`
     stops : (STOPS, zones + 1) releases by kind and zone of their stop; last column: outside the cross-section
     runouts : (DIGITS,) distances from start to end
     crossings : (lines, LINE_QUANTITIES, DIGITS) values at a line
@@ -36,7 +36,7 @@ class Counts:
     passed: Array
     unresolved: Array
     arrived: Array
-    arrived_unresolved: Array
+    may_arrive: Array
     stops: Array
     runouts: Array
     crossings: Array
@@ -54,7 +54,7 @@ class Counts:
     @property
     def passing(self) -> PassingCounts:
         """Passing counts at each line."""
-        return PassingCounts(self.passed, self.unresolved, self.arrived, self.arrived_unresolved)
+        return PassingCounts(self.passed, self.unresolved, self.arrived, self.may_arrive)
 
     def add_ends(self, stop: Array, zone: Array, runout_m: Array) -> None:
         """Count ends (n,): index into STOPS, index of the zone or -1, distance from the start."""

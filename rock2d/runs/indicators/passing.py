@@ -39,13 +39,14 @@ class PassingCounts(NamedTuple):
     Attributes
     ----------
     passed, unresolved : of all releases; unresolved ones were cut short or buried before they passed
-    arrived, arrived_unresolved : releases that came to the arrival line of this line, and the unresolved ones of them
+    arrived, may_arrive : releases that came to the arrival line of this line, and those that were cut short or buried
+        before it
     """
 
     passed: Array
     unresolved: Array
     arrived: Array
-    arrived_unresolved: Array
+    may_arrive: Array
 
 
 def arrivals(cross_section: CrossSection) -> Array:
@@ -64,7 +65,8 @@ def count_passing(passed: Array, cut: Array, arrive: Array) -> PassingCounts:
     or buried; `arrive`: see `arrivals`."""
     arrived = (passed.astype(np.int64) @ arrive.T.astype(np.int64)) > 0
     unresolved = ~passed & cut[:, None]
-    return PassingCounts(*(each.sum(axis=0) for each in (passed, unresolved, arrived, arrived & unresolved)))
+    may_arrive = ~arrived & cut[:, None]
+    return PassingCounts(*(each.sum(axis=0) for each in (passed, unresolved, arrived, may_arrive)))
 
 
 def left_source(start_x_m: Array, end_x_m: Array, left_section: Array, size_m: Array) -> Array:
@@ -77,22 +79,26 @@ def passing_rows(
 ) -> list[tuple[Any, ...]]:
     """Rows of PASSING_COLUMNS; `left`, the number that left their source, is NaN if ends were not simulated."""
     rows: list[tuple[Any, ...]] = []
-    for line, passed, unresolved, arrived, arrived_unresolved in zip(
+    for line, passed, unresolved, arrived, may_arrive in zip(
         lines, *(each.tolist() for each in counts), strict=True
     ):
         share = passing_share(passed, unresolved, releases)
         rows.append(
             (block, line, releases, left, arrived, passed, unresolved, *share,
-             *passing_share(passed, arrived_unresolved, arrived))
+             *passing_share(passed, unresolved, arrived, may_arrive))
         )  # fmt: skip
     return rows
 
 
-def passing_share(passed: int, unresolved: int, of: int) -> tuple[float, float, float]:
-    """(share, lower, upper end of its 95 % interval); the interval covers that no or all unresolved releases pass."""
+def passing_share(passed: int, unresolved: int, of: int, further: int = 0) -> tuple[float, float, float]:
+    """(share, lower, upper end of its 95 % interval); the interval covers that no or all unresolved releases pass.
+
+    `further`: unresolved releases that are not counted in `of`, but may belong to it.
+    """
     if of == 0:
         return (np.nan,) * 3
-    return passed / of, wilson_interval(passed, of)[0], wilson_interval(passed + unresolved, of)[1]
+    most = of + further
+    return passed / of, wilson_interval(passed, most)[0], wilson_interval(passed + unresolved, most)[1]
 
 
 def passing_table(run: Simulation) -> pd.DataFrame:

@@ -101,6 +101,11 @@ def test_shares_of_the_blocks_that_arrive_leave_out_those_that_stay():
         wilson_interval(15, 60)
     )
     assert table.loc["near", ["arrived", "passed", "per_arriving"]].tolist() == [60, 60, 1.0]
+    cut = [flight(100 + i, 0.0, 1.0, 2.0, 5.0, stop="buried") for i in range(10)]  # before the first line
+    row = passing_table(flown(*tracks, *cut, ground=ground)).set_index("line").loc["far"]
+    assert row[["arrived", "unresolved", "per_arriving"]].tolist() == [60, 10, 0.25]
+    assert row["per_arriving_low95"] == wilson_interval(15, 70)[0]
+    assert row["per_arriving_high95"] == wilson_interval(25, 70)[1]
     gone = passing_table(flown(*tracks[:40], ground=ground))
     assert gone["arrived"].tolist() == [0, 0] and gone["per_arriving"].isna().all()
 

@@ -40,7 +40,7 @@ def reproduce(
     folder beside `out` until everything is written.
     """
     begin = time.perf_counter()
-    with atomic_folder(out) as folder:
+    with atomic_folder(out, "reproduction") as folder:
         final = out.absolute()
         key = {"seed": seed, **vars(effort)}
         bars = reproduction_bars(progress, effort, candidates)

@@ -42,12 +42,13 @@ def run_demo(out: Path, progress: bool = True) -> None:
     from rock2d.files.shipped_scenarios import scenario_file
     from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.pages import page
+    from rock2d.runs.results import KIND
     from rock2d.runs.run import run, run_bars
     from rock2d_figures.table_2 import side_by_side_figure
 
     begin = time.perf_counter()
     for engine in ENGINE_OF_MODEL.values():
-        check_folder(out / engine)
+        check_folder(out / engine, KIND)
     scenario = load_scenario(scenario_file("paper_setup.yaml"))
     for model, engine in ENGINE_OF_MODEL.items():
         bars = run_bars(scenario, engine, progress)

@@ -27,6 +27,7 @@ from rock2d.processes import as_finished
 
 Array = np.ndarray
 
+KIND = "blind trial"  # of a folder of results
 CASES, LABELS, INDEX_FILE = "cases", "labels.json", "cases.json"
 FIT, HELDOUT, TWIN_FIT, TWIN = "fit", "heldout", "twin_fit", "twin"  # experiments of a case
 
@@ -46,7 +47,7 @@ def make_trial(
     causes = assign_causes(count, assigning) if causes is None else causes
     bases = bases_of(causes, len(records), assigning.spawn(1)[0])
     labels = {}
-    with atomic_folder(out) as folder:
+    with atomic_folder(out, KIND) as folder:
         jobs = [
             (case_causes, child, folder / CASES / f"{i:03d}", None if base is None else records[base])
             for i, (case_causes, child, base) in enumerate(zip(causes, children, bases, strict=True))

@@ -27,10 +27,10 @@ def make(
     report: Report,
 ) -> None:  # fmt: skip
     """Write a sealed trial; `bases`: experiments on which a share of its cases is based."""
-    from rock2d.blind.case_files import make_trial
+    from rock2d.blind.case_files import KIND, make_trial
     from rock2d.blind.record_cases import read_record
 
-    check_folder(out)
+    check_folder(out, KIND)
     processes = workers or os.cpu_count() or 1
     records = [read_record(folder, processes, progress) for folder in bases]
     with Bars(progress).stage("filming", count, "cases") as bar:

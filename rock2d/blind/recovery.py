@@ -93,7 +93,7 @@ def make_cases(
     attribution, known, cases = result.found, catalogue(), {}
     assert attribution is not None
     curves = detection_curves(result, {name: known[name] for name in effects})
-    with atomic_folder(out / CASES) as folder:
+    with atomic_folder(out / CASES, "study") as folder:
         for k, (name, size) in enumerate(plan.of(limits_of(curves))):
             effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None

@@ -22,6 +22,7 @@ from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, residual_text, table_note
 from rock2d.runs.release_remarks import precision_remarks, source_remarks, unresolved_remarks
+from rock2d.runs.results import KIND
 from rock2d.runs.run import run, run_bars
 from rock2d.scene.plausibility import line_remarks
 
@@ -106,7 +107,7 @@ class RunRequest:
                 message = f"--{option} is for sites; releases restarted from a film are compared with the film instead"
                 raise InputError(message, code="wrong_kind", option=option)
         for engine in () if campaign else self.engines_of(scenario):
-            check_output_folder(self.folder(scenario, engine), self.overwrite)
+            check_output_folder(self.folder(scenario, engine), self.overwrite, KIND)
         for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
         if scenario.uncertainty is not None:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rock2d.runs.results import RunResult
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if no size has a lower bound, more releases may help
+KIND = "design"  # of a folder of results
 MOST_SHOWN = 1000  # releases of each block on the page
 PAGE_STAGE, PAGE_WORK = "page", 8000.0  # name of the stage, and its work in simulated releases
 
@@ -75,7 +76,7 @@ def run_design(
     scenario = load_scenario(path)
     ranges = {name: (low, high) for name, low, high in over}
     check_varied(place, ranges)
-    check_output_folder(out, overwrite)
+    check_output_folder(out, overwrite, KIND)
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     seed = scenario.seed if seed is None else seed
@@ -91,7 +92,7 @@ def run_design(
             else:
                 with size_bars(search, bars, tolerance) as bar_of:
                     answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
-            with atomic_folder(out) as partial:
+            with atomic_folder(out, KIND) as partial:
                 text = _write_results(partial, search, answer, command, bars, combinations, pdf)
     report(f"{text}\nwritten: {out}")
     return answer

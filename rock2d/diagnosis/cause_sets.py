@@ -20,7 +20,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.linear_model import Expected, Screening
-from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
@@ -43,6 +43,8 @@ MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, whe
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
+# of each of them the parameter, and the power of it by which gravity in flights changes
+GRAVITY_POWERS = {"scale_error": ("scale", 1), "frame_rate_error": ("time_scale", 2)}
 
 
 @dataclass
@@ -91,6 +93,24 @@ class Search:
         steps = [_Addition(base, name, None, found[k], rival_total) for k, name in enumerate(self.effects)]
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
+        for name in self.effects.keys() & TWINS.keys():
+            self._try_from_twin(name)
+
+    def _try_from_twin(self, name: str) -> None:
+        """Fit an effect again from the law and the gravity of its twin, if that gains much more. Contacts can keep the
+        first fit near no effect."""
+        own, twin = (self.known.get(frozenset({effect})) for effect in (name, TWINS[name]))
+        if own is None or twin is None or twin.fit.total() < own.fit.total() + REFIT_GAIN:
+            return
+        (key, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[TWINS[name]]
+        start, law = own.fit.model.start(), len(BASE_WIDTH)
+        start[:law] = twin.fit.p[:law]
+        k = next(i for i, parameter in enumerate(own.fit.model.parameters_of(name)) if parameter.name == key)
+        value = twin.fit.model.values(twin.fit.p)[0][0] ** (power_of_twin / power)
+        start[law + k] = to_scale(own.fit.model.parameters_of(name)[k], value)
+        (again,) = self._results([_Addition(self.base.fit, name, start)])
+        if again.fit.total() > own.fit.total():
+            self.known[again.names] = again
 
     @property
     def alone(self) -> dict[str, Validated]:

@@ -21,9 +21,11 @@ from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
 from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
+from rock2d.files.diagnosis_keys import BlockScale
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import atomic_folder, check_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
+from rock2d.runs.diagnosis_remarks import scale_remarks
 
 COMPARISON, COMPARISON_PAGE = "comparison.json", "comparison.html"
 FITS = ".fits"  # folder of finished fits, removed at the end
@@ -101,7 +103,13 @@ def _refuse_foreign(out: Path) -> None:
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
     from rock2d.diagnosis.report.sections import checks_sentence
-    from rock2d.diagnosis.report.text import common_words, physical_misses, predicted_words, unseen_words
+    from rock2d.diagnosis.report.text import (
+        common_words,
+        has_significant_place,
+        physical_misses,
+        predicted_words,
+        unseen_words,
+    )  # fmt: skip
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -140,7 +148,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append(f"learnt, {changes}: closes {_shares(outside['learnt'])}")
     if result.checks is not None:
         lines.append(f"checks: {checks_sentence(result.checks)}")
-    for cell in content["where"][:3]:
+    for cell in content["where"][:3] if has_significant_place(content) else []:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
         )
@@ -170,7 +178,7 @@ def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[st
     files = dict(zip("ab", map(str, given), strict=True))
     content = {**comparison(a, b), "files": files}
     words = ["rock2d", "compare", str(first), str(second), "--out", str(out)]
-    with atomic_folder(out) as partial:
+    with atomic_folder(out, "comparison") as partial:
         page = comparison_page(content, files, Made.now(shlex.join(words), None))
         (partial / COMPARISON_PAGE).write_text(page, encoding="utf-8")
         text = json.dumps(content, indent=1, allow_nan=False) + "\n"
@@ -187,6 +195,9 @@ def run_prediction(
     """Predict the film or impact table of an experiment folder with a diagnosis (folder or file); writes a CSV file."""
     read, content = load_experiment(experiment), read_for_prediction(_diagnosis_file(diagnosis))
     check_file(out)
+    known = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
+    for remark in scale_remarks(known, read.blocks):
+        report(remark)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

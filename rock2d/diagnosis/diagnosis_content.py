@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
-from rock2d.diagnosis.cause_sets import TWINS
+from rock2d.diagnosis.cause_sets import GRAVITY_POWERS, TWINS
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import inclusion_probabilities
@@ -280,7 +280,7 @@ def _causes_json(attribution: Attribution, budget: Budget, unseen: Collection[st
 def _common_quantity(name: str, parameters: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """The quantity that an error of scale and an error of frame rate change alike: gravity in flights over stated
     gravity."""
-    key, power = ("scale", 1) if name == "scale_error" else ("time_scale", 2)
+    key, power = GRAVITY_POWERS[name]
     low, high = parameters[key]["ci95"]
     return {
         "name": "gravity in flights over gravity as stated",

@@ -39,6 +39,7 @@ from rock2d.files.field_releases import read_releases
 from rock2d.files.folders import atomic_folder, check_output_folder, user_cache, write_whole
 from rock2d.files.scenario import Scenario
 
+KIND = "field test"  # of a folder of results
 REPORT_STREAM = 11  # first number of a spawn key
 DENSITY_KG_M3 = 2700.0  # density of the shapes that are compared
 SHAPE_SOILS = 32  # draws of the posterior with which they are simulated
@@ -53,7 +54,7 @@ def run_field_test(
     Simulated soils are kept in the cache of the user, so that an interrupted study continues, and forecasts reuse them.
     Raises InputError if the folder already holds results.
     """
-    check_output_folder(folder, overwrite)
+    check_output_folder(folder, overwrite, KIND)
     seed = scenario.seed if seed is None else seed
     assert scenario.terrain is not None
     known = scenario.terrain.known
@@ -82,7 +83,7 @@ def run_field_test(
     report(study_text(tables, mass))
     facts = {"scenario": scenario.name, "seed": seed, "releases": len(known), "lateral_sd_deg": round(
         float(np.degrees(scenario.terrain.lateral_sd_rad)), 3)}  # fmt: skip
-    with atomic_folder(folder) as partial:
+    with atomic_folder(folder, KIND) as partial:
         for name, table in tables.items():
             table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
         write_whole(partial / "field_test.json", json.dumps(facts, indent=2) + "\n")

@@ -259,7 +259,7 @@ def read_impacts(path: str | Path, blocks: Collection[str], zones: Collection[st
 
 def write_experiment(folder: str | Path, experiment: Experiment) -> None:
     """Write a folder that `load_experiment` reads back; whole or not at all (see `atomic_folder`)."""
-    with atomic_folder(folder) as partial:
+    with atomic_folder(folder, "experiment") as partial:
         write_experiment_files(partial, experiment)
 
 

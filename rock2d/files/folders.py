@@ -32,20 +32,21 @@ RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be
 
 
 @contextmanager
-def atomic_folder(path: str | Path) -> Iterator[Path]:
+def atomic_folder(path: str | Path, kind: str = "") -> Iterator[Path]:
     """Give a temporary sibling folder to write into; it becomes `path` only if the block ends without error.
 
-    An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else raises
-    `InputError` at once. After an error or an interrupt `path` is unchanged. Temporary folders of killed processes are
-    removed. Raises OSError, which names `path`, if the machine fails (for example a full disk).
+    An older result of the same `kind` at `path` (its `RESULT_MARKER` says so) or an empty folder is replaced; anything
+    else raises `InputError` at once. After an error or an interrupt `path` is unchanged. Temporary folders of killed
+    processes are removed. Raises OSError, which names `path`, if the machine fails (for example a full disk).
     """
-    target = check_folder(path)
+    target = check_folder(path, kind)
     process = os.getpid()
     with temporary_folder(path) as partial:
         yield partial
         if os.getpid() != process:
             return  # in a process that was forked in the block
-        (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
+        marker = {"made_by": "rock2d", "kind": kind}
+        (partial / RESULT_MARKER).write_text(json.dumps(marker) + "\n", encoding="utf-8")
         replaced = _hidden(target, "replaced")
         if target.exists():
             target.rename(replaced)
@@ -116,7 +117,7 @@ def _remove_abandoned(target: Path) -> None:
                 shutil.rmtree(partial, ignore_errors=True)
 
 
-def check_folder(path: str | Path) -> Path:
+def check_folder(path: str | Path, kind: str = "") -> Path:
     """The absolute path; raises InputError if `atomic_folder` would refuse it."""
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
@@ -127,13 +128,24 @@ def check_folder(path: str | Path) -> Path:
         raise InputError(
             "exists and is not a rock2d result; choose another output folder", path, code="not_a_result"
         )
+    if (held := _kind_of(target)) not in ("", kind):
+        message = f"holds another kind of result ({held}); choose another output folder"
+        raise InputError(message, path, code="not_a_result")
     _check_parent(target, path)
     return target
 
 
-def check_output_folder(path: str | Path, overwrite: bool) -> None:
+def _kind_of(folder: Path) -> str:
+    """The kind of the result in a folder; empty without one, or if it does not say its kind."""
+    try:
+        return str(json.loads((folder / RESULT_MARKER).read_text(encoding="utf-8")).get("kind", ""))
+    except (OSError, ValueError, AttributeError):
+        return ""
+
+
+def check_output_folder(path: str | Path, overwrite: bool, kind: str) -> None:
     """Raise InputError if `atomic_folder` would refuse the folder, or if it holds results and `overwrite` is false."""
-    target = check_folder(path)
+    target = check_folder(path, kind)
     if target.is_dir() and any(target.iterdir()) and not overwrite:
         message = (
             "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"

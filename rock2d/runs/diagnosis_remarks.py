@@ -13,6 +13,7 @@ from rock2d.runs.acting_effects import ROUGHNESS, ActingEffects
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from rock2d.files.diagnosis_keys import BlockScale
     from rock2d.files.scenario import Scenario
     from rock2d.scene.blocks import Block
 
@@ -58,7 +59,7 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
         acting = ActingEffects.of(model, scenario)
         remarks += [_effect_remark(name, acting) for name in model.effects]
     remarks += _interval_remarks(scenario, diagnosed)
-    return remarks + _scale_remarks(diagnosed, scenario.make_blocks())
+    return remarks + scale_remarks(diagnosed.blocks, scenario.make_blocks())
 
 
 def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:
@@ -126,9 +127,9 @@ def _interval_remarks(scenario: Scenario, diagnosed: DiagnosedModel) -> list[str
     ]
 
 
-def _scale_remarks(diagnosed: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str]:
+def scale_remarks(diagnosed: Mapping[str, BlockScale], blocks: Mapping[str, Block]) -> list[str]:
     """Warnings on blocks to which the diagnosis may not apply: stiffnesses in N/m scale with mass over size."""
-    if not diagnosed.blocks:
+    if not diagnosed:
         return [
             "warning: the diagnosis does not name its blocks: whether it holds for blocks of this mass and size "
             "cannot be checked"
@@ -136,8 +137,8 @@ def _scale_remarks(diagnosed: DiagnosedModel, blocks: Mapping[str, Block]) -> li
     remarks = []
     for name, block in blocks.items():
         for what, value, unit, known in (
-            ("mass", block.mass_kg, "kg", [scale.mass_kg for scale in diagnosed.blocks.values()]),
-            ("size", block.size_m, "m", [scale.size_m for scale in diagnosed.blocks.values()]),
+            ("mass", block.mass_kg, "kg", [scale.mass_kg for scale in diagnosed.values()]),
+            ("size", block.size_m, "m", [scale.size_m for scale in diagnosed.values()]),
         ):
             if value > FARTHEST_SCALE * max(known) or value < min(known) / FARTHEST_SCALE:
                 remarks.append(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from rock2d.graphics.figure_files import Figures
 
+KIND = "run"  # of a folder of results
 WRITING = "tables and figure"  # stage of a run
 
 
@@ -104,7 +105,7 @@ class RunResult(Simulation):
 
         scenario, bars, figures = self.scenario, Bars.of(progress), figures or Figures()
         kept = [name for name in self.table_names() if name != TRAJECTORIES]
-        with atomic_folder(folder) as partial:
+        with atomic_folder(folder, KIND) as partial:
             with bars.stage(WRITING, len(kept) + 2, "parts") as bar:
                 figures.save(partial / "trajectories.png", trajectories_figure, *self.drawn_paths(self.title))
                 bar.step("figure")

@@ -80,6 +80,18 @@ def test_a_process_that_is_forked_in_mid_write_touches_nothing(tmp_path, fails):
     assert (tmp_path / "table.csv").read_text() == "whole"
 
 
+def test_a_result_is_replaced_only_by_one_of_its_kind(tmp_path):
+    """A comparison must not replace a tracked film that took an hour. A folder that says no kind may be replaced."""
+    for kind in ("", "tracked film", "tracked film"):
+        with atomic_folder(tmp_path / "out", kind) as folder:
+            (folder / "kept").write_text(kind)
+    with pytest.raises(InputError, match=r"another kind of result \(tracked film\)"):
+        check_folder(tmp_path / "out", "comparison")
+    with pytest.raises(InputError, match="another kind"), atomic_folder(tmp_path / "out", "comparison"):
+        pass
+    assert (tmp_path / "out" / "kept").read_text() == "tracked film"
+
+
 WRITES = """
 import sys, time
 from pathlib import Path

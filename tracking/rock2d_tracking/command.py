@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Report = Callable[[str], None]
 
+IMPORTED = "imported tracks"  # kind of a folder of results
 VIEW_MARGIN = 0.08  # empty share of the picture on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
@@ -61,9 +62,9 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
     `OUT_explained`. Raises InputError for invalid input.
     """
     from rock2d_tracking.explanation import write_explanation
-    from rock2d_tracking.film_track import SETUP, NotTrackedError, track_film
+    from rock2d_tracking.film_track import SETUP, TRACKED, NotTrackedError, track_film
 
-    check_folder(out)
+    check_folder(out, TRACKED)
     known = Setup(config) if isinstance(config, Path) else config
     try:
         found, seen = track_film(video, known, settings.last, progress=settings.progress)
@@ -165,7 +166,7 @@ def import_files(
     setup = Setup(config)
     if setup.from_gravity is not None:
         raise InputError("import needs scale and frame rate: gravity gives them only of a film", config)
-    check_folder(out)
+    check_folder(out, IMPORTED)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
@@ -179,7 +180,7 @@ def import_files(
     found = with_measured_noise(stated, setup)
     check_sanity(found, setup)
     _, said = findings_of(found, setup)
-    with atomic_folder(out) as folder:
+    with atomic_folder(out, IMPORTED) as folder:
         write_experiment_files(folder, found)
         write_film_findings(folder, said)
     report(f"{counted(table['release'].nunique(), 'release')}, {counted(len(table), 'frame')}")

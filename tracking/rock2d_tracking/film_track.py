@@ -35,7 +35,7 @@ from rock2d_tracking.live_frames import LiveFrames, live_frames
 from rock2d_tracking.looks import ChannelMix, Looks
 from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.overlay import Overlay
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import LARGEST_DISTORTION, Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_shifts
 from rock2d_tracking.tracked_film import (
@@ -51,6 +51,7 @@ Array = np.ndarray
 
 PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()
+TRACKED = "tracked film"  # kind of a folder of results
 GRAVITY_ROUNDS = 2  # the scale from gravity changes which frames are flights, and these the scale
 SIZE_WORTH_A_REMARK = 0.01  # relative difference between visible and stated size
 # purpose of each reading of a film -> relative duration, for the progress bars
@@ -95,7 +96,7 @@ class FilmTrack:
         """Write the experiment folder with tables, page and overlay, completely or not at all; `also` writes further
         files into the folder that is passed to it."""
         film = self.film
-        with atomic_folder(folder) as partial:
+        with atomic_folder(folder, TRACKED) as partial:
             write_experiment_files(partial, film.experiment)
             write_film_findings(partial, film.findings)
             self._write_metadata(partial / "track.json")
@@ -141,7 +142,7 @@ class NotTrackedError(InputError):
 
     def write(self, folder: Path) -> None:
         """Write the explanation into a folder, completely or not at all."""
-        with atomic_folder(folder) as inside:
+        with atomic_folder(folder, TRACKED) as inside:
             write_explanation(inside, self._seen, self._said)
             (inside / SETUP).write_text(self._setup_text, encoding="utf-8")
             if self._overlay is not None:
@@ -325,7 +326,7 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
         return []
     segments = film.segments
     bend = lens_bend(segments.film, segments.flights, film.setup.pixel_map(size_px), size_px)
-    if bend is None:
+    if bend is None or abs(bend.value) > LARGEST_DISTORTION:
         return []
     return [
         f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rock2d.errors import InputError
 from rock2d_tracking.arcs import (
     AREA_RATIO,
     CHANGE_RATIO,
@@ -164,7 +165,13 @@ def motion_of(
     coarse = 1
     for number, frame in enumerate(frames):
         if number == 0:
-            coarse = _coarseness(frame.shape[1], radii_px)
+            height, width = frame.shape[:2]
+            if 2.0 * max(radii_px, default=0.0) > max(height, width):
+                message = (
+                    f"a block is {2.0 * max(radii_px):.0f} px wide in a picture of {width} x {height} px"
+                )
+                raise InputError(f"{message}: are the sizes of blocks in m, and is the scale right?")
+            coarse = _coarseness(width, radii_px)
         if number % stride == 0:
             found.samples.append(frame)
             if len(found.samples) > 2 * FULL_SAMPLES:  # the film is longer than expected

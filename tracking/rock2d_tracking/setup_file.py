@@ -22,6 +22,7 @@ from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
 
+LARGEST_DISTORTION = 0.5
 LARGEST_SCALE_SPREAD = 0.02  # over a checkerboard; a larger one shows that the camera was oblique
 
 GravityWord = Literal["gravity"]
@@ -74,7 +75,11 @@ class Scale(Checked):
 class Distortion(Checked):
     """Radial distortion: seen = true (1 + k ρ²), ρ over half the image's diagonal."""
 
-    k: float = Field(ge=-0.5, le=0.5, description="Distortion at the corner of the image, without unit")
+    k: float = Field(
+        ge=-LARGEST_DISTORTION,
+        le=LARGEST_DISTORTION,
+        description="Distortion at the corner of the image, without unit",
+    )
     centre_px: Pixel | None = Field(default=None, description="Default: the middle of the image")
 
 

@@ -15,7 +15,7 @@ from rock2d.diagnosis.model import is_factor
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
-from rock2d.wording import listed, number, percent, plus_minus, spoken
+from rock2d.wording import listed, number, percent, plus_minus, spoken, three_digits
 
 Tile = tuple[str, str, str]  # a key figure below the verdict: its name, its value, and a note
 
@@ -235,7 +235,7 @@ def physical_misses(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     }
     misses = content.get("physical", {})
     return [
-        (f"{misses[key]['base']:.2g} → {misses[key]['augmented']:.2g}{unit}", place)
+        (f"{three_digits(misses[key]['base'])} → {three_digits(misses[key]['augmented'])}{unit}", place)
         for key, (unit, place) in places.items()
         if key in misses
     ]
@@ -285,7 +285,7 @@ def size_words(parameter: Parameter, own: Mapping[str, Any]) -> str:
 
 def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
     """The place with the largest share of the gap."""
-    if not _has_significant_place(content):
+    if not has_significant_place(content):
         return []
     zone, of_zone = largest_share(content["where"], "zone")
     phase, of_phase = largest_share(content["where"], "phase")
@@ -303,7 +303,7 @@ def ranking(content: Mapping[str, Any]) -> list[str]:
 def where_sentence(content: Mapping[str, Any]) -> str:
     """A sentence: where most of the gap lies."""
     cells = content["where"]
-    if not _has_significant_place(content):
+    if not has_significant_place(content):
         return (
             "No place stands out: the residuals are nowhere significantly larger than noise and soil explain."
         )
@@ -317,7 +317,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
     return f"{text}."
 
 
-def _has_significant_place(content: Mapping[str, Any]) -> bool:
+def has_significant_place(content: Mapping[str, Any]) -> bool:
     """Whether the gap is significant in any place."""
     return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_CELL_Z for cell in content["where"])
 

@@ -108,9 +108,8 @@ class Search:
         k = next(i for i, parameter in enumerate(own.fit.model.parameters_of(name)) if parameter.name == key)
         value = twin.fit.model.values(twin.fit.p)[0][0] ** (power_of_twin / power)
         start[law + k] = to_scale(own.fit.model.parameters_of(name)[k], value)
-        (again,) = self._results([_Addition(self.base.fit, name, start)])
-        if again.fit.total() > own.fit.total():
-            self.known[again.names] = again
+        self._fit([_Addition(self.base.fit, name, start)])
+        self.known[own.names] = max(own, self.alone[name], key=lambda one: one.fit.total())
 
     @property
     def alone(self) -> dict[str, Validated]:

@@ -68,6 +68,19 @@ def test_two_hidden_effects_are_found_and_measured(two):
         assert two.gain(two.best, smaller).significant
 
 
+def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():
+    """Lengths that are 5 % too long, and times that are 2.5 % too long, change gravity alike."""
+    search = tried_alone({"scale_error": [1.05, 0.0, 0.0]}, ("scale_error", "frame_rate_error"))
+    name = frozenset({"scale_error"})
+    fitted = search.known[name].fit
+    stuck = replace(fitted, p=extended(search.base.fit, fitted.model), residuals=search.base.fit.residuals)
+    search.known[name] = replace(search.known[name], fit=stuck)
+    search._try_from_twin("scale_error")
+    again = search.known[name].fit
+    assert again.model.values(again.p)[0][0] == pytest.approx(1.05, rel=0.01)
+    assert again.total() == pytest.approx(fitted.total(), abs=2.0)
+
+
 def test_an_effect_that_closes_a_part_only_beside_what_is_learnt_closes_it(two):
     """Neither alone nor in the set does it close anything here."""
     base, tilted = two.base, two.alone["camera_tilt"]

@@ -182,9 +182,21 @@ def test_commands_write_what_they_say(tmp_path, content):
     for given in (tmp_path / "diagnosis.json", tmp_path):  # file or folder
         out = tmp_path / f"{given.stem}.csv"
         result = commanded("predict", tmp_path / "film", "--diagnosis", given, "--out", out, "--base-only")
-        assert result.exit_code == 0, result.output
+        assert result.exit_code == 0 and "warning" not in result.output, result.output
         table = pd.read_csv(out)
         assert list(table.columns) == list(COLUMNS) and len(table) > 100
+
+
+def test_blocks_of_another_size_are_told(tmp_path, content):
+    """The stiffness of a soil belongs to a block and a soil."""
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    other = film(TILTED, 2, seed=5)
+    blocks = {name: replace(block, mass_kg=1000.0 * block.mass_kg) for name, block in other.blocks.items()}
+    write_experiment(tmp_path / "film", replace(other, blocks=blocks))
+    result = commanded(
+        "predict", tmp_path / "film", "--diagnosis", tmp_path, "--out", tmp_path / "p.csv", "--base-only"
+    )
+    assert result.exit_code == 0 and "do not hold at this scale" in result.output
 
 
 def one_release() -> Experiment:

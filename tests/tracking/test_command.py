@@ -90,6 +90,12 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
     ("true", "wrong", "frames", "said"),
     [
         ("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001", 180, "no block was seen"),
+        (
+            "metres_per_pixel: 0.0006",
+            "metres_per_pixel: 0.0000006",
+            180,
+            "px wide in a picture of .* sizes of blocks in m",
+        ),
         ("fps: 1000.0", "fps: 250.0", 540, "accelerate by"),
         ("up: up", "up: down", 180, r"no block was seen .* `up`"),
     ],

@@ -15,33 +15,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Files that take longest come first, so that no worker is left alone with one of them at the end (`--durations` of the
 # settings tells which). The second file needs nothing that the first compiles, so that no worker waits for the other.
 FIRST = (
-    "runs/campaigns/test_campaign.py",
-    "engines/test_pymunk_engine.py",
-    "blind/test_trial.py",
-    "diagnosis/test_attribution.py",
-    "field_tests/test_field_forecasts.py",
-    "reproduction/test_reproduce.py",
-    "hunt/test_faults.py",
-    "runs/test_run.py",
-    "blind/test_recovery.py",
-    "hunt/test_loops.py",
-    "tracking/test_following.py",
-    "tracking/test_first_setup.py",
-    "docs/test_tutorials.py",
-    "tracking/test_command.py",
-    "effects/test_catalogue.py",
-    "engines/test_batch.py",
-    "diagnosis/test_report.py",
-    "diagnosis/test_live_gap.py",
-    "diagnosis/test_cause_sets.py",
-    "diagnosis/test_predict.py",
-    "hunt/test_files.py",
-    "design/test_least_size.py",
-    "design/test_uncertainty.py",
-    "design/test_several_embankments.py",
-    "diagnosis/test_noise_free.py",
+    "runs/campaigns/test_campaign.py", "engines/test_pymunk_engine.py", "blind/test_trial.py",
+    "diagnosis/test_attribution.py", "field_tests/test_field_forecasts.py", "reproduction/test_reproduce.py",
+    "hunt/test_faults.py", "runs/test_run.py", "blind/test_recovery.py", "hunt/test_loops.py",
+    "tracking/test_following.py", "tracking/test_first_setup.py", "docs/test_tutorials.py", "tracking/test_command.py",
+    "effects/test_catalogue.py", "engines/test_batch.py", "diagnosis/test_report.py", "diagnosis/test_live_gap.py",
+    "diagnosis/test_cause_sets.py", "diagnosis/test_predict.py", "hunt/test_files.py", "design/test_least_size.py",
+    "design/test_uncertainty.py", "design/test_several_embankments.py", "diagnosis/test_noise_free.py",
     "runs/test_acting_effects.py",
-)
+)  # fmt: skip
 _TESTS = Path(__file__).parent
 COARSE_DPI = 60
 

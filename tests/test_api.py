@@ -5,6 +5,7 @@ import importlib
 import pickle
 import tomllib
 import webbrowser
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 import rock2d
 from rock2d.errors import CODES, InputError
 from rock2d.files.shipped_scenarios import scenario_file
+from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.programs import ROOT, printed, refusal
 from tests.scenarios_of_tests import small_site
 
@@ -202,7 +204,7 @@ def test_a_diagnosis_shows_its_verdict_and_its_effects():
 
 
 def test_an_impact_table_is_diagnosed_and_written(tmp_path, monkeypatch):
-    experiment = rock2d.load_experiment(few_impacts(tmp_path))
+    experiment = replace(impacts(plain_world(), 2, seed=1, noise=0.0), name="impacts")
     result = rock2d.diagnose(experiment, workers=1)
     assert result.verdict == "unknown" and result.to_dict()["sanity"]["faults"]
     assert sum(result.probabilities.values()) == pytest.approx(1.0)
@@ -212,23 +214,6 @@ def test_an_impact_table_is_diagnosed_and_written(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "diagnosis").iterdir()} >= {"diagnosis.json", "report.html"}
     with pytest.raises(InputError):
         rock2d.predict(experiment, result)
-
-
-def few_impacts(folder: Path) -> Path:
-    """An experiment folder with a table of two impacts."""
-    path = folder / "impacts"
-    path.mkdir()
-    (path / "experiment.yaml").write_text(
-        "name: impacts\ngravity_m_s2: 9.81\n"
-        "camera: {fps: 250, position_noise_m: 1.0e-4, angle_noise_rad: 1.0e-3}\n"
-        "cross_section: {points_m: [[-2, 0], [2, 0]], zones: [floor]}\n"
-        "blocks: {ball: {shape: circle, diameter_m: 0.025, mass_kg: 0.022}}\nimpacts: impacts.csv\n"
-    )
-    (path / "impacts.csv").write_text(
-        "release,block,x_m,y_m,theta_rad,vx_m_s,vy_m_s,omega_rad_s,vx_after_m_s,vy_after_m_s,omega_after_rad_s\n"
-        "0,ball,0.0,0.0125,0,1.0,-2.0,0,0.8,0.7,-20\n1,ball,0.1,0.0125,0,1.1,-2.1,0,0.9,0.8,-21\n"
-    )
-    return path
 
 
 def test_what_is_public_shows_itself_in_a_few_lines():

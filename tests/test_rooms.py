@@ -89,10 +89,6 @@ def within(*packages: str) -> dict[str, set[str]]:
     return own
 
 
-def test_kinematics_knows_no_diagnosis():
-    assert not [(m, name) for m, own in within("kinematics").items() for name in own if "diagnosis" in name]
-
-
 def test_no_circle_of_imports_in_kinematics_and_diagnosis():
     own = within("kinematics", "diagnosis")
     order = TopologicalSorter({module: names & set(own) for module, names in own.items()})
@@ -103,12 +99,6 @@ def test_only_the_command_of_the_diagnosis_writes_its_report():
     report = "rock2d.diagnosis.report"
     users = {m for m, own in within("diagnosis").items() if any(name.startswith(report) for name in own)}
     assert {m for m in users if not m.startswith(report)} == {"rock2d.diagnosis.command"}
-
-
-def test_only_the_command_line_imports_the_figures():
-    """Reproduction computes; the figures draw."""
-    importers = {module for module, name in imports() if name.split(".")[0] == "rock2d_figures"}
-    assert {m for m in importers if not m.startswith("rock2d_figures")} <= {"rock2d.cli"}
 
 
 def test_contributing_shows_the_floors():

@@ -238,23 +238,14 @@ class DiagnosisResult:
         """
         import pandas as pd
 
+        fitted = ("heldout_score_gain", "heldout_score_gain_se", "closure")
+        columns = ["effect", "probability", *fitted, "closure_low95", "closure_high95"]
         rows = []
         for name, probability in self.probabilities.items():
             found = self.content["effects"].get(name, {})
-            low, high = found.get("closure_ci95", (None, None))
-            rows.append(
-                {
-                    "effect": name,
-                    "probability": probability,
-                    "heldout_score_gain": found.get("heldout_score_gain"),
-                    "heldout_score_gain_se": found.get("heldout_score_gain_se"),
-                    "closure": found.get("closure"),
-                    "closure_low95": low,
-                    "closure_high95": high,
-                }
-            )
-        table = pd.DataFrame(rows)
-        table = table.astype({column: float for column in table.columns if column != "effect"})
+            interval = found.get("closure_ci95", (None, None))
+            rows.append((name, probability, *map(found.get, fitted), *interval))
+        table = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(columns[1:], float))
         return table.sort_values("probability", ascending=False, kind="stable", ignore_index=True)
 
     def write(self, folder: str | Path, *, progress: bool = False) -> None:

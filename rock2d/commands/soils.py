@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
 from rock2d.errors import InputError
-from rock2d.scene.soils import SOIL_CLASSES, Range, SoilClass
+from rock2d.scene.soils import SOIL_CLASSES, Range
 from rock2d.wording import aligned
 
 CLASS_HEADER = ("class", "restitution", "friction in °", "stiffness κ", "r_t", "α in °")
@@ -49,11 +50,11 @@ def _classes() -> list[str]:
         )
         for soil in soils
     ]
-    return [*aligned([CLASS_HEADER, *rows]), *(line for soil in soils for line in _words(soil))]
-
-
-def _words(soil: SoilClass) -> list[str]:
-    return ["", f"{soil.name}: {soil.description}", f"  source: {soil.source}", f"  assumed: {soil.assumed}"]
+    words = [
+        ("", f"{soil.name}: {soil.description}", f"  source: {soil.source}", f"  assumed: {soil.assumed}")
+        for soil in soils
+    ]
+    return [*aligned([CLASS_HEADER, *rows]), *itertools.chain(*words)]
 
 
 def _for_block(mass_kg: float, size_m: float) -> list[str]:

@@ -144,7 +144,7 @@ def _subject(answer: Answer, scenario: Scenario) -> str:
     """The shown size as the subject of a sentence."""
     size = answer.shown.size
     text = f"{answer.place} = {size:.4g}"
-    if _is_height(answer) and scenario.document is not None:
+    if _is_height(answer):
         x_m = number_at(scenario.document.data, f"{answer.place.removesuffix('height_m')}x_m")
         text = f"An embankment {size:.4g} m high" + ("" if x_m is None else f" at x = {x_m:.4g} m")
     if answer.least is None:

@@ -76,7 +76,7 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     """
     from SALib.sample import sobol
 
-    if scenario.uncertainty is None or scenario.document is None:
+    if scenario.uncertainty is None:
         raise InputError("missing key 'uncertainty'", code="missing_key", key="uncertainty")
     unknown = scenario.unknown()
     places = tuple(unknown)
@@ -151,9 +151,9 @@ def _simulated(
     passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
     crossings = {quantity: np.full(shape, np.nan) for quantity in LINE_QUANTITIES}
     job = crossings_job(scenario, engine, seed)
-    job.conditions.check_starts(releases)
+    job.check_starts(releases)
     for b in range(len(job.blocks)):
-        group = job.conditions.group(b, 0, releases)
+        group = job.group(b, 0, releases)
         applies = bool(shared) and shared[b].applies_to(group)
         found = shared[b].outcome(job, group) if applies else job.outcome(group)
         passing = found.passed(len(lines))

@@ -97,7 +97,7 @@ class SharedDescents:
                 min(equal_until_m(ground, largest.cross_section) for ground in grounds),
                 min(map(_first_line_m, grounds)),
             )
-            groups = (largest.conditions.group(b, 0, self.releases) for b in range(len(largest.blocks)))
+            groups = (largest.group(b, 0, self.releases) for b in range(len(largest.blocks)))
             self.found, self.extremes = [_descent(largest, group, limits) for group in groups], ()
         return self.found
 

@@ -108,7 +108,7 @@ def candidate_table(
 
 def _changed(scenario: Scenario, change: Callable[[Data], bool]) -> Scenario | None:
     document, terrain = scenario.document, scenario.terrain
-    assert document is not None and terrain is not None
+    assert terrain is not None
     data = copy.deepcopy(document.data)
     if not change(data):
         return None

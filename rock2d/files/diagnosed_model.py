@@ -21,7 +21,7 @@ from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
 from rock2d.files.fitted_keys import FittedLaw, FittedParameter
-from rock2d.files.folders import OutsideFolderError, path_inside
+from rock2d.files.folders import path_inside
 from rock2d.files.scenario_keys import ContactKeys
 
 if TYPE_CHECKING:
@@ -215,16 +215,12 @@ def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path |
 
     Raises InputError with the place in the scenario, or in the diagnosis.
     """
-    assert scenario.document is not None
     where = ("model", "diagnosis")
     roots = [scenario.document.file.absolute().parent, *([Path(data_root)] if data_root else [])]
     for root in roots:
-        try:
-            file = path_inside(root, given)
-            if os.path.isdir(file):
-                file = path_inside(root, f"{given}/{DIAGNOSIS}")
-        except OutsideFolderError as error:
-            raise scenario.error(error.message, *where, code="outside_folder") from None
+        file = path_inside(root, given, *where, error=scenario.error)
+        if os.path.isdir(file):
+            file = path_inside(root, f"{given}/{DIAGNOSIS}", *where, error=scenario.error)
         if os.path.exists(file):  # unlike Path.exists, for a name that no file can have, too
             return _diagnosed_model(given, file)
     message = f"no file {shown(given)} beside the scenario or under the data root"

@@ -82,14 +82,6 @@ def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = ""
     raise mistake(f"expected {before}{EXPECTED}, found {found}")
 
 
-def _number_or_known(value: Any) -> Any:
-    return value if is_number(value) else _refuse_unknown(value, before="a number, ")
-
-
-def _factor_or_known(value: Any) -> Any:
-    return _refuse_unknown(value, (*NAMES, "times"), "{times: a distribution}, ")
-
-
 def _kind(value: Any) -> str:
     if isinstance(value, dict):
         return f"<{next(iter(value), '')}>"
@@ -105,7 +97,7 @@ ValueDistribution = Annotated[
 Draw = Annotated[
     Annotated[Coordinate, Tag("<number>")] | _NORMAL | _UNIFORM | _LOGNORMAL,
     Discriminator(_kind),
-    BeforeValidator(_number_or_known),
+    BeforeValidator(lambda value: value if is_number(value) else _refuse_unknown(value, before="a number, ")),
 ]
 
 
@@ -118,7 +110,7 @@ class Times(Checked):
 Variation = Annotated[
     _NORMAL | _UNIFORM | _LOGNORMAL | Annotated[Times, Tag("<times>")],
     Discriminator(_kind),
-    BeforeValidator(_factor_or_known),
+    BeforeValidator(lambda value: _refuse_unknown(value, (*NAMES, "times"), "{times: a distribution}, ")),
 ]
 
 

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.csv_tables import write_csv
-from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
+from rock2d.files.folders import atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
 from rock2d.files.text_files import read_text
 from rock2d.records.columns import IMPACT_COLUMNS
@@ -166,7 +166,7 @@ def load_experiment(folder: str | Path) -> Experiment:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
-    file = _inside(folder, EXPERIMENT)
+    file = path_inside(folder, EXPERIMENT, folder / EXPERIMENT)
     if not file.exists():
         raise InputError(_no_experiment(folder), folder, code="missing_file")
     document = Document(file)
@@ -178,10 +178,7 @@ def load_experiment(folder: str | Path) -> Experiment:
         relative = getattr(keys, kind)
         if relative is None:
             continue
-        try:
-            path = path_inside(folder, relative)
-        except OutsideFolderError as error:
-            raise document.error(error.message, kind, code="outside_folder") from None
+        path = path_inside(folder, relative, kind, error=document.error)
         if not path.exists():
             raise document.error(f"no file {shown(relative)} in {folder}", kind, code="missing_file")
         if kind == "trajectories":
@@ -215,13 +212,6 @@ def _no_experiment(folder: Path) -> str:
         return f"there is no {EXPERIMENT} in this folder or below it"
     more = f" and {len(below) - MOST_NAMED} more" if len(below) > MOST_NAMED else ""
     return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_NAMED])}{more}"
-
-
-def _inside(folder: Path, name: str) -> Path:
-    try:
-        return path_inside(folder, name)
-    except OutsideFolderError as error:
-        raise InputError(error.message, folder / name, code="outside_folder") from None
 
 
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:

@@ -9,21 +9,13 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
 
 from rock2d.compiling import cache_root
 from rock2d.errors import InputError
-
-
-class OutsideFolderError(ValueError):
-    """A path that does not stay inside a folder. `message` gives the reason."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(message)
-        self.message = message
-
 
 MACHINE_ERRORS = (
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
@@ -225,20 +217,27 @@ def _errors_name(path: str | Path, partial: Path) -> Iterator[None]:
         raise
 
 
-def path_inside(folder: str | Path, relative: str) -> Path:
-    """`folder`/`relative`; raises OutsideFolderError if that leaves `folder` (by "..", an absolute path or a link)."""
+def path_inside(
+    folder: str | Path, relative: str, *where: Any, error: Callable[..., InputError] = InputError
+) -> Path:
+    """`folder`/`relative`; raises `error` at the place `where` if that leaves `folder` (by "..", an absolute path or a
+    link)."""
+
+    def refused(words: str) -> InputError:
+        return error(f"expected {words}", *where, code="outside_folder")
+
     pure, windows = PurePosixPath(relative), PureWindowsPath(relative)
     if not relative.strip() or "\0" in relative:
-        raise OutsideFolderError(f"expected a path inside {folder}, found {relative!r}")
+        raise refused(f"a path inside {folder}, found {relative!r}")
     if pure.is_absolute() or windows.drive or windows.root:
-        raise OutsideFolderError(f"expected a relative path inside {folder}, found an absolute one")
+        raise refused(f"a relative path inside {folder}, found an absolute one")
     if ".." in pure.parts or ".." in windows.parts:
-        raise OutsideFolderError(f"expected a path inside {folder}, found '..'")
+        raise refused(f"a path inside {folder}, found '..'")
     root = Path(folder).resolve()
     try:
         inside = (root / relative).resolve().is_relative_to(root)
     except (OSError, RuntimeError):
         inside = False
     if not inside:
-        raise OutsideFolderError(f"expected a path inside {folder}, found a link that leads out of it")
+        raise refused(f"a path inside {folder}, found a link that leads out of it")
     return Path(folder) / relative

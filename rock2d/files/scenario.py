@@ -23,7 +23,7 @@ from rock2d.files.diagnosed_model import DiagnosedModel, load_diagnosed_model
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.field_releases import FieldTestKeys
-from rock2d.files.folders import OutsideFolderError, path_inside
+from rock2d.files.folders import path_inside
 from rock2d.files.places import number_at
 from rock2d.files.posterior_table import ROW, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys, Uncertainty
@@ -131,15 +131,15 @@ class Scenario(Checked):
 
     __str__ = __repr__
 
-    _document: Document | None = PrivateAttr(default=None)
+    _document: Document = PrivateAttr()
     _experiment: Experiment | None = PrivateAttr(default=None)
     _terrain: TerrainSections | None = PrivateAttr(default=None)
     _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)
     _posterior: Posterior | None = PrivateAttr(default=None)
 
     @property
-    def document(self) -> Document | None:
-        """The file that the scenario was read from, or None."""
+    def document(self) -> Document:
+        """The file that the scenario was read from."""
         return self._document
 
     @property
@@ -171,7 +171,7 @@ class Scenario(Checked):
     def unknown(self) -> dict[str, Callable[[Any], Any]]:
         """Place of each value that is not known about the site -> its quantile function, of arguments in (0, 1). Empty
         without the key `uncertainty`."""
-        if self.uncertainty is None or self._document is None:
+        if self.uncertainty is None:
             return {}
         out: dict[str, Callable[[Any], Any]] = {}
         for place, draw in self.uncertainty.site.items():
@@ -213,10 +213,7 @@ class Scenario(Checked):
             return self.cross_section.make()
         if self._terrain is not None:
             return self._terrain.mean_section()
-        if self._experiment is None:
-            raise InputError(
-                "missing key 'cross_section'", self._file, code="missing_key", key="cross_section"
-            )
+        assert self._experiment is not None  # checked with the file
         return self._experiment.cross_section
 
     def make_blocks(self) -> dict[str, Block]:
@@ -224,8 +221,7 @@ class Scenario(Checked):
         if self.blocks is not None or self.populations:
             made = {name: keys.make(name) for name, keys in (self.blocks or {}).items()}
             return made | {name: own.median_block(name) for name, own in self.populations.items()}
-        if self._experiment is None:
-            raise InputError("missing key 'blocks'", self._file, code="missing_key", key="blocks")
+        assert self._experiment is not None  # checked with the file
         return dict(self._experiment.blocks)
 
     def design_block(self, name: str) -> Block:
@@ -246,16 +242,9 @@ class Scenario(Checked):
         """Zone name -> parameters of the probabilistic law for `block`; "default" serves every other zone."""
         return law_parameters.rebound_parameters(self, block)
 
-    @property
-    def _file(self) -> Path | None:
-        return self._document.file if self._document else None
-
-    def error(
-        self, message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any
-    ) -> InputError:
-        if self._document is None:
-            return InputError(f"{'.'.join(map(str, path))}: {message}", code=code, **fields)
-        return self._document.error(message, *path, at=at, code=code, **fields)
+    def error(self, message: str, *path: str | int, **more: Any) -> InputError:
+        """See `Document.error`."""
+        return self._document.error(message, *path, **more)
 
 
 def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scenario:
@@ -304,12 +293,8 @@ def checked_scenario(
 
 def _load_posterior(scenario: Scenario, given: str) -> Posterior:
     """The table beside the scenario file."""
-    assert scenario.document is not None
-    try:
-        file = path_inside(scenario.document.file.absolute().parent, given)
-    except OutsideFolderError as error:
-        raise scenario.error(error.message, "uncertainty", "posterior", code="outside_folder") from None
-    return read_posterior(given, file)
+    beside, where = scenario.document.file.absolute().parent, ("uncertainty", "posterior")
+    return read_posterior(given, path_inside(beside, given, *where, error=scenario.error))
 
 
 def _load_experiment(
@@ -351,15 +336,13 @@ def _load_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path
 
     where, steps = ("field_test", "folder"), Path(keys.folder).parts
     root = _given_root(scenario, keys.folder, where, data_root)
-    try:
-        files = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
-        table = next((file for file in files if file.is_file()), None)
-        if table is None:
-            message = f"no {keys.releases} in {shown(keys.folder)} {_under(root)}"
-            raise scenario.error(message, *where, code="missing_data", folder=keys.folder)
-        grid = path_inside(table.parent, keys.terrain)
-    except OutsideFolderError as error:
-        raise scenario.error(error.message, *where, code="outside_folder") from None
+    tails = [str(Path(*steps[i:], keys.releases)) for i in range(len(steps) + 1)]
+    files = [path_inside(root, tail, *where, error=scenario.error) for tail in tails]
+    table = next((file for file in files if file.is_file()), None)
+    if table is None:
+        message = f"no {keys.releases} in {shown(keys.folder)} {_under(root)}"
+        raise scenario.error(message, *where, code="missing_data", folder=keys.folder)
+    grid = path_inside(table.parent, keys.terrain, *where, error=scenario.error)
     known = read_releases(table, keys.block_ids)
     return TerrainSections(read_terrain(grid), known, keys.zones, keys.edge_m)
 
@@ -369,10 +352,7 @@ def _found_experiment(
 ) -> Experiment:
     """The experiment under the data root."""
     root = _given_root(scenario, source.folder, where, data_root)
-    try:
-        folder = path_inside(root, source.folder)
-    except OutsideFolderError as error:
-        raise scenario.error(error.message, *where, code="outside_folder") from None
+    folder = path_inside(root, source.folder, *where, error=scenario.error)
     if not folder.is_dir():
         message = f"no folder {shown(source.folder)} {_under(root)}"
         raise scenario.error(message, *where, code="missing_data", folder=source.folder)

@@ -275,7 +275,7 @@ def _check_scatter(scenario: Scenario) -> None:
         message = ""
         if place.partition(".")[0] not in SCATTERED:
             message = f"only numbers under {' and '.join(SCATTERED)} vary from release to release"
-        elif scenario.document is None or number_at(scenario.document.data, place) is None:
+        elif number_at(scenario.document.data, place) is None:
             message = _no_number(scenario, place)
         if message:
             raise scenario.error(message, "scatter", place, at="key", code="unknown_name", name=place)
@@ -283,7 +283,7 @@ def _check_scatter(scenario: Scenario) -> None:
 
 def _no_number(scenario: Scenario, place: str) -> str:
     """Message: there is no number at a place; for a soil class, it says what to write instead."""
-    data = scenario.document.data if scenario.document is not None else {}
+    data = scenario.document.data
     path = place_of(data, place)
     found = None if path is None else value_at(data, path)
     message = "there is no number at this place of the file"
@@ -294,7 +294,7 @@ def _no_number(scenario: Scenario, place: str) -> str:
 
 
 def _check_uncertainty(scenario: Scenario) -> None:
-    if scenario.uncertainty is None or scenario.document is None:
+    if scenario.uncertainty is None:
         return
     if scenario.experiment is not None:
         message = "releases that restart a film have no other possible sites"

@@ -33,10 +33,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     >>> rock2d.variant(site, {"embankment.height_m": 5.0}).embankment.height_m
     5.0
     """
-    document = scenario.document
-    if document is None:
-        raise InputError("a scenario that was not read from a file has no variants", code="wrong_kind")
-    data = copy.deepcopy(document.data)
+    document, data = scenario.document, copy.deepcopy(scenario.document.data)
     if not uncertain:
         data.pop("uncertainty", None)
     diagnosed = scenario.diagnosed
@@ -67,20 +64,17 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
 
 def with_change(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Scenario:
     """The scenario whose data `change` has changed, checked. Raises InputError as `variant` does."""
-    document = scenario.document
-    if document is None:
-        raise InputError("a scenario that was not read from a file has no variants", code="wrong_kind")
-    data = copy.deepcopy(document.data)
+    data = copy.deepcopy(scenario.document.data)
     change(data)
+    document = scenario.document.with_data(data)
     return checked_scenario(
-        document.with_data(data), scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain
+        document, scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain
     )
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
     """The scenario with other numbers at these places under `model` and `blocks`, for one release. The scenario is not
     checked again; parameters and blocks that are made from it are."""
-    assert scenario.document is not None
     changed = scenario
     for place, value in values.items():
         path = place_of(scenario.document.data, place)
@@ -103,5 +97,4 @@ def _replaced(here: Any, path: DataPath, value: float) -> Any:
 
 def scenario_text(scenario: Scenario) -> str:
     """The scenario as the text of a YAML file from which it is loaded again."""
-    assert scenario.document is not None
     return yaml_text(scenario.document.data, width=120)

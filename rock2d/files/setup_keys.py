@@ -191,10 +191,6 @@ def _known_shape(value: Any) -> Any:
     return value
 
 
-def _tag(value: Any) -> str:
-    return f"<{value['shape'] if isinstance(value, dict) else value.shape}>"
-
-
 _MODELS = {name: _model(shape) for name, shape in shapes().items()}
 globals().update({model.__name__: model for model in _MODELS.values()})  # pickle looks for them here
 
@@ -203,7 +199,7 @@ if TYPE_CHECKING:
 else:
     BlockKeys = Annotated[
         Union[tuple(Annotated[model, Tag(f"<{name}>")] for name, model in _MODELS.items())],  # noqa: UP007
-        Discriminator(_tag),
+        Discriminator(lambda value: f"<{value['shape'] if isinstance(value, dict) else value.shape}>"),
         BeforeValidator(_known_shape),
     ]
 

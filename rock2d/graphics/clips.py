@@ -76,14 +76,14 @@ class Clip:
         return [points[p] for p in shown]
 
 
-def clip_from_track(track: Track, *, body: Block | None = None) -> Clip:
+def clip_from_track(track: Track, *, body: Block | None = None, colour: str = "") -> Clip:
     """A clip of a simulated release, sampled every STEP_S and at every knot. The error of linear interpolation is
     g STEP_S² / 8, about a micrometre."""
     start, end = float(track.knots[0, TIME]), track.end_s
     count = int(np.ceil((end - start) / STEP_S)) + 1
     t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, TIME])
     states = track.states(t)
-    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], body=body)
+    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], colour=colour, body=body)
 
 
 def clip_from_measured(rows: pd.DataFrame) -> Clip:

@@ -9,81 +9,41 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.graphics.canvas import Limits, Viewport, exact_view, fitted_view, motion_limits
 from rock2d.graphics.clips import Clip
-from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR, block_colours
+from rock2d.graphics.palette import block_colours
 from rock2d.graphics.video_file import Progress, write_video
 from rock2d.graphics.video_frames import Frames, Layout, Panel, VideoOptions
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.wording import spoken
 
-DEFAULT_OPTIONS = VideoOptions()
-
 
 def render_video(
     path: str | Path,
     cross_section: CrossSection,
     blocks: Mapping[str, Block],
-    series: Sequence[Clip] | Sequence[Sequence[Clip]],
-    options: VideoOptions = DEFAULT_OPTIONS,
-    progress: Progress | None = None,
-) -> Path:
-    """Write a video of `series` (the clips of one scene, or a list of scenes) and return its path.
-
-    After the last sample of a clip, a measured block is drawn as an outline, and a simulated block stays where it is.
-    `progress(done, all)` is called after each picture.
-
-    The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4, there are
-    no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid.
-    """
-    scenes = [[scene] for scene in _scenes(series)]
-    return compare_video(path, cross_section, blocks, scenes, ("",), options, progress)
-
-
-def side_by_side(
-    path: str | Path,
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
-    measured: Sequence[Clip],
-    simulated: Sequence[Clip],
-    options: VideoOptions = DEFAULT_OPTIONS,
-    progress: Progress | None = None,
-) -> Path:
-    """Write a video of two panels with one clock and one view: measured on the left, simulated on the right. The right
-    panel also shows the measured blocks, translucent.
-
-    With one clip on each side, the distance and the angle between the two are written below the right panel. File
-    handling and errors as in `render_video`.
-    """
-    left = [replace(c, colour=c.colour or MEASURED_COLOUR) for c in measured]
-    right = [replace(c, colour=c.colour or SIMULATED_COLOUR) for c in simulated]
-    labels = ("measured", "simulated")
-    return compare_video(path, cross_section, blocks, [(left, right)], labels, options, progress)
-
-
-def compare_video(
-    path: str | Path,
-    cross_section: CrossSection,
-    blocks: Mapping[str, Block],
     scenes: Sequence[Sequence[Sequence[Clip]]],
     labels: Sequence[str],
-    options: VideoOptions = DEFAULT_OPTIONS,
+    options: VideoOptions,
     progress: Progress | None = None,
 ) -> Path:
     """Write a video of several panels with one clock and one view, a panel for each of `labels`. The other panels also
     show the blocks of the first panel, translucent. A scene holds the clips of every panel.
 
     With one clip in every panel, the distance and the angle from the clip of the first panel are written below the
-    others. File handling and errors as in `render_video`.
+    others. After the last sample of a clip, a measured block is drawn as an outline, and a simulated block stays where
+    it is. `progress(done, all)` is called after each picture.
+
+    The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4, a panel has
+    no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid.
     """
     if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
-        raise InputError("side by side needs at least one clip on each side")
+        raise InputError("nothing to show: a panel has no clips")
     layout = Layout(options.size_px, len(labels))
     labelled = [[_with_labels(panel, blocks) for panel in scene] for scene in scenes]
     together = [[clip for panel in scene for clip in panel] for scene in labelled]
@@ -96,14 +56,6 @@ def compare_video(
         ]
         frames.add(panels, clips)
     return write_video(path, frames, len(frames), options.fps_video, options.size_px, progress)
-
-
-def _scenes(series: Sequence[Clip] | Sequence[Sequence[Clip]]) -> list[list[Clip]]:
-    items: list[Any] = list(series)
-    scenes = [items] if items and isinstance(items[0], Clip) else [list(s) for s in items if len(s)]
-    if not scenes:
-        raise InputError("nothing to show: no clips")
-    return scenes
 
 
 def _with_labels(clips: Sequence[Clip], blocks: Mapping[str, Block]) -> list[Clip]:

@@ -74,10 +74,10 @@ def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFra
 
 def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
     job = crossings_job(model.scenario, model.engine, seed)
-    job.conditions.check_starts(count)
+    job.check_starts(count)
     lines, rows = job.cross_section.measure_lines, list[tuple[object, ...]]()
     for b, block in enumerate(job.blocks):
-        group = job.conditions.group(b, 0, count)
+        group = job.group(b, 0, count)
         if not (number := len(group.states)):  # no release of this block was filmed
             continue
         found = job.outcome(group)

@@ -92,7 +92,8 @@ def write_comparison(
     residual figures and a side-by-side video into `folder`."""
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
     from rock2d.graphics.overlays import overlay_figure, residuals_figure
-    from rock2d.graphics.video import side_by_side
+    from rock2d.graphics.palette import SIMULATED_COLOUR
+    from rock2d.graphics.video import render_video
     from rock2d.graphics.video_frames import VideoOptions
     from rock2d.progress import Bars
 
@@ -113,9 +114,10 @@ def write_comparison(
     shown = _median_release(residuals)
     track = next(t for t in tracks if t.release == shown)
     with Bars(progress).stage("side by side", 0, "frames") as bar:
-        side_by_side(
-            folder / "side_by_side.webm", cross_section, blocks,
-            [clip_from_measured(measured[measured["release"] == shown])], [clip_from_track(track)],
+        film_clip = clip_from_measured(measured[measured["release"] == shown])
+        scene = [[film_clip], [clip_from_track(track, colour=SIMULATED_COLOUR)]]
+        render_video(
+            folder / "side_by_side.webm", cross_section, blocks, [scene], ("measured", "simulated"),
             VideoOptions(slow_motion=slow_motion, titles=(f"{film.name}, release {shown}",)), bar.reach,
         )  # fmt: skip
     return tables

@@ -264,10 +264,9 @@ class Conditions:
     @cached_property
     def _scattered(self) -> list[tuple[str, tuple[str | int, ...], Any, float]]:
         """For each scattered number: place, path, distribution, and the value in the file."""
-        document, found = self.scenario.document, []
+        data, found = self.scenario.document.data, []
         for place, draw in self.scenario.scatter.items():
-            assert document is not None  # `scatter` is checked with it
-            path, value = place_of(document.data, place), number_at(document.data, place)
+            path, value = place_of(data, place), number_at(data, place)
             assert path is not None and value is not None
             found.append((place, path, draw, value))
         return found

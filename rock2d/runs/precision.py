@@ -37,11 +37,11 @@ def releases_for(
     most_counts, done, wanted = counts.copy(), 0, first
     with Bars(progress).stage("precision", 0, "releases") as bar:
         while True:
-            job.conditions.check_starts(wanted)
+            job.check_starts(wanted)
             for b in range(len(job.blocks)):
                 for start in range(done, wanted, DRAW_GROUP):
                     stop = min(start + DRAW_GROUP, wanted)
-                    found = job.outcome(job.conditions.group(b, start, stop)).passing(job.cross_section)
+                    found = job.outcome(job.group(b, start, stop)).passing(job.cross_section)
                     counts[b] += found.passed
                     most_counts[b] += found.passed + found.unresolved
                     bar.update(stop - start)

@@ -169,9 +169,9 @@ class RunResult(Simulation):
         longest = max((clip.t_s[-1] - clip.t_s[0] for scene in scenes for clip in scene), default=0.0)
         options = {"slow_motion": slow_motion or outputs.slowed(longest), "titles": (self.title,), **options}
         with Bars(progress).stage("video", 0, "frames") as bar:
-            filled = [scene for scene in scenes if scene]
+            filled = [[scene] for scene in scenes if scene]
             render_video(
-                Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), bar.reach
+                path, self.cross_section, self.blocks, filled, ("",), VideoOptions(**options), bar.reach
             )
 
     def _run_json(self) -> Mapping[str, Any]:

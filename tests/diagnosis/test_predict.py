@@ -1,6 +1,5 @@
 """Predictions of a diagnosed model on other releases, and the two commands."""
 
-import copy
 import json
 from dataclasses import replace
 
@@ -128,39 +127,6 @@ def test_segments_cover_what_follows_the_first_flight(content):
     assert one.segment.min() == 0 and set(one.segment) == set(range(one.segment.max() + 1))
     assert one.t_s.is_monotonic_increasing or one.segment.is_monotonic_increasing
     assert one.t_s.max() == whole.t_s.max()
-
-
-def _without_a_parameter(content):
-    broken = copy.deepcopy(content)
-    broken["effects"]["camera_tilt"]["parameters"].popitem()
-    return broken
-
-
-def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
-    path = tmp_path / "diagnosis.json"
-    for broken, said in (
-        ("{", "not JSON"),
-        ("[]", "an object with schema"),
-        (json.dumps({**content, "base": {}}), "no fitted law"),
-        (json.dumps({**content, "base": {**content["base"], "k_l_N_m": -1}}), "base.k_l_N_m: expected"),
-        (json.dumps({**content, "effects": []}), "effects: expected a mapping"),
-        (json.dumps({**content, "effects": {}}), "camera_tilt of the verdict is missing"),
-        (json.dumps({**content, "verdict": ["camera_tilt"]}), "verdict: expected text"),
-        (json.dumps({**content, "verdict": "magic"}), "probability of the verdict magic is missing"),
-        (json.dumps({**content, "series": {"cube": "1"}}), "series.cube: expected a whole number"),
-        (json.dumps({**content, "law": 1}), "law: expected a mapping"),
-        (
-            json.dumps({**content, "beside": [{"effect": "x", "parameters": {}}]}),
-            "beside.0: missing key 'base'",
-        ),
-        (json.dumps(_without_a_parameter(content)), "missing parameter"),
-        ("[" * 100_000, "nested too deeply"),
-    ):
-        path.write_text(broken, encoding="utf-8")
-        with pytest.raises(InputError, match=said):
-            read_for_prediction(path)
-    with pytest.raises(InputError, match="cannot be read: No such file"):
-        read_for_prediction(tmp_path / "absent.json")
 
 
 def test_an_old_key_is_read_with_a_warning(tmp_path, content):

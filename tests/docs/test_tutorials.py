@@ -60,17 +60,3 @@ def test_schemas_accept_real_files():
 
     for path in generator().scenario_files():
         Draft202012Validator(file_schema("scenario")).validate(YAML(typ="safe").load(path))
-
-
-def test_a_film_that_cannot_be_diagnosed_obeys_the_schema():
-    from dataclasses import replace
-
-    from rock2d.diagnosis.diagnose import diagnose
-    from rock2d.diagnosis.diagnosis_content import diagnosis_json
-    from tests.kinematics.synthetic_films import film, world
-
-    whole = film(world(), 2)
-    begun = whole.trajectories[whole.trajectories["t_s"] < 3.0 / whole.fps]
-    content = diagnosis_json(diagnose(replace(whole, trajectories=begun)))
-    assert content["sanity"]["faults"]
-    Draft202012Validator(file_schema("diagnosis")).validate(content)

@@ -1,17 +1,12 @@
 """The batch engine against the reference engine: the same law, found and stepped differently."""
 
 import numpy as np
-import pytest
 
-from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
+from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import contact_table
-from rock2d.records.columns import STOPS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from tests.laboratory import BLOCKS, CUBE, LAW, SETUP, SPHERE, TO_CREST, ensemble
-
-TABLE = contact_table(LAW, SETUP.zone_names)
+from tests.laboratory import LAW, SPHERE, TO_CREST, ensemble
 
 
 def states(n: int, seed: int) -> np.ndarray:
@@ -31,31 +26,6 @@ def test_passing_frequencies_agree_with_the_pymunk_engine():
     truth = np.array([len(t.crossings(TO_CREST.measure_lines["crest"])) > 0 for t in tracks])
     assert 0.1 < truth.mean() < 0.9
     assert np.mean(passed != truth) < 0.05
-
-
-@pytest.mark.parametrize("block", [CUBE, SPHERE], ids=["cube", "sphere"])
-def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does(block):
-    start = states(4, 5)
-    batch = run_batch(ensemble(block), start)
-    for i, state in enumerate(start):
-        track = run_batch_track(block, SETUP, TABLE, state)
-        assert track.stop == STOPS[batch.stop[i]]
-        assert np.array_equal(track.knots[-1], batch.ends[i])
-
-
-def test_a_captured_block_would_have_come_to_rest_there():
-    """Stopping early changes no passing, and moves where blocks end by the creep that the law leaves them."""
-    for block in (SPHERE, CUBE, BLOCKS["parallelepiped"]):
-        start = states(400, 8)
-        early, late = (  # short steps: long ones add to the creep
-            run_batch(ensemble(block, TO_CREST), start, stop_when_captured=c, step_fraction=0.1)
-            for c in (True, False)
-        )
-        assert (early.stop == STOPS.index("rest")).all()
-        assert (early.ends[:, 0] <= late.ends[:, 0]).all()
-        drift = np.hypot(*(early.ends[:, 1:3] - late.ends[:, 1:3]).T)
-        assert np.median(drift) < 0.25 * block.radius_m
-        assert np.array_equal(np.isfinite(early.crossings[:, 0, 0]), np.isfinite(late.crossings[:, 0, 0]))
 
 
 def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():

@@ -142,6 +142,11 @@ def test_the_rebound_law_is_refused(tmp_path):
         ({"group": ["air_drag", "wind"]}, '"wind"', "group.1: no effect 'wind'"),
         ({"effects": {}}, '"effects"', "effects: the effect air_drag of the verdict is missing"),
         ({"effects": {"air_drag": {**AIR, "parameters": {}}}}, '"parameters"', "missing parameter 'drag_per"),
+        ({"effects": []}, '"effects"', "effects: expected a mapping"),
+        ({"verdict": ["air_drag"]}, '"verdict"', "verdict: expected text"),
+        ({"series": {"cube": "1"}}, '"cube"', "series.cube: expected a whole number"),
+        ({"law": 1}, '"law"', "law: expected a mapping"),
+        ({"beside": [{"effect": "x", "parameters": {}}]}, "{", "beside.0: missing key 'base'"),
         ({"effects": {"air_drag": effect(drag_per_mass_1_m=(0.5, 0.1, 0.2))}}, '"ci95"', "holds the value 0.5"),
     ],
 )  # fmt: skip

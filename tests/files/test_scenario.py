@@ -11,7 +11,6 @@ from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.runs.conditions import Conditions, starts
-from rock2d.schemas import file_schema
 from tests.programs import place_of, refusal
 from tests.scenarios_of_tests import SHIPPED, scenario_file
 
@@ -267,42 +266,11 @@ def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
         assert scenario.rebound_parameters(block)
 
 
-def test_the_paper_setup_has_the_paper_s_values():
-    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
-    blocks = scenario.make_blocks()
-    assert {name: block.mass_kg for name, block in blocks.items()} == {
-        "sphere": 0.022, "cube": 0.0233, "parallelepiped": 0.0231
-    }  # fmt: skip
-    law = scenario.contact_parameters(blocks["cube"])["default"]
-    assert (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m) == (1e4, 6e4, 2.5e3)
-    assert (law.friction_angle_deg, law.k_r_Nm_rad) == (30, 0.025)
-    for block, alpha in (("sphere", 0), ("cube", 6), ("parallelepiped", 40)):
-        for zone, (phi, half, restitution) in {
-            "ditch": (0, 0.025, 0.85),
-            "uphill_face": (11, 0.04, 0.89),
-        }.items():
-            row = scenario.rebound_parameters(blocks[block])[zone]
-            assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
-            assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
-    points = scenario.make_cross_section().points_m
-    assert np.ptp(points[1:, 1]) == pytest.approx(0.083)
-    assert points[4, 0] - points[3, 0] == pytest.approx(0.055)
-
-
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
     assert scenario.make_cross_section().zones == ("floor",)
     assert scenario.make_blocks()["square"].mass_kg == 0.05
-
-
-def test_every_key_of_the_json_schema_is_described():
-    schema = file_schema("scenario")
-    for name, part in [("Scenario", schema), *schema["$defs"].items()]:
-        for key, value in part.get("properties", {}).items():
-            assert value.get("description"), f"{name}.{key}"
-    keys = schema["$defs"]["ContactKeys"]
-    assert "N/m" in keys["properties"]["k_l_N_m"]["description"] and keys["additionalProperties"] is False
 
 
 EMBANKMENT = """

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from rock2d.errors import InputError
+from rock2d.graphics import video
 from rock2d.graphics.canvas import Viewport, bgr, exact_view
 from rock2d.graphics.clips import Clip, clip_from_measured, clip_from_track
 from rock2d.graphics.palette import SKY, zone_tones
 from rock2d.graphics.scenery import ground_image
-from rock2d.graphics.video import render_video, side_by_side
 from rock2d.graphics.video_frames import Layout, VideoOptions
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
@@ -34,6 +34,12 @@ def clip(block: str, x_m: tuple[float, float], y_m: float, theta_rad: float = 0.
     """Level motion from x_m[0] to x_m[1] in 0.2 s."""
     t = np.array([0.0, 0.2])
     return Clip(block, t, np.array(x_m), np.full(2, y_m), np.full(2, theta_rad), **style)
+
+
+def render_video(path, ground, blocks, clips, options, progress=None):
+    """A video of the clips of one scene, or of several scenes, in one panel."""
+    scenes = clips if clips and not isinstance(clips[0], Clip) else [clips] if clips else []
+    return video.render_video(path, ground, blocks, [[scene] for scene in scenes], ("",), options, progress)
 
 
 def pictures(path) -> np.ndarray:
@@ -131,7 +137,8 @@ def test_side_by_side_shows_both_and_the_measured_ghost(tmp_path):
     measured = clip("cube", (0.3, 0.3), 0.3, colour="#202020")
     simulated = clip("cube", (0.7, 0.7), 0.3, colour=BLUE)
     options = VideoOptions(slow_motion=0.5, size_px=(640, 320), view=VIEW, hold_s=0)
-    path = side_by_side(tmp_path / "a.webm", FLOOR, BLOCKS, [measured], [simulated], options)
+    scene, labels = [[measured], [simulated]], ("measured", "simulated")
+    path = video.render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [scene], labels, options)
     frame = pictures(path)[0]
     panels = panel_views(options, panels=2)
 
@@ -146,20 +153,6 @@ def test_side_by_side_shows_both_and_the_measured_ghost(tmp_path):
     ghost = seen(1, 0.3)
     assert (ghost < np.array(bgr(SKY)) - 30).all()  # there, but faint
     assert (ghost > 120).all()
-
-
-def test_interrupted_video_leaves_the_folder_as_it_was(tmp_path):
-    old = tmp_path / "a.webm"
-    old.write_bytes(b"the film of yesterday")
-
-    def stop(done, total):
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        render_video(old, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)], SMALL, stop)
-    assert [p.name for p in tmp_path.iterdir()] == ["a.webm"]
-    assert old.read_bytes() == b"the film of yesterday"
 
 
 @contextmanager

@@ -61,14 +61,16 @@ def test_pictures_may_be_drawn_over(tmp_path):
     assert over.read_bytes() == own.read_bytes()
 
 
-def test_a_drawing_that_fails_leaves_nothing(tmp_path):
+def test_a_drawing_that_fails_leaves_the_film_of_yesterday_and_nothing_else(tmp_path):
+    (tmp_path / "a.webm").write_bytes(b"old")
+
     def broken() -> Iterator[np.ndarray]:
         yield from flat(4)
         raise RuntimeError("no more ink")
 
     with pytest.raises(RuntimeError, match="no more ink"):
         write_video(tmp_path / "a.webm", broken(), 9, 25, SIZE)
-    assert not list(tmp_path.iterdir())
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
 
 
 def test_a_picture_of_another_size_leaves_nothing(tmp_path):

@@ -1,8 +1,8 @@
 """The hunt for releases that break physics: `python -m tests.hunt.releases --releases 200000 --seed 1`.
 
-Random releases over random sites (`cases`) run in the batch engine, a share of them in the pymunk engine too. Each is
-held to what every release must do, see FAULTS. The hunt counts what breaks, worst first, and with --save shrinks the
-worst of each kind and writes scenario files that repeat them.
+Random releases over random sites (`cases`) run in the batch engine. Each is held to what every release must do, see
+FAULTS. The hunt counts what breaks, worst first, and with --save shrinks the worst of each kind and writes scenario
+files that repeat them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import argparse
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -23,15 +22,12 @@ import numpy as np
 import shapely
 from tqdm import tqdm
 
-from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
 from rock2d.laws.contact import contact_table
 from rock2d.records import columns
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, Site, random_site, random_states
-from tests.hunt.impact_check import batch_impact, pymunk_impact
-from tests.hunt.own_geometry import LeftOutError
-from tests.laboratory import VELOCITIES_AFTER
 
 Array = np.ndarray
 
@@ -43,7 +39,6 @@ FAULTS = {
     "inside": "a release ends with its centroid inside the ground and is not buried",
     "restless": "a block at rest moves: more kinetic energy than it needs to rise by a quarter of its radius",
     "moved": "the same release, run without its companions, ends elsewhere, if only in the last bit",
-    "apart": "the engines differ after the first impact by over 1 % of the incident speed, for no reason found",
 }
 GAIN = 1e-6  # share of an impact's kinetic energy that it may gain
 RESTLESS = 0.25  # kinetic energy that a block at rest may have, in m g r
@@ -52,8 +47,6 @@ SITES = 60  # sites in one call of the engine
 SAMPLES = 150  # instants at which the centroid is looked at
 IMPACTS = 60  # recorded of each release
 ALONE = 10  # one in so many sites is run again without its companions
-PYMUNK = 100  # one in so many releases is run in the pymunk engine too
-APART = 0.01  # share of the highest possible speed: engines further apart after an impact disagree
 KEPT = 0.3  # share of the fault's size that a smaller case must show
 
 
@@ -100,13 +93,6 @@ def moved(sites: list[Site], states: list[Array], result) -> Iterator[Finding]:
         for i in np.flatnonzero(~((own.ends == ends) | (np.isnan(own.ends) & np.isnan(ends))).all(axis=1)):
             size = float(np.abs(own.ends[i] - ends[i]).max())
             yield Finding("moved", size, Case(sites[k], states[k][i]), _stop(own, i))
-
-
-def compared(sites: list[Site], states: list[Array]) -> list[Compared]:
-    """The engines on one in PYMUNK releases."""
-    every = [Case(site, state) for site, starts in zip(sites, states, strict=True) for state in starts]
-    pairs = [compare(case) for case in every[:: PYMUNK + 1]]  # + 1: not one shape only
-    return [pair for pair in pairs if pair is not None]
 
 
 def _stop(result, i: int) -> str:
@@ -165,74 +151,6 @@ def random_releases(
     return sites, [random_states(rng, site, SITE_RELEASES) for site in sites]
 
 
-# the engines ---------------------------------------------------------------------------------------------------
-
-
-class Compared(NamedTuple):
-    """How far the engines are apart after the first impact of a release, as a share of the incident speed, and why."""
-
-    size: float
-    reason: str  # "" while they agree
-    case: Case
-
-
-def compare(case: Case) -> Compared | None:
-    """The engines on the first impact of a release; None if the batch engine's does not end with a rebound."""
-    batch = _batch(case, 1.0)
-    if batch is None:  # a release that comes to rest in its first contact takes pymunk hours
-        return None
-    pymunk = _pymunk(case, 1.0)
-    size = _difference(batch, pymunk)
-    if size <= APART:
-        return Compared(size, "", case)
-    fine_batch, fine_pymunk = _batch(case, 0.25), _pymunk(case, 0.5)
-    if _difference(fine_batch, fine_pymunk) <= APART:
-        return Compared(size, "step: they agree with shorter steps", case)
-    if max(_difference(batch, fine_batch), _difference(pymunk, fine_pymunk)) > APART:
-        return Compared(size, "knife edge: one engine's own result changes with its step", case)
-    if _depends_on_start(case, batch):
-        return Compared(
-            size, "knife edge: a start moved by a millionth of the radius changes the impact", case
-        )
-    return Compared(size, "unexplained", case)
-
-
-def _difference(one: Array | None, other: Array | None) -> float:
-    """Largest difference of two results, inf if only one impact ended with a rebound."""
-    if one is None or other is None:
-        return 0.0 if one is other else np.inf
-    return float(np.abs(one - other).max())
-
-
-def _scale(case: Case) -> Array:
-    """What differences of (vx, vy, omega) are shares of: the speed with which the block can come at most."""
-    site, q = case.site, case.state
-    fall = max(q[1] - site.cross_section.points_m[:, 1].min(), 0.0)
-    speed = np.sqrt(q[3] ** 2 + q[4] ** 2 + 2.0 * GRAVITY_M_S2 * fall)
-    return speed / np.array([1.0, 1.0, site.block.reach_m])
-
-
-def _batch(case: Case, refinement: float) -> Array | None:
-    """(3,) velocities after the first impact over `_scale`, by the batch engine; None if it did not end."""
-    try:
-        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[VELOCITIES_AFTER] / _scale(case)
-    except LeftOutError:
-        return None
-
-
-def _pymunk(case: Case, refinement: float) -> Array | None:
-    """`_batch` by the pymunk engine."""
-    after = pymunk_impact(case, refinement)[VELOCITIES_AFTER] / _scale(case)
-    return None if np.isnan(after).any() else after
-
-
-def _depends_on_start(case: Case, batch: Array | None) -> bool:
-    """Whether starts a millionth of the radius beside lead elsewhere."""
-    shift = 1e-6 * case.site.block.radius_m * np.eye(6)[:2]
-    moved = [_batch(Case(case.site, case.state + sign * s), 1.0) for s in shift for sign in (-1.0, 1.0)]
-    return any(_difference(batch, m) > APART for m in moved)
-
-
 # the smallest case -----------------------------------------------------------------------------------------------
 
 
@@ -286,7 +204,6 @@ class Chunk(NamedTuple):
     releases: int
     corrected: Array
     findings: list[Finding]
-    compared: list[Compared]
     seconds: float
 
 
@@ -295,11 +212,9 @@ def hunt_chunk(job: tuple[int, int, str | None]) -> Chunk:
     start = time.perf_counter()
     sites, states = random_releases(*job)
     result = run_cases(sites, states)
-    both = compared(sites, states)
     found = [*check(sites, states, result), *moved(sites, states, result)]
-    found += [Finding("apart", c.size, c.case, "impacts") for c in both if c.reason == "unexplained"]
     corrected = result.energy_J[:, columns.E_CORRECTED] / result.energy_J[:, columns.E_INITIAL]
-    return Chunk(SITES * SITE_RELEASES, corrected, found, both, time.perf_counter() - start)
+    return Chunk(SITES * SITE_RELEASES, corrected, found, time.perf_counter() - start)
 
 
 def hunt(releases: int, seed: int, shape: str | None, workers: int, first: int = 0) -> list[Chunk]:
@@ -315,9 +230,8 @@ def _one_thread() -> None:
 
 
 def print_table(chunks: list[Chunk]) -> None:
-    """What broke, by fault and shape, and how the engines compare."""
+    """What broke, by fault and shape."""
     found = [f for chunk in chunks for f in chunk.findings]
-    both = [c for chunk in chunks for c in chunk.compared]
     print(f"{sum(chunk.releases for chunk in chunks)} releases")
     for fault, meaning in FAULTS.items():
         mine = [f for f in found if f.fault == fault]
@@ -329,14 +243,6 @@ def print_table(chunks: list[Chunk]) -> None:
         f"steps were corrected by {middle:.1e} of the initial energy (median), 99 % of the releases by less than "
         f"{most:.1e}, all by less than {worst:.1e}"
     )
-    if both:
-        sizes = np.array([c.size for c in both])
-        print(
-            f"engines on {len(both)} first impacts: median {np.median(sizes):.1e}, "
-            f"95 % within {np.quantile(sizes, 0.95):.1e} of the incident speed"
-        )
-        for reason, count in Counter(c.reason for c in both if c.reason).most_common():
-            print(f"  {count} apart: {reason}")
     print(f"slowest chunk of {chunks[0].releases} releases: {max(c.seconds for c in chunks):.1f} s")
 
 
@@ -362,7 +268,7 @@ def main(arguments: list[str] | None = None) -> int:
         for fault in FAULTS:
             mine = sorted((f for f in found if f.fault == fault), key=lambda f: -f.size)
             for k, worst in enumerate(mine[: given.worst]):
-                small = worst if fault in ("moved", "apart") else shrunk(worst)
+                small = worst if fault == "moved" else shrunk(worst)
                 path = given.save / f"{fault}_{k}.yaml"
                 path.write_text(small.case.scenario(path.stem, f"{FAULTS[fault]}: {small.size:.3g}"))
                 print(f"{path}: {small.size:.3g} [{small.stop}]")

@@ -1,4 +1,4 @@
-"""The engine against the independent integrator, which `tests/laws/test_contact.py` holds to closed forms."""
+"""The engines against the independent integrator, which `tests/laws/test_contact.py` holds to closed forms."""
 
 import numpy as np
 
@@ -10,13 +10,14 @@ from tests.hunt.impact_check import FINE, LARGEST, batch_impact, compared_impact
 from tests.hunt.integrator import Impact
 
 
-def test_engine_against_integrator():
-    """Random impacts of every shape with fine steps of the batch engine."""
-    done, _ = compared_impacts(15, 7, FINE)
+def test_engines_against_integrator():
+    """Random impacts of every shape with fine steps of the batch engine, and some in the pymunk engine."""
+    done, _ = compared_impacts(15, 7, FINE, 4)
     assert {one.case.site.block.shape for one in done} == set(SHAPES)
     for one in done:
         assert one.batch[0] < LARGEST, one
         assert one.batch[1] < LARGEST, one
+        assert not one.pymunk[0] > LARGEST, one  # NaN where it was not run
 
 
 def test_contact_of_a_fast_spinning_ellipse_begins_at_the_surface():

@@ -18,7 +18,7 @@ from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.window_gravity import window_gravity
 from rock2d.scene.blocks import make_block
-from tests.kinematics.synthetic_films import film, without_angles, world, yielded
+from tests.kinematics.synthetic_films import film, world, yielded
 
 STICKY = catalogue()["adhesion"].apply(world(), [12.0])
 NOTHING = {"angle_offset": catalogue()["angle_offset"]}
@@ -259,13 +259,3 @@ def test_lost_frames_are_remarked(plain):
     lost = 100 * (1 - len(kept) / len(plain.trajectories))
     found = check_film(plain, load_film(replace(plain, trajectories=kept)))
     assert not found.faults and f"{lost:.0f} %" in found.remarks[0]
-
-
-def test_an_angle_that_is_left_empty_is_not_asked_for():
-    """A ball without marks: its column is empty, and nothing is stated that could be wrong."""
-    experiment = film(world(), 6)
-    balls = [name for name, block in experiment.blocks.items() if block.shape == "circle"]
-    experiment = without_angles(experiment, *balls)
-    found = check_film(experiment, load_film(experiment))
-    assert balls
-    assert not any("never changes" in said for said in [*found.remarks, *(f.message for f in found.faults)])

@@ -6,6 +6,7 @@ import shapely
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
+from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import calibrations, outcomes, published
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
@@ -155,9 +156,11 @@ def test_the_scenario_of_a_hypothesis_is_its_set_up_and_arrivals_with_the_publis
     assert shown.points_m == pytest.approx(ground.points_m, abs=6e-5)
     for line, ends in ground.measure_lines.items():
         assert shown.measure_lines[line] == pytest.approx(np.asarray(ends), abs=6e-5)
-    blocks = scenario.make_blocks()
+    blocks, shipped = scenario.make_blocks(), load_scenario(scenario_file("paper_setup.yaml"))
     for name, block in blocks.items():
-        assert block.inertia_kg_m2 == pytest.approx(published.SETUP_BLOCKS[name].inertia_kg_m2)
+        assert block == shipped.make_blocks()[name] == published.SETUP_BLOCKS[name]
+        assert shipped.contact_parameters(block) == scenario.contact_parameters(block)
+        assert shipped.rebound_parameters(block) == scenario.rebound_parameters(block)
     law = scenario.contact_parameters(blocks["cube"])["default"]
     assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(1 / 6)
     facing = scenario.rebound_parameters(blocks["cube"])["uphill_face"]

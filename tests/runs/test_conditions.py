@@ -14,6 +14,7 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.laws.contact import K_UL
 from rock2d.runs.campaigns.campaign import CampaignOptions, run_campaign
 from rock2d.runs.conditions import Conditions, starts
+from tests.programs import refusal
 from tests.scenarios_of_tests import ONE_BALL, SLOPE, scenario_file
 
 GROUND = SLOPE + "  measure_lines: {foot: [[21, 0], [21, 9]]}"
@@ -55,12 +56,15 @@ def test_a_campaign_meets_the_conditions_of_a_run(tmp_path, engine):
 
 
 def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
-    scenario = site(tmp_path, POPULATION, STIFFNESS, ROUGH, blocks="")
+    drawn = "distribution: {x_m: 3, y_m: {uniform: {low: 18, high: 19}}, vx_m_s: 2, vy_m_s: 0}"
+    scenario = site(tmp_path, POPULATION, STIFFNESS, ROUGH, blocks="", incident=drawn)
     few, many = (starts(Conditions(scenario, "batch", 3), n) for n in (3, 20))
     for (one, met), (other, met_too) in zip(few, many, strict=False):
         assert np.array_equal(one.state, other.state)
         assert met.drawn == met_too.drawn
         assert np.array_equal(met.cross_section.points_m, met_too.cross_section.points_m)
+    (other_seed,) = starts(Conditions(scenario, "batch", 4), 1)
+    assert not np.array_equal(few[0][0].state, other_seed[0].state)
     assert many[0][1].drawn != many[1][1].drawn
     assert not np.array_equal(many[0][1].cross_section.points_m, many[1][1].cross_section.points_m)
 
@@ -133,14 +137,15 @@ def test_a_block_starts_at_its_clearance_above_the_ground(tmp_path, block, rough
 @pytest.mark.parametrize(
     "incident, said",
     [
-        ("x_m: 3, clearance_m: {normal: {mean: 0.1, sd: 0.2}}", "would start below the ground: its clearance_m is -"),
-        ("x_m: {uniform: {low: 59, high: 62}}, clearance_m: 1", "outside the cross-section"),
+        ("above_ground: {x_m: 3, clearance_m: {normal: {mean: 0.1, sd: 0.2}}", "the ground: its clearance_m is -"),
+        ("above_ground: {x_m: {uniform: {low: 59, high: 62}}, clearance_m: 1", "outside the cross-section"),
+        ("distribution: {x_m: 3, y_m: {uniform: {low: 12, high: 19}}", "would start below the ground"),
     ],
 )  # fmt: skip
 def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said):
-    scenario = site(tmp_path, incident=f"above_ground: {{{incident}, vx_m_s: 0, vy_m_s: 0}}")
-    with pytest.raises(InputError, match=said):
-        rock2d.run(scenario)
+    scenario = site(tmp_path, incident=f"{incident}, vx_m_s: 0, vy_m_s: 0}}")
+    error = refusal(rock2d.run, scenario, said=said)
+    assert error.code == "bad_state" and error.line is not None
 
 
 def test_releases_along_a_line_spread_over_its_length(tmp_path):

@@ -6,15 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import fit_first_flight
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.programs import commanded, other_hash_seed, refusal, rock2d
+from tests.programs import commanded, other_hash_seed, rock2d
 from tests.scenarios_of_tests import SHIPPED
 
 
@@ -31,13 +29,6 @@ def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path)
     seen = [digest(tmp_path / name / "paper_setup_pymunk") for name in "ab"]
     assert seen[0] == seen[1]
     assert "trajectories.csv" in seen[0]
-
-
-def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_many_there_are():
-    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
-    few, many = incident_states(scenario, 1, 2), incident_states(scenario, 1, 5)
-    assert np.array_equal(few[1].state, many[1].state)
-    assert not np.array_equal(few[0].state, incident_states(scenario, 2, 2)[0].state)
 
 
 @pytest.mark.parametrize("engine", ["pymunk", "point_mass"])
@@ -61,12 +52,6 @@ def test_every_scenario_runs_as_it_stands(data_root):
         assert scenario.assumed, f"{path.name} must say what it assumes"
         result = run(scenario, releases=1, workers=1, progress=False)
         assert len(result.tracks) == len(result.blocks)
-
-
-def test_missing_data_are_said_plainly(monkeypatch):
-    monkeypatch.setenv("ROCK2D_DATA", "")
-    error = commanded("run", SHIPPED / "real_squares.yaml").exception
-    assert isinstance(error, InputError) and "ROCK2D_DATA" in str(error)
 
 
 def test_a_mistake_is_one_line_with_its_place_and_exit_code_2_and_a_former_key_is_named(tmp_path):
@@ -118,17 +103,6 @@ def test_first_flight_errors_are_those_of_least_squares():
     expected = np.array([sigma[0], sigma[0], sigma[1]]) * spread
     assert np.allclose(fits[:, 3:].std(axis=0), expected, rtol=0.15)
     assert (np.abs(fits.mean(axis=0) - truth)[3:] < 4 * expected / 20).all()
-
-
-def test_a_start_that_is_drawn_below_the_ground_is_refused(tmp_path):
-    path = tmp_path / "low.yaml"
-    path.write_text(
-        (SHIPPED / "flat_floor.yaml").read_text().replace("      y_m: 0.32\n", "      y_m: -0.32\n")
-    )
-    said = "would start below the ground"
-    error = refusal(run, load_scenario(path), engine="batch", releases=2, said=said)
-    assert error.code == "bad_state"
-    assert error.line is not None
 
 
 @pytest.mark.filterwarnings("ignore::rock2d.errors.OldKeyWarning")

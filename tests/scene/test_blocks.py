@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from rock2d.scene.blocks import make_block
 from rock2d.scene.shapes import inertia_words, shapes
-from rock2d.scene.shapes.shape import BlockError
 from tests.laboratory import CUBE, SLAB, SPHERE
 
 VERTICES = [[0, 0], [0.02, 0], [0.03, 0.01], [0.01, 0.025], [-0.005, 0.015]]
@@ -102,22 +101,6 @@ def test_every_file_of_a_shape_is_found_under_its_name():
 def test_a_shape_gives_the_sizes_of_its_blocks_back(shape, size):
     block = make_block("b", shape, 2.0, **size)
     assert shapes()[shape].sizes_of(block.semi_axes_m, block.corners_m) == size
-
-
-@pytest.mark.parametrize(
-    "shape, inertia, size, key",
-    [
-        ("circle", "uniform", {"side_m": 1}, "side_m"),
-        ("square", "uniform", {}, "side_m"),
-        ("square", "solid_sphere", {"side_m": 1}, "inertia"),
-        ("star", "uniform", {}, "shape"),
-        ("circle", -1.0, {"diameter_m": 1}, "inertia"),
-    ],
-)
-def test_an_error_names_the_key(shape, inertia, size, key):
-    with pytest.raises(BlockError) as caught:
-        make_block("b", shape, 1.0, inertia, **size)
-    assert caught.value.key == key and caught.value.block == "b"
 
 
 def test_blocks_are_compared_by_value():

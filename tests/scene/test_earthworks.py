@@ -88,21 +88,6 @@ def test_the_arrival_line_rises_from_the_natural_ground_before_the_earthworks():
     assert ground.measure_lines["arrival"][0] == pytest.approx(first)
 
 
-@pytest.mark.parametrize(
-    ("changed", "ditch", "part", "key"),
-    [
-        ({"x_m": 161.0}, None, "embankment", "x_m"),
-        ({"x_m": 150.0, "downhill_deg": 20.0}, None, "embankment", "downhill_deg"),
-        ({"x_m": 155.0}, None, "embankment", "downhill_deg"),
-        ({}, DitchSizes(90.0, 1.0, 5.0), "ditch", "uphill_deg"),
-    ],
-)
-def test_what_does_not_meet_the_ground_is_refused(changed, ditch, part, key):
-    with pytest.raises(EarthworkError) as error:
-        with_earthworks(SLOPE, sizes(**changed), ditch)
-    assert (error.value.part, error.value.key) == (part, key)
-
-
 def test_a_crest_inside_the_ground_is_refused():
     valley = CrossSection([[0, 20], [20, 0], [40, 0], [60, 20]], ["a", "b", "c"])
     with pytest.raises(EarthworkError, match="inside the ground"):
@@ -162,21 +147,6 @@ def test_the_arrival_line_of_a_near_embankment_stands_behind_the_one_before():
     assert near.measure_lines["arrival_2"][0, 0] == back
     touching = with_numbered_earthworks(SLOPE, two(x_m=back))
     assert touching.embankments[0].right == touching.embankments[1].left
-
-
-@pytest.mark.parametrize(
-    ("works", "number", "key", "said"),
-    [
-        (two(x_m=79.0), 2, "x_m", "from uphill to downhill, but the foot of number 1 is at x = 80 m"),
-        (two(x_m=85.0), 2, "x_m", "the embankment begins at x = 85 m, before embankment 1 ends at x = 9"),
-        (two() | {2: (sizes(x_m=96.0, height_m=2.0), DITCH)}, 2, "width_m", "the ditch begins at x = 86"),
-        (two(x_m=161.0), 2, "x_m", "outside the cross-section"),
-    ],
-)
-def test_embankments_that_overlap_or_stand_in_another_order_are_refused(works, number, key, said):
-    with pytest.raises(EarthworkError, match=said) as error:
-        with_numbered_earthworks(SLOPE, works)
-    assert (error.value.number, error.value.key) == (number, key)
 
 
 def test_measure_lines_know_their_embankment():

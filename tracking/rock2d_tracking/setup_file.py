@@ -258,10 +258,7 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
     """
     import cv2
 
-    try:
-        path = path_inside(folder, picture)
-    except ValueError as error:
-        raise InputError(str(error)) from None
+    path = path_inside(folder, picture)
     require_regular(path)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:

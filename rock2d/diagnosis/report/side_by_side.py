@@ -32,7 +32,7 @@ def video_section(
     folder: Path,
 ) -> dict[str, Any]:
     """Template variables of the video; the video is written into `folder`."""
-    from rock2d.graphics.video import compare_video
+    from rock2d.graphics.video import render_video
     from rock2d.graphics.video_frames import VideoOptions
 
     scenes, titles = report_data.video_scenes(result, film, poses, improves)
@@ -43,7 +43,7 @@ def video_section(
     view = report_data.scenes_view(scenes, cross_section, max(b.radius_m for b in blocks.values()))
     shown = [labels[m] for m in ("measured", *poses)]
     path = folder / VIDEO
-    compare_video(
+    render_video(
         path, cross_section, blocks, scenes, shown,
         VideoOptions(fps_video=VIDEO_FPS, slow_motion=slow_motion, size_px=VIDEO_SIZE, view=view, titles=titles,
                      hold_s=HOLD_S),

@@ -164,7 +164,6 @@ def _job_and_manifest(
 ) -> tuple[Job, dict[str, Any]]:
     """The job of a campaign and its manifest; raises InputError if it cannot be a campaign."""
     from rock2d.runs.campaigns.job import Job
-    from rock2d.runs.conditions import Conditions
 
     engine = engine_named(options.engine or scenario.engine)
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
@@ -184,8 +183,8 @@ def _job_and_manifest(
         **({"diagnosis": scenario.diagnosed.fingerprint} if scenario.diagnosed else {}),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
-    job = Job(folder.absolute() / "chunks", fingerprint, keep, Conditions(scenario, engine.name, seed))
-    job.conditions.check_starts(options.releases or scenario.releases)
+    job = Job(scenario, engine.name, seed, folder.absolute() / "chunks", fingerprint, keep)
+    job.check_starts(options.releases or scenario.releases)
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
 

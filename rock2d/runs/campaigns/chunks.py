@@ -177,7 +177,7 @@ def _simulate(
     """Output -> columns, of releases first .. stop - 1 of the block of the chunk. Adds these releases to `counts`."""
     import pyarrow as pa
 
-    group = job.conditions.group(chunk.block, first, stop)
+    group = job.group(chunk.block, first, stop)
     found = job.outcome(group)
     numbers = chunk.offset + np.arange(first, stop)
 

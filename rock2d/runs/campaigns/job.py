@@ -13,8 +13,6 @@ from rock2d.runs.conditions import Conditions, Group
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.indicators.crossings import foot_and_up
 from rock2d.runs.recording import FRAME_TOLERANCE
-from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
@@ -24,41 +22,19 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Job:
-    """Everything that is needed to compute a chunk of a campaign.
+class Job(Conditions):
+    """The conditions of each release, and everything else that is needed to compute a chunk of a campaign.
 
     Attributes
     ----------
     folder : folder with one folder for each of `keep`
     fingerprint : hash of everything that determines the result; each file contains it
     keep : names of `campaigns.OUTPUTS`
-    conditions : conditions of each release
     """
 
-    folder: Path
-    fingerprint: str
-    keep: tuple[str, ...]
-    conditions: Conditions
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario of the releases."""
-        return self.conditions.scenario
-
-    @property
-    def engine(self) -> str:
-        """Name of the engine."""
-        return self.conditions.engine
-
-    @property
-    def cross_section(self) -> CrossSection:
-        """The ground, without roughness."""
-        return self.conditions.cross_section
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The blocks; of a population, the one of median size."""
-        return self.conditions.blocks
+    folder: Path = Path()
+    fingerprint: str = ""
+    keep: tuple[str, ...] = ("crossings",)
 
     @cached_property
     def lines(self) -> tuple[Array, Array]:
@@ -97,4 +73,4 @@ class Chunk:
 
 def crossings_job(scenario: Scenario, engine: str, seed: int) -> Job:
     """The job of a scenario that keeps only crossings, in memory, with the compiled engine of the same law."""
-    return Job(Path(), "", ("crossings",), Conditions(scenario, compiled_engine(engine).name, seed))
+    return Job(scenario, compiled_engine(engine).name, seed)

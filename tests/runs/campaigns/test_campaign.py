@@ -348,7 +348,7 @@ UNTIMED = settings(deadline=None)  # a loaded machine is no fault
 
 
 @UNTIMED
-@given(st.integers(1, 600), st.sampled_from([50.0, 95.0, 99.0]), st.integers(0, 2**32))
+@given(st.integers(1, 600), st.sampled_from([5.0, 50.0, 95.0, 99.0]), st.integers(0, 2**32))
 def test_percentiles_are_numpys_and_look_at_no_more_values_than_they_say(n, percentile, seed):
     ranked = np.sort(np.random.default_rng(seed).normal(size=n))
     seen = {rank: float(ranked[rank]) for rank in percentile_ranks(n, percentile)}

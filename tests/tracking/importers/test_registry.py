@@ -5,6 +5,7 @@ from rock2d_tracking import importers
 from rock2d_tracking.importers import find_importer, importer_names
 from rock2d_tracking.importing import read_points
 
+from tests.docs.test_recipes import EXAMPLES
 from tests.programs import printed, refusal
 from tests.tracking.tracked_files import FILES, values
 
@@ -61,26 +62,14 @@ def test_a_mistake_is_told_with_file_and_line(put, kind, old, new, line, words):
     assert words in error.message and (error.file, error.line) == (path, line)
 
 
-ADDED = """
-from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import Points
-
-def read(path, text):
-    frame, u, v = map(float, text.split()[1:])
-    return Points.of_rows(path, 1, [{"track": "stone", "line": 2, "frame": frame, "u": u, "v": v}])
-
-IMPORTER = Importer("Loupe", lambda text: text.startswith("loupe"), read)
-"""
-
-
 def test_a_format_is_added_as_one_file(put, tmp_path, monkeypatch):
     known = importer_names()
-    (tmp_path / "loupe.py").write_text(ADDED)
+    (tmp_path / "plain.py").write_text(EXAMPLES["plain"])
     monkeypatch.setattr(importers, "__path__", [*importers.__path__, str(tmp_path)])
-    assert importer_names() == tuple(sorted([*known, "loupe"]))
-    path = put("loupe\n3 1.5 2.5\n")
-    assert values(read_points(path, "loupe"), "stone") == [[1.5, 2.5]]
-    assert "looks like loupe" in refusal(read_points, path, "kinovea").message
+    assert importer_names() == tuple(sorted([*known, "plain"]))
+    path = put("image,u,v\n3,1.5,2.5\n")
+    assert values(read_points(path, "plain"), "point") == [[1.5, 2.5]]
+    assert "looks like plain" in refusal(read_points, path, "kinovea").message
     chosen = printed(
         f"from rock2d_tracking import importers; importers.__path__.append({str(tmp_path)!r})\n"
         "from rock2d.cli import cli\n"

@@ -28,10 +28,7 @@ PICTURES = DOCS / "pictures"
 LIVE = DOCS / "live"  # pages too large to be kept in the repository
 COMPARED = "run scenarios/{}.yaml --report --compare --engine batch"
 LIVE_COMMANDS = {  # page -> the command of rock2d that makes it
-    **{
-        name: COMPARED.format(name)
-        for name in ("flat_floor", "paper_setup", "rough_slope", "slope_embankment")
-    },
+    **{name: COMPARED.format(name) for name in ("flat_floor", "paper_setup", "rough_slope", "slope_embankment")},
     "design_site": "design scenarios/design_site.yaml --range 3 9 --target 1 --confidence 95",
 }
 RELEASES = 40
@@ -128,9 +125,7 @@ def keep(source: Path, target: Path) -> None:
     with Image.open(source) as picture:
         small = picture.convert("RGB")
     if small.width > WIDTH_PX:
-        small = small.resize(
-            (WIDTH_PX, round(small.height * WIDTH_PX / small.width)), Image.Resampling.LANCZOS
-        )
+        small = small.resize((WIDTH_PX, round(small.height * WIDTH_PX / small.width)), Image.Resampling.LANCZOS)
     small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
     print(f"{target.name}: {target.stat().st_size / 1000:.0f} kB", file=sys.stderr)
 

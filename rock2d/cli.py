@@ -101,9 +101,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     from rock2d.reproduction.calibrations import Effort
 
     effort = Effort(hypotheses, releases)
-    run_reproduction(
-        out, seed=seed, effort=effort, candidates=candidates, progress=not quiet, report=click.echo
-    )
+    run_reproduction(out, seed=seed, effort=effort, candidates=candidates, progress=not quiet, report=click.echo)
 
 
 @cli.command()
@@ -112,9 +110,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
               help="Folder for diagnosis.json and report.html.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
               help="Of the bootstrap intervals.")  # fmt: skip
-@click.option(
-    "--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it."
-)
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it.")
 @click.option("--limits", is_flag=False, flag_value="", type=click.Path(path_type=Path), metavar="[FOLDER]",
               help="Say which sizes of each effect would have been seen: from the study of rock2d blind inject in "
               "FOLDER, or as a linear model expects.")  # fmt: skip
@@ -129,9 +125,7 @@ def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
     """
     from rock2d.diagnosis.command import run_diagnosis
 
-    run_diagnosis(
-        experiment, out, seed=seed, workers=workers, limits=limits, progress=not quiet, report=click.echo
-    )
+    run_diagnosis(experiment, out, seed=seed, workers=workers, limits=limits, progress=not quiet, report=click.echo)
 
 
 @cli.command()
@@ -173,9 +167,7 @@ def blind() -> None:
 
 
 @blind.command("make")
-@click.option(
-    "--cases", type=click.IntRange(1, 10_000), default=200, show_default=True, help="Number of cases."
-)
+@click.option("--cases", type=click.IntRange(1, 10_000), default=200, show_default=True, help="Number of cases.")
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed of everything in it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the trial.")
 @click.option("--base", "bases", type=click.Path(path_type=Path), multiple=True, metavar="EXPERIMENT",
@@ -291,9 +283,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 @click.option("--faults", type=click.Choice(FAULT_LEVEL_NAMES), default="clean", show_default=True,
               help="Noise, blur, dust, shadow, burial, lost frames, compression ...")  # fmt: skip
 @click.option("--releases", type=click.IntRange(1), help="Only the first ones.")
-@click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the faults."
-)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the faults.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file.
@@ -328,9 +318,7 @@ def import_(files, kind, config, y, block, out, **options) -> None:
     from rock2d_tracking.command import import_files
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
-    import_files(
-        TrackedFiles(files, kind, y), config, out, ImportOptions(**options), block=block, report=click.echo
-    )
+    import_files(TrackedFiles(files, kind, y), config, out, ImportOptions(**options), block=block, report=click.echo)
 
 
 @cli.command()

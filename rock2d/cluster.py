@@ -126,11 +126,7 @@ def _room(client: Client) -> int:
 
 
 def _on_worker(
-    work: Callable[..., Any],
-    arguments: tuple[Any, ...],
-    index: int,
-    expected: dict[str, str],
-    folder: Path | None,
+    work: Callable[..., Any], arguments: tuple[Any, ...], index: int, expected: dict[str, str], folder: Path | None
 ) -> tuple[int, Any]:
     from rock2d.processes import one_thread
 
@@ -148,9 +144,7 @@ def _client(scheduler: str) -> Iterator[Client]:
     from distributed import Client
 
     if not re.fullmatch(r"\w+://.+:\d+", scheduler):
-        raise InputError(
-            f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}", code="no_cluster"
-        )
+        raise InputError(f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}", code="no_cluster")
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:

@@ -69,9 +69,7 @@ def _open_to_others(folder: Path) -> Path | None:
     for part in (folder, *folder.parents):
         found = part.stat()
         shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        if (
-            shared and part != folder and found.st_mode & stat.S_ISVTX
-        ):  # like /tmp: others cannot rename files
+        if shared and part != folder and found.st_mode & stat.S_ISVTX:  # like /tmp: others cannot rename files
             shared = 0
         if shared or found.st_uid not in (os.getuid(), 0):
             return part
@@ -85,9 +83,7 @@ def _choose_cache() -> None:
     with contextlib.suppress(OSError):  # nowhere to write: numba falls back to its own default
         folder = _cache_folder(root.resolve())
         if (found := _open_to_others(folder)) is not None:
-            sys.stderr.write(
-                f"warning: {found}: other users can write here; code is compiled anew for this run\n"
-            )
+            sys.stderr.write(f"warning: {found}: other users can write here; code is compiled anew for this run\n")
             folder = Path(tempfile.mkdtemp(prefix="rock2d_"))
             os.environ["NUMBA_CACHE_DIR"] = str(folder)  # for workers
             atexit.register(shutil.rmtree, folder, ignore_errors=True)

@@ -44,9 +44,7 @@ class Processes:
         if pool is not None:
             pool.__exit__(*error)
 
-    def as_finished(
-        self, work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]]
-    ) -> Generator[tuple[int, Any]]:
+    def as_finished(self, work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]]) -> Generator[tuple[int, Any]]:
         """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
 
         Jobs of a worker that died are repeated. Raises the errors of `work`, and ChildProcessError if workers keep
@@ -71,9 +69,7 @@ class Processes:
                         f"several worker processes died at the same job; is there too little memory, or {UNGUARDED}?"
                     ) from None
 
-    def _finished(
-        self, work: Callable[..., Any], jobs: dict[int, tuple[Any, ...]]
-    ) -> Iterator[tuple[int, Any]]:
+    def _finished(self, work: Callable[..., Any], jobs: dict[int, tuple[Any, ...]]) -> Iterator[tuple[int, Any]]:
         if self._executor is None:
             self._pool = ExitStack()
             shared = self._pool.enter_context(_in_file(self._shared))

@@ -54,9 +54,7 @@ def ask_for_release(page: Any, number: object) -> None:
 
 def picture(page: Any, name: str) -> str:
     """What the canvases of this name show."""
-    return page.evaluate(
-        f"[...document.querySelectorAll('{name}')].map(c => c.hidden ? '' : c.toDataURL()).join()"
-    )
+    return page.evaluate(f"[...document.querySelectorAll('{name}')].map(c => c.hidden ? '' : c.toDataURL()).join()")
 
 
 def assert_only_its_own_script_may_run(text: str) -> None:

@@ -18,9 +18,7 @@ INCIDENT = f"distribution: {{{THROWN}, theta_rad: {{uniform: {{low: 0.0, high: 1
 
 def effect(base: dict[str, float] = JOINT, **parameters: tuple[float, float, float]) -> dict[str, Any]:
     """An entry of `effects`; parameters are value and ends of the 95 % interval."""
-    own = {
-        name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()
-    }
+    own = {name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()}
     return {"parameters": own, "base": base, **GAIN, **CLOSED}
 
 

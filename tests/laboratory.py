@@ -42,9 +42,7 @@ def rough(seed: int) -> CrossSection:
     rng = np.random.default_rng(seed)
     x = np.cumsum(rng.uniform(0.005, 0.04, 40))
     y = -0.6 * x + rng.normal(0, 0.003, 40)
-    return CrossSection(
-        np.column_stack([x - 0.1, y]), rng.choice(["slope", "ditch", "face", "other"], 39).tolist()
-    )
+    return CrossSection(np.column_stack([x - 0.1, y]), rng.choice(["slope", "ditch", "face", "other"], 39).tolist())
 
 
 def random_state(seed: int) -> np.ndarray:

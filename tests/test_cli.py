@@ -43,9 +43,7 @@ cli.main()
 """
 
 
-def started(
-    command: str, ctrl_c: signal.Handlers, how: tuple[str, str] = ("-c", COMMAND)
-) -> subprocess.Popen[str]:
+def started(command: str, ctrl_c: signal.Handlers, how: tuple[str, str] = ("-c", COMMAND)) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, *how, command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=partial(signal.signal, signal.SIGINT, ctrl_c),
@@ -62,12 +60,9 @@ def test_a_request_to_end_is_answered_with_one_line(ctrl_c):
 
 
 @pytest.mark.parametrize(
-    ("signal_number", "exit_code", "said"),
-    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+    ("signal_number", "exit_code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
-def test_an_interrupt_in_generated_code_has_its_exit_code(
-    signal_number, exit_code, said, tmp_path, monkeypatch
-):
+def test_an_interrupt_in_generated_code_has_its_exit_code(signal_number, exit_code, said, tmp_path, monkeypatch):
     (tmp_path / "commands.py").write_text(COMMAND)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
     with started("wait-in-exec", signal.SIG_DFL, ("-m", "commands")) as process:

@@ -102,9 +102,7 @@ def test_two_processes_at_once_compile_a_function_once(tmp_path):
     }  # fmt: skip
     ready = [str(tmp_path / name) for name in ("one", "other")]
     processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", TOGETHER, *order], env=environment, stdout=subprocess.PIPE, text=True
-        )
+        subprocess.Popen([sys.executable, "-c", TOGETHER, *order], env=environment, stdout=subprocess.PIPE, text=True)
         for order in (ready, ready[::-1])
     ]
     counts = [int(process.communicate(timeout=120)[0]) for process in processes]

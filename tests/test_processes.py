@@ -54,9 +54,7 @@ def sleep_or_return(k: int) -> np.ndarray:
 def test_closing_ends_the_workers_at_once():
     with closing(as_finished(sleep_or_return, JOBS, 2)) as results:
         next(results)
-        workers = [
-            p for p in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(p.cmdline())
-        ]
+        workers = [p for p in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
         begin = time.monotonic()
     assert len(workers) == 2 and not psutil.wait_procs(workers, timeout=0)[1]
     assert time.monotonic() - begin < 2

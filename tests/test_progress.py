@@ -59,8 +59,7 @@ def within_a_factor_of_two(found, share=0.1):
 def test_stages_of_known_work_are_estimated_within_a_factor_of_two(rng):
     for _ in range(100):
         stages = {
-            f"stage {k}": rng.uniform(0.5, 1.5, rng.integers(20, 60)) * 10.0 ** rng.uniform(-1, 1)
-            for k in range(5)
+            f"stage {k}": rng.uniform(0.5, 1.5, rng.integers(20, 60)) * 10.0 ** rng.uniform(-1, 1) for k in range(5)
         }
         assert within_a_factor_of_two(left_while(stages))
 
@@ -76,9 +75,7 @@ def test_work_that_is_planned_half_as_large_again_does_not_leave_the_factor(rng)
 def test_a_machine_that_changes_its_speed_is_followed(factor):
     """A third of the time so far later, the estimate is right within a factor of two; the average would not be."""
     changes_s = 100.0
-    found = left_while(
-        {"one": np.ones(400), "two": np.ones(300)}, lambda now_s: factor if now_s >= changes_s else 1.0
-    )
+    found = left_while({"one": np.ones(400), "two": np.ones(300)}, lambda now_s: factor if now_s >= changes_s else 1.0)
     later = found[found[:, 0] > 1.35 * changes_s]
     off = later[:, 1][:-10] / (found[-1, 0] - later[:, 0])[:-10]
     assert off.min() > 0.5 and off.max() < 2.0
@@ -176,9 +173,7 @@ def test_compiling_stands_on_the_line_of_the_bar(monkeypatch):
     lines = [line.split("\r")[-1].rstrip() for line in text.split("\n")]
     assert [line.partition(":")[0] for line in lines if line] == ["one", "two"]
     assert "100%" in lines[0] and "2/2 units" in lines[0] and COMPILING not in lines[0]
-    assert all(
-        part.startswith(("one: ", "two: ", "nothing: ", " ")) for part in re.split("[\r\n]", text) if part
-    )
+    assert all(part.startswith(("one: ", "two: ", "nothing: ", " ")) for part in re.split("[\r\n]", text) if part)
 
 
 def test_a_log_file_has_few_plain_lines(monkeypatch):

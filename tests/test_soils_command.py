@@ -8,12 +8,7 @@ from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES
 from tests.programs import commanded
 
-REBOUND_NUMBERS = (
-    "friction_angle_deg",
-    "momentum_half_kg_m_s",
-    "tangential_restitution",
-    "slope_reduction_deg",
-)
+REBOUND_NUMBERS = ("friction_angle_deg", "momentum_half_kg_m_s", "tangential_restitution", "slope_reduction_deg")
 
 
 def printed(*options: str) -> str:
@@ -46,9 +41,7 @@ def test_the_parameters_of_a_block_are_those_that_a_scenario_takes(soil):
     )
 
 
-@pytest.mark.parametrize(
-    ("mass_kg", "size_m"), [(300.0, None), (None, 1.0), (-1.0, 1.0), (1.0, float("nan"))]
-)
+@pytest.mark.parametrize(("mass_kg", "size_m"), [(300.0, None), (None, 1.0), (-1.0, 1.0), (1.0, float("nan"))])
 def test_half_a_block_or_none_at_all_is_refused(mass_kg, size_m):
     with pytest.raises(InputError, match=r"--mass-kg|--size-m"):
         list_soils(mass_kg, size_m)

@@ -114,9 +114,7 @@ def _option_row(option: click.Option) -> str:
         )
     default = "required" if option.required else ""
     if not option.required and not option.is_flag and isinstance(option.default, (int, str, Path, tuple)):
-        default = (
-            " ".join(map(str, option.default)) if isinstance(option.default, tuple) else str(option.default)
-        )
+        default = " ".join(map(str, option.default)) if isinstance(option.default, tuple) else str(option.default)
     help_text = (option.help or "").replace("|", "\\|")
     return f"| {names} | {value} | {default} | {help_text} |"
 

@@ -79,9 +79,7 @@ class KeyTables:
             self.waiting.append((section, name))
         section = self.written[name]
         return (
-            f"[mapping](#{_anchor(section)})"
-            if ", shape" not in section
-            else f"[{name.lower()}](#{_anchor(section)})"
+            f"[mapping](#{_anchor(section)})" if ", shape" not in section else f"[{name.lower()}](#{_anchor(section)})"
         )
 
     def _array(self, node: Schema, path: str) -> str:

@@ -82,10 +82,7 @@ def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
     numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
     found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
     for number in numbers:
-        runs = {
-            e: prepared_run(e, scenario, "sphere", scenario.make_cross_section(), states, number)
-            for e in ENGINES
-        }
+        runs = {e: prepared_run(e, scenario, "sphere", scenario.make_cross_section(), states, number) for e in ENGINES}
         for engine, times in times_in_turns(runs, rounds, seconds).items():
             found[engine]["times_s"].append(times)
             found[engine]["median_s"].append(float(np.median(times)))
@@ -118,9 +115,7 @@ def cost_of_facets(rounds: int, seconds: float) -> dict[str, Any]:
     return found
 
 
-def times_in_turns(
-    runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: float
-) -> dict[Key, list[float]]:
+def times_in_turns(runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: float) -> dict[Key, list[float]]:
     """Times in s of each run, taken in turns; no round begins after `seconds`."""
     times: dict[Key, list[float]] = {key: [] for key in runs}
     begin = perf_counter()
@@ -139,10 +134,7 @@ def prepared_run(
 ) -> Callable[[], None]:
     """A function that simulates `number` releases; the engine is compiled already."""
     block = scenario.make_blocks()[block_name]
-    shared: dict[str, Any] = {
-        "gravity_m_s2": scenario.gravity_m_s2,
-        "time_limit_s": scenario.longest_release_s(),
-    }
+    shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.longest_release_s()}
     table = contact_table(scenario.contact_parameters(block), cross_section.zone_names)
     law = scenario.rebound_parameters(block)
     ensemble = Ensemble([block], [cross_section], [table])
@@ -186,9 +178,7 @@ def machine() -> dict[str, Any]:
     model = platform.processor() or platform.machine()
     about = Path("/proc/cpuinfo")
     if about.exists():
-        names = [
-            line.split(":", 1)[1].strip() for line in about.read_text().splitlines() if "model name" in line
-        ]
+        names = [line.split(":", 1)[1].strip() for line in about.read_text().splitlines() if "model name" in line]
         model = names[0] if names else model
     return {
         "processor": model, "cores": os.cpu_count(), "threads": numba.get_num_threads(),

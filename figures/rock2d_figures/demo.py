@@ -130,9 +130,7 @@ def _sections(scenario: Scenario, table: pd.DataFrame, said: list[str], out: Pat
         tables=[Table(HEAD, table_rows(table), note=NOTE)],
     )  # fmt: skip
     paths = [
-        picture(
-            out / engine / "trajectories.png", f"{scenario.releases} releases of each block, {model} model"
-        )
+        picture(out / engine / "trajectories.png", f"{scenario.releases} releases of each block, {model} model")
         for model, engine in ENGINE_OF_MODEL.items()
     ]
     yield Section("Paths", pictures=paths)

@@ -18,9 +18,7 @@ STYLES: dict[str, tuple[str, Any, str]] = {
 }
 
 
-def finish_with_legend(
-    figure: Figure, handles: list[Any], columns: int, size_pt: float = SMALL_PT + 0.5
-) -> Figure:
+def finish_with_legend(figure: Figure, handles: list[Any], columns: int, size_pt: float = SMALL_PT + 0.5) -> Figure:
     """The figure in the common style, with a legend of so many columns below it."""
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=size_pt)
     return finish(figure)

@@ -42,9 +42,7 @@ def passing_figure(table: pd.DataFrame) -> Figure:
             axis.plot(x + shift, own[name], marker, color=colour, ms=5, zorder=4)
             if name != "experiment":
                 axis.plot(x + shift + PAPER_SHIFT, own[f"paper_{name}"], marker, mec=colour, **OPEN)
-    handles = [
-        handle(name, color=STYLES[name][0], marker=STYLES[name][2], ls="-", ms=5, lw=1.1) for name in SHIFT
-    ]
+    handles = [handle(name, color=STYLES[name][0], marker=STYLES[name][2], ls="-", ms=5, lw=1.1) for name in SHIFT]
     handles += [_open_handle(f"paper, {name}", name) for name in published.COLUMNS]
     return finish_with_legend(figure, handles, 5)
 
@@ -61,9 +59,7 @@ def side_by_side_figure(table: pd.DataFrame) -> Figure:
             colour, _, marker = STYLES[name]
             paper = name if name == "experiment" else f"paper_{name}"
             at = x + shift
-            axis.vlines(
-                at, own[f"{paper}_low95"], own[f"{paper}_high95"], color=colour, lw=BAR_PT, alpha=0.25
-            )
+            axis.vlines(at, own[f"{paper}_low95"], own[f"{paper}_high95"], color=colour, lw=BAR_PT, alpha=0.25)
             axis.plot(at, own[paper], marker, mec=colour, **OPEN)
             if name != "experiment":
                 axis.plot(at, own[name], marker, color=colour, ms=3.6, zorder=4)
@@ -78,9 +74,7 @@ def side_by_side_figure(table: pd.DataFrame) -> Figure:
     return finish_with_legend(figure, handles, 3)
 
 
-def _panels(
-    figure: Figure, table: pd.DataFrame, room: float
-) -> Iterator[tuple[Axes, pd.DataFrame, np.ndarray]]:
+def _panels(figure: Figure, table: pd.DataFrame, room: float) -> Iterator[tuple[Axes, pd.DataFrame, np.ndarray]]:
     """The axes of each block, its rows, and the place of each line; `room`: below 0 and above 100 %."""
     blocks = list(dict.fromkeys(table["block"]))
     axes = np.atleast_1d(figure.subplots(1, len(blocks), sharey=True))

@@ -99,9 +99,7 @@ class TrackResult:
         columns = ["release", "t_s", "zone", "restitution", "restitution_se", "flag"]
         said = (f"{self.experiment.name}: {self.found.counts()}", *self.remarks)
         impacts = self.found.film.impacts[columns].head(IMPACTS_SHOWN)
-        return "".join(f"<p>{escape(text)}</p>" for text in said) + (
-            notebook_table(impacts) if len(impacts) else ""
-        )
+        return "".join(f"<p>{escape(text)}</p>" for text in said) + (notebook_table(impacts) if len(impacts) else "")
 
 
 def track(
@@ -164,9 +162,7 @@ def track(
         if not (not_a_number or number):
             raise InputError(f"expected {name} > 0, found {value!r}", code="bad_parameter", key=name)
     try:
-        return TrackResult(
-            track_film(Path(film), _setup_or_scale(setup, scale), frames, progress=progress)[0]
-        )
+        return TrackResult(track_film(Path(film), _setup_or_scale(setup, scale), frames, progress=progress)[0])
     except NotTrackedError as error:
         if explained is not None:
             error.write(Path(explained))
@@ -287,11 +283,7 @@ class DiagnosisResult:
 
 
 def diagnose(
-    experiment: Experiment | str | Path,
-    *,
-    seed: int = 0,
-    workers: int | None = None,
-    progress: bool = False,
+    experiment: Experiment | str | Path, *, seed: int = 0, workers: int | None = None, progress: bool = False
 ) -> DiagnosisResult:
     """Find where the simulation of an experiment is wrong and which effect it lacks.
 

@@ -79,9 +79,7 @@ def run(
     >>> len(result.tracks), list(result.blocks)
     (10, ['circle', 'square', 'rectangle', 'ellipse', 'polygon'])
     """
-    found = run_scenario(
-        scenario, engine=engine, seed=seed, releases=releases, workers=workers, progress=progress
-    )
+    found = run_scenario(scenario, engine=engine, seed=seed, releases=releases, workers=workers, progress=progress)
     return RunResult(**{field.name: getattr(found, field.name) for field in fields(found)})
 
 
@@ -120,9 +118,7 @@ def assess(
     """
     from rock2d.design.assessment import assess as assess_sites
 
-    return assess_sites(
-        scenario, engine or scenario.engine, scenario.seed if seed is None else seed, progress
-    )
+    return assess_sites(scenario, engine or scenario.engine, scenario.seed if seed is None else seed, progress)
 
 
 def least_size(

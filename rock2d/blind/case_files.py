@@ -98,9 +98,7 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
         "position_noise_m": case.camera.position_noise_m,
         "angle_noise_rad": case.camera.angle_noise_rad,
         "soil_sd": case.soil_sd.tolist(),
-        "law": {
-            name: float(getattr(law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")
-        },
+        "law": {name: float(getattr(law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")},
     }
 
 
@@ -129,9 +127,7 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
     ]
     for block, shape in zip(case.world.blocks, case.shapes, strict=True):
         sizes = ", ".join(f"{k}: {v if isinstance(v, str) else format(v, '.6g')}" for k, v in shape.items())
-        lines.append(
-            f"  {block.name}: {{{sizes}, mass_kg: {block.mass_kg:.6g}, inertia: {block.inertia_kg_m2:.6g}}}"
-        )
+        lines.append(f"  {block.name}: {{{sizes}, mass_kg: {block.mass_kg:.6g}, inertia: {block.inertia_kg_m2:.6g}}}")
     lines.append("trajectories: trajectories.csv")
     (folder / "experiment.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -76,11 +76,7 @@ class Case:
             self.world, self.releases, times_s, soil_sd=self.soil_sd if soil_sd is None else soil_sd, hidden=hidden,
             seed=self.seed,
         )  # fmt: skip
-        camera = (
-            self.camera
-            if noisy
-            else replace(self.camera, position_noise_m=0.0, angle_noise_rad=0.0, lost=0.0)
-        )
+        camera = self.camera if noisy else replace(self.camera, position_noise_m=0.0, angle_noise_rad=0.0, lost=0.0)
         return reality.record_poses(poses, times_s, camera, hidden, self.seed + 1)
 
 
@@ -179,10 +175,7 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
     for b in range(n_blocks):
         releases_of_block = np.flatnonzero(block_ids == b)
         heldout[rng.choice(releases_of_block, fit_and_heldout - per_block, replace=False)] = True
-        for series in (
-            releases_of_block[heldout[releases_of_block]],
-            releases_of_block[~heldout[releases_of_block]],
-        ):
+        for series in (releases_of_block[heldout[releases_of_block]], releases_of_block[~heldout[releases_of_block]]):
             order[series] = np.arange(len(series))
     return block_ids, order, heldout
 
@@ -228,9 +221,7 @@ def _blocks(size: float, rng: np.random.Generator) -> tuple[list[reality.Block],
         length, height = (size, size) if name == "cube" else (1.7 * size, 0.7 * size)
         corners = 0.5 * np.array([[-length, -height], [length, -height], [length, height], [-length, height]])
         out.append(
-            reality.Block(
-                name, float(np.hypot(*corners[0])), corners, mass, mass * (length**2 + height**2) / 12
-            )
+            reality.Block(name, float(np.hypot(*corners[0])), corners, mass, mass * (length**2 + height**2) / 12)
         )
         shapes.append({"shape": "rectangle", "length_m": length, "height_m": height})
     return out, shapes
@@ -252,9 +243,7 @@ def _flat(size: float, rng: np.random.Generator) -> reality.Setup:
     return reality.Setup(points, ("floor",), face=None, embankment=None, ditch=None)
 
 
-def _states(
-    block_ids: Array, world: reality.World, size: float, kind: str, rng: np.random.Generator
-) -> Array:
+def _states(block_ids: Array, world: reality.World, size: float, kind: str, rng: np.random.Generator) -> Array:
     """Incident states (n, 6) of the centroids: one mean state for each block, with scatter about it."""
     pace = math.sqrt(world.gravity_m_s2 * size)
     states = np.empty((len(block_ids), 6))

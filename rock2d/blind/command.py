@@ -44,10 +44,7 @@ def run(folder: Path, *, workers: Workers, progress: bool, report: Report) -> No
 
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         out = run_trial(
-            folder,
-            workers=workers.processes or os.cpu_count() or 1,
-            scheduler=workers.scheduler,
-            on_progress=bar.reach,
+            folder, workers=workers.processes or os.cpu_count() or 1, scheduler=workers.scheduler, on_progress=bar.reach
         )
     report(f"written: {out}")
 

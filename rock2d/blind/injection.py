@@ -67,12 +67,7 @@ def of_releases(experiment: Experiment, names: Array) -> Experiment:
 
 
 def injected(
-    experiment: Experiment,
-    model: Model,
-    p: Array,
-    effect: Effect,
-    values: Mapping[str, float],
-    seed: int = 0,
+    experiment: Experiment, model: Model, p: Array, effect: Effect, values: Mapping[str, float], seed: int = 0
 ) -> Injected:
     """Add an effect with these values to a film.
 
@@ -109,9 +104,7 @@ def injected(
     table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
     table["t_s"] /= faster
-    changed = replace(
-        experiment, trajectories=table[kept].reset_index(drop=True), fps=experiment.fps * faster
-    )
+    changed = replace(experiment, trajectories=table[kept].reset_index(drop=True), fps=experiment.fps * faster)
     return Injected(changed, len(film.release_names), int(release[-1]) + 1, len(np.unique(release[~kept])))
 
 
@@ -165,9 +158,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
     ends = np.where(last, stretches.edges[stretches.piece + 1], np.append(stretches.begin[1:], 0))
     for k in range(stretches.number.max(initial=-1) + 1):
         rows = np.flatnonzero((stretches.number == k) & goes_on[stretches.piece])
-        flight, begin, end, piece = (
-            a[rows] for a in (stretches.flight, stretches.begin, ends, stretches.piece)
-        )
+        flight, begin, end, piece = (a[rows] for a in (stretches.flight, stretches.begin, ends, stretches.piece))
         old, new = worlds(rows)
         scale, block = old.view.time_scale, flights.block[flight]
         since = (film.t_s[begin] - data.basis.middle[flight]) * scale
@@ -175,12 +166,9 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
         frames = begin[:, None] + np.arange((end - begin).max(initial=0))
         in_stretch = frames < end[:, None]
         times = (
-            np.where(in_stretch, film.t_s[np.where(in_stretch, frames, 0)] - film.t_s[begin][:, None], np.inf)
-            * scale
+            np.where(in_stretch, film.t_s[np.where(in_stretch, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
         )
-        until = np.where(
-            last[rows], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)]
-        )
+        until = np.where(last[rows], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)])
         limit = (until - film.t_s[begin]) * scale
         without_cause = _simulated(old, block, state, times, limit)
         with_cause = _simulated(new, block, state + off[piece], times, limit)
@@ -194,9 +182,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
             time_between = np.nan_to_num(np.abs(own_s[:, :, None] - other_s[:, None, :]), nan=np.inf)
             unmatched = (time_between > margin * scale).all(axis=-1)
             at_fault = np.isfinite(own_s) & (flying[at] | (landed[at] & unmatched))
-            known_until = np.minimum(
-                known_until, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf)
-            )
+            known_until = np.minimum(known_until, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
         difference = with_cause.poses - without_cause.poses
         known = in_stretch & (times < known_until[:, None]) & np.isfinite(difference).all(axis=-1)
         known = np.logical_and.accumulate(known, axis=1)
@@ -227,11 +213,7 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
         )  # fmt: skip
 
     first_run = run(starts, limit_s, times_s=times_s)
-    samples, last, impacts = (
-        first_run.samples,
-        first_run.ends[:, INSTANT_STATE],
-        first_run.impacts[..., I_TIME],
-    )
+    samples, last, impacts = (first_run.samples, first_run.ends[:, INSTANT_STATE], first_run.impacts[..., I_TIME])
     slope = np.broadcast_to(world.slope_rad, len(block))
     if slope.any():
         # A ground that is turned at the first impact is equivalent to the stated ground with the motion turned the
@@ -239,10 +221,7 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
         radius, touch = np.array([b.radius_m for b in world.blocks.values()])[block], first_run.impacts[:, 0]
         hit, margin = np.isfinite(touch[:, I_TIME]), APPROACH * np.sqrt(radius / world.gravity_m_s2)
         back = np.where(hit, np.minimum(margin, touch[:, I_TIME]), 0.0)
-        pivot, begin = (
-            np.where(hit[:, None], touch[:, BEFORE], last),
-            np.where(hit, touch[:, I_TIME] - back, np.inf),
-        )
+        pivot, begin = (np.where(hit[:, None], touch[:, BEFORE], last), np.where(hit, touch[:, I_TIME] - back, np.inf))
         near = turned(move_freely(world, block, pivot, -back), pivot, -slope)
         left = np.where(hit, limit_s - begin, 0.0)
         left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + margin)
@@ -256,9 +235,7 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
         )  # fmt: skip
         within = turned(during.samples, pivot[:, None], slope[:, None])
         late = times_s[..., None] >= left[:, None, None]
-        samples = np.where(
-            times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within)
-        )
+        samples = np.where(times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within))
         last = np.where(hit[:, None], onward.ends[:, INSTANT_STATE], last)
         instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
         impacts = np.where(hit[:, None], np.hstack(instants), np.nan)

@@ -25,17 +25,7 @@ from rock2d.blind.scoring import (
 )
 from rock2d.blind.size_errors import LARGEST_ERROR
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import (
-    PAGE_ACCENT,
-    PAGE_INK,
-    PAGE_RULE,
-    PAGE_WARM,
-    Section,
-    Table,
-    blank_axes,
-    drawn,
-    page,
-)
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_RULE, PAGE_WARM, Section, Table, blank_axes, drawn, page
 from rock2d.statistics import share_text, wilson_interval
 
 if TYPE_CHECKING:
@@ -52,11 +42,7 @@ PREDICTED_CLOSURE = (
     "The true closure here is the share of the gap of the typical miss that is closed in the held-out film. The floor "
     "is what the diagnosed model would miss in that film if it were exact, at most what it reaches."
 )
-GROUP_NAMES = {
-    "all": "all cases",
-    "without_outside": "no outside cause",
-    "with_outside": "with an outside cause",
-}
+GROUP_NAMES = {"all": "all cases", "without_outside": "no outside cause", "with_outside": "with an outside cause"}
 
 
 def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, path: Path) -> None:
@@ -73,9 +59,7 @@ def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -
     yield from _base_section(found.get("by_base", {}))
     yield Section(
         "Single verdicts",
-        tables=[
-            Table((), [(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()])
-        ],
+        tables=[Table((), [(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()])],
     )
     yield _calibration_section(found["inclusion"])
     title = "Stated and actual inclusion"
@@ -127,12 +111,7 @@ def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
 def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
     """Section on predictions of held-out films; none without predictions."""
     rows = [
-        (
-            name,
-            f"{100 * own['median_smaller']:.0f} %",
-            share_text(own["tail_not_worse"]),
-            *_closure_cells(own),
-        )
+        (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]), *_closure_cells(own))
         for name, own in found.items()
         if own["tail_not_worse"][3]
     ]
@@ -205,9 +184,7 @@ def _closure_section(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iter
     rows = [(name, *_closure_cells(own)) for name, own in found.items() if own["within_15_points"][3] > 0]
     if rows:
         title, head = "Claimed and true closure", ("hidden", *CLOSURE_HEAD)
-        yield Section(
-            title, pictures=[drawn(_closure_figure(cases), title, "svg")], tables=[Table(head, rows)]
-        )
+        yield Section(title, pictures=[drawn(_closure_figure(cases), title, "svg")], tables=[Table(head, rows)])
 
 
 def _sizes_section(found: dict[str, dict[str, Any]]) -> Iterator[Section]:

@@ -19,13 +19,7 @@ from rock2d.blind.injection import injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.known_causes import (
-    effects_of_size,
-    largest_size,
-    size_parameter,
-    values_of_size,
-    with_cause,
-)
+from rock2d.diagnosis.known_causes import effects_of_size, largest_size, size_parameter, values_of_size, with_cause
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -87,9 +81,7 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     return Record(result.experiment, result.setup, attribution.settled, sorted(attribution.named), curves)
 
 
-def bases_of(
-    causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence
-) -> list[int | None]:
+def bases_of(causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence) -> list[int | None]:
     """For each case the number of the record on which it is based; None for a made case. A case is made if one of its
     causes has no size, is outside the catalogue, or grows from release to release."""
     rng, possible = np.random.default_rng(seed), {n for n in effects_of_size("") if not catalogue()[n].grows}
@@ -123,9 +115,7 @@ def write_record_case(
         assert parameter is not None
         size = largest_size(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         values = values_of_size(effect, size, record.setup, below=bool(rng.random() < 0.5))
-        films = [
-            injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films
-        ]
+        films = [injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films]
         model, _, p = with_cause(model, p, effect, values)
         shown = size / record.curves[name].seen50 if name in record.curves else 0.0
         strengths.append(SEEN_Z * shown * math.sqrt(count / len(names)))

@@ -102,12 +102,7 @@ def make_cases(
             size = min(size, most, _largest_addition(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(
-                result.experiment,
-                attribution.settled.model,
-                attribution.settled.p,
-                effect,
-                values,
-                plan.seed + k,
+                result.experiment, attribution.settled.model, attribution.settled.p, effect, values, plan.seed + k
             )
             write_experiment(folder / f"{k:03d}", changed.experiment)
             # expected with the value of the original record, named or not
@@ -170,9 +165,7 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
     return cases, limits_of(curves, results)
 
 
-def case_lines(
-    cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]
-) -> list[str]:
+def case_lines(cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]) -> list[str]:
     """Sentences on the results of the cases, and on effects that no plausible size would show."""
     found = [case for case in cases if case["found"] is not None]
     lines = [f"{sum(case['seen'] for case in cases)} of {len(cases)} known causes were seen"]

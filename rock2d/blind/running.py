@@ -124,19 +124,14 @@ def _heldout(folder: Path, content: dict[str, Any], learnt: Learnt) -> dict[str,
             predicted = predict(experiment, content, base_only=base_only)
         except InputError:
             return {}
-        both = predicted.merge(
-            experiment.trajectories, on=["release", "t_s"], suffixes=("", "_seen")
-        ).dropna()
+        both = predicted.merge(experiment.trajectories, on=["release", "t_s"], suffixes=("", "_seen")).dropna()
         turn = both["theta_rad"] - both["theta_rad_seen"]
         square = (both["x_m"] - both["x_m_seen"]) ** 2 + (both["y_m"] - both["y_m_seen"]) ** 2
         square = square / noise_m**2 + (np.angle(np.exp(1j * turn)) / noise_rad) ** 2
         segments = np.sqrt((square / 3.0).groupby([both["release"], both["segment"]]).mean())
         if segments.empty:
             return {}
-        out |= {
-            name: float(segments.median()),
-            f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0)),
-        }
+        out |= {name: float(segments.median()), f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0))}
     data = _read(folder)[-1]
     if isinstance(data, FilmData) and len(segments := Segments.of(data)):
         out["floor"] = float(np.median(replicate_misses(data, segments, learnt, seed=0)))
@@ -154,9 +149,7 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
     attribution = result.found
     if not (case / TWIN).is_dir():
         return None
-    (setup, start, sanity, data), (*_, held), (*_, twin) = (
-        _read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN)
-    )
+    (setup, start, sanity, data), (*_, held), (*_, twin) = (_read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN))
     if attribution is None or data is None or held is None or twin is None:
         return None
     null = fit_base(setup, start, data, sanity.registered)

@@ -39,13 +39,7 @@ CLOSURE_MARGIN = 0.15  # largest accepted error of a claimed closure, as a share
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
-MISS_KEYS = {
-    "base",
-    "base_tail",
-    "diagnosed",
-    "diagnosed_tail",
-    "floor",
-}  # misses of predictions that are compared
+MISS_KEYS = {"base", "base_tail", "diagnosed", "diagnosed_tail", "floor"}  # misses of predictions that are compared
 MADE = "made"  # base of a case of the reality engine
 
 
@@ -212,12 +206,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
             for name, group in _by_outside(cases).items()
         },
         "first_right_single": _by_strength(
-            [
-                (z, c.most_probable == effect)
-                for c in cases
-                if c.kind == "one effect"
-                for effect, z in c.hidden.items()
-            ]
+            [(z, c.most_probable == effect) for c in cases if c.kind == "one effect" for effect, z in c.hidden.items()]
         ),
         "precision": {"all": _precision(cases)}
         | {name: _precision(group) for name, group in _by_outside(cases).items()},
@@ -229,15 +218,11 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
 def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
     """Share of the single answers that are right, without answers that are an effect of the original record."""
     groups = {
-        "one_clear_effect": [
-            c for c in cases if c.kind == "one effect" and c.strength >= CLEAR_SIGNAL_TO_NOISE
-        ],
+        "one_clear_effect": [c for c in cases if c.kind == "one effect" and c.strength >= CLEAR_SIGNAL_TO_NOISE],
         "nothing": [c for c in cases if c.kind == "nothing"],
         "outside_cause_alone": [c for c in cases if c.kind == "outside cause" and not c.hidden],
     }
-    return {
-        name: wilson_share([c.right for c in group if c.right is not None]) for name, group in groups.items()
-    }
+    return {name: wilson_share([c.right for c in group if c.right is not None]) for name, group in groups.items()}
 
 
 def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]]:
@@ -255,9 +240,7 @@ def inclusion(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Calibration of the inclusion probabilities, over all cases and effects, and for each effect."""
     pairs = inclusion_pairs(cases)
     effects = {name: [pair for pair in pairs if pair[0] == name] for name in catalogue()}
-    undecidable = (
-        len(cases) * len(catalogue()) - len(pairs) - sum(len(c.of_record - c.hidden.keys()) for c in cases)
-    )
+    undecidable = len(cases) * len(catalogue()) - len(pairs) - sum(len(c.of_record - c.hidden.keys()) for c in cases)
     return (
         _calibration(pairs)
         | {"undecidable": undecidable}
@@ -287,9 +270,7 @@ def _by_outside(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
 
 def _named_hidden(cases: Iterable[ScoredCase]) -> list[tuple[float, bool]]:
     """(own signal-to-noise, whether named) of every hidden effect."""
-    return [
-        (z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()
-    ]
+    return [(z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()]
 
 
 def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:
@@ -326,9 +307,7 @@ def _outside(cases: Iterable[ScoredCase]) -> dict[str, Any]:
         return wilson_share([c.p_outside >= CLAIMED_PROBABILITY for c in group])
 
     return {
-        "auroc": auroc(
-            np.array([c.p_outside for c in compared]), np.array([c.outside is not None for c in compared])
-        ),
+        "auroc": auroc(np.array([c.p_outside for c in compared]), np.array([c.outside is not None for c in compared])),
         "recall_clear": claimed(clear),
         "false_alarms": claimed(groups["without_outside"]),
     }
@@ -385,9 +364,7 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
         known = [c.misses for c in group if c.misses]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
-            "tail_not_worse": wilson_share(
-                [m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]
-            ),
+            "tail_not_worse": wilson_share([m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]),
             **_closure_errors(
                 (c.claimed_predicted, c.found_predicted)
                 for c in group
@@ -413,6 +390,4 @@ def calibration_error(p: Array, right: Array) -> float:
 def chance_error(p: Array) -> float:
     """Median calibration error of calibrated forecasts with this number of cases, which is due to chance."""
     rng = np.random.default_rng(0)
-    return float(
-        np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(CHANCE_DRAWS)])
-    )
+    return float(np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(CHANCE_DRAWS)]))

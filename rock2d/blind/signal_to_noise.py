@@ -151,9 +151,7 @@ class _Whitening:
         position = camera.position_noise_m
         noise = correlated * np.array([position, position, camera.angle_noise_rad] * 5)
         without_scatter = first_flights.statistics(case, [], soil_sd=np.zeros(5))
-        others = [
-            first_flights.statistics(replace(case, seed=case.seed + k), []) for k in range(1, SOIL_DRAWS)
-        ]
+        others = [first_flights.statistics(replace(case, seed=case.seed + k), []) for k in range(1, SOIL_DRAWS)]
         scattered = np.array([base, *others]) - without_scatter
         # the soil may scatter a release at the edge of a facet much more than other releases of the block
         soil = np.empty_like(base)

@@ -89,13 +89,9 @@ def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -
         if (fitted := cause["parameters"].get(meaning.parameter)) is None:
             continue
         true = meaning.of(truth["values"])
-        value, low, high = (
-            _size(meaning, x) for x in (fitted["value"], fitted["ci95"][0], fitted["ci95"][1])
-        )
+        value, low, high = (_size(meaning, x) for x in (fitted["value"], fitted["ci95"][0], fitted["ci95"][1]))
         size = _size(meaning, true)
-        found.append(
-            SizeError(effect, float(truth["signal_to_noise"]), value / size - 1.0, low <= size <= high)
-        )
+        found.append(SizeError(effect, float(truth["signal_to_noise"]), value / size - 1.0, low <= size <= high))
     return found
 
 

@@ -13,9 +13,7 @@ from rock2d.runs.engines import ENGINES
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
-SCHEDULER_WORKERS = (
-    "on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one thread each"
-)
+SCHEDULER_WORKERS = "on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one thread each"
 ON_SCHEDULER = f"{SCHEDULER_WORKERS}, and must share a file system with this process: they write the files."
 
 
@@ -24,9 +22,7 @@ def command_line() -> str:
     return shlex.join(["rock2d", *sys.argv[1:]])
 
 
-PDF = click.option(
-    "--pdf", is_flag=True, help="Also write the page as report.pdf; needs pip install 'rock2d[pdf]'."
-)
+PDF = click.option("--pdf", is_flag=True, help="Also write the page as report.pdf; needs pip install 'rock2d[pdf]'.")
 
 
 @click.command()
@@ -141,9 +137,7 @@ def profile(file, out, overwrite, **options) -> None:
               help="Confidence with which the target is met, over sampling and all that is not known.")  # fmt: skip
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
               help="Tolerance of the least value. Default: 1/50 of the range.")  # fmt: skip
-@click.option(
-    "--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch."
-)
+@click.option("--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch.")
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip

@@ -62,9 +62,7 @@ def write_profile(
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise InputError("expected a scenario file that ends in .yaml", out)
     if out.exists() and not overwrite:
-        raise InputError(
-            "exists; --overwrite replaces it, --out chooses another file", out, code="results_exist"
-        )
+        raise InputError("exists; --overwrite replaces it, --out chooses another file", out, code="results_exist")
     check_file(out)
     profile = _read(file, options)
     if options.tolerance_m > 0.0:
@@ -93,12 +91,8 @@ def write_profile(
     for remark in profile.remarks:
         report(f"  {remark}")
     report(f"start: {area}; {area.why}")
-    report(
-        "  to change it: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
-    )
-    report(
-        f"soil by the names of the zones: {', '.join(f'{z} {likely_class(z)}' for z in dict.fromkeys(names))}"
-    )
+    report("  to change it: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario")
+    report(f"soil by the names of the zones: {', '.join(f'{z} {likely_class(z)}' for z in dict.fromkeys(names))}")
     if scenario.roughness:
         report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")
     report(f"written: {out} and {picture.name}; next: rock2d run {out}")
@@ -127,9 +121,7 @@ def _read(file: Path, options: ProfileOptions) -> Profile:
             found = down_fall_line(terrain, first, f"fall line on terrain model {file.name}")
         return replace(found, remarks=(*terrain.remarks, *found.remarks))
     if line is not None or start is not None:
-        raise InputError(
-            "--line and --fall-line are for terrain models (.tif, .asc)", file, code="wrong_kind"
-        )
+        raise InputError("--line and --fall-line are for terrain models (.tif, .asc)", file, code="wrong_kind")
     if kind == DRAWING:
         from rock2d.files.surveys.drawing import read_drawing
 

@@ -117,11 +117,7 @@ class RunRequest:
 
 
 def run_scenarios(
-    scenarios: Sequence[Path],
-    request: RunRequest,
-    *,
-    data_root: Path | None = None,
-    predict: Path | None = None,
+    scenarios: Sequence[Path], request: RunRequest, *, data_root: Path | None = None, predict: Path | None = None
 ) -> bool:
     """Run scenario files with every engine of the request, each in its own folder. Returns False if more than 1 % of
     the releases of a block are unresolved (see `runs.release_remarks`).

@@ -17,9 +17,7 @@ REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s",
                   "slope_reduction_deg")  # fmt: skip
 
 
-def list_soils(
-    mass_kg: float | None = None, size_m: float | None = None, report: Callable[[str], Any] = print
-) -> None:
+def list_soils(mass_kg: float | None = None, size_m: float | None = None, report: Callable[[str], Any] = print) -> None:
     """Report the table of classes or, if mass and size of a block are given, their parameters for it.
 
     Raises InputError if only one of the two is given, or if one is not positive.

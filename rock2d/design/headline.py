@@ -73,9 +73,7 @@ def first_sentence(content: ReportContent) -> str:
     )
     loads = [_governing(content, quantity) for quantity in ("energy_J", "height_m")]
     if all(loads):
-        text += (
-            f"; the arriving blocks require a design energy of {loads[0]} and a design height of {loads[1]}"
-        )
+        text += f"; the arriving blocks require a design energy of {loads[0]} and a design height of {loads[1]}"
     return f"{text}."
 
 

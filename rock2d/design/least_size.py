@@ -198,9 +198,7 @@ class Answer:
         axis.set_yscale("symlog", linthresh=linear)
         axis.set_ylim(0)
         top = axis.get_ylim()[1]
-        axis.set_yticks(
-            [tick for tick in TICKS_PERCENT if tick == 0 or 0.2 * linear <= tick <= top], minor=False
-        )
+        axis.set_yticks([tick for tick in TICKS_PERCENT if tick == 0 or 0.2 * linear <= tick <= top], minor=False)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.yaxis.set_minor_locator(NullLocator())
         if self.least is not None:
@@ -251,9 +249,7 @@ class Search:
             if not low < high:
                 raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
             if self.scenario.uncertainty is not None and place in self.scenario.unknown():
-                message = (
-                    f"{place} is varied by the search and is also under uncertainty: remove one of the two"
-                )
+                message = f"{place} is varied by the search and is also under uncertainty: remove one of the two"
                 raise self.scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
         variant(self.scenario, {place: low for place, (low, _) in self.ranges.items()})  # checks the places
         lines = self.scenario.make_cross_section().measure_lines
@@ -272,9 +268,7 @@ class Search:
     @property
     def corners(self) -> list[dict[str, float]]:
         """Place -> bound, for each corner of `ranges`; the corner of all largest values is the last one."""
-        return [
-            dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())
-        ]
+        return [dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())]
 
     @cached_property
     def sites(self) -> list[tuple[dict[str, float], int]]:
@@ -324,8 +318,7 @@ class Search:
             return None
         extremes = zip(*map(self._variants, self.corners), strict=True)
         return [
-            SharedDescents(of_site, seed, self.releases)
-            for of_site, seed in zip(extremes, self._seeds, strict=True)
+            SharedDescents(of_site, seed, self.releases) for of_site, seed in zip(extremes, self._seeds, strict=True)
         ]
 
 
@@ -396,9 +389,7 @@ def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Ite
         yield bar_of
 
 
-def least_size(
-    search: Search, judged: Callable[[float], Judgement], tolerance: float | None = None
-) -> Answer:
+def least_size(search: Search, judged: Callable[[float], Judgement], tolerance: float | None = None) -> Answer:
     """Find the least size by bisection; `judged` returns the judgement of a size, for example by `Search.judge`.
 
     `tolerance` is 1/50 of the range by default. Raises InputError as `Search.check` does.

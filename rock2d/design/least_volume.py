@@ -64,9 +64,7 @@ def check_varied(place: str, over: Mapping[str, tuple[float, float]]) -> None:
     if place in over:
         raise InputError(f"{place} is given to --vary and to --over")
     if len(over) > MOST_OTHERS:
-        raise InputError(
-            f"{len(over)} numbers are too many: vary at most {MOST_OTHERS} in addition to {place}"
-        )
+        raise InputError(f"{len(over)} numbers are too many: vary at most {MOST_OTHERS} in addition to {place}")
     for name in (place, *over) if over else ():
         if name.split(".")[0] not in EARTHWORKS:
             raise InputError(
@@ -76,10 +74,7 @@ def check_varied(place: str, over: Mapping[str, tuple[float, float]]) -> None:
 
 
 def least_volume(
-    search: Search,
-    judged: Callable[[float, Bar, Mapping[str, float]], Judgement],
-    bars: Bars,
-    tolerance: float | None,
+    search: Search, judged: Callable[[float, Bar, Mapping[str, float]], Judgement], bars: Bars, tolerance: float | None
 ) -> list[Combination]:
     """All combinations of `search.over` that were tried; the first one has the least volume. Raises InputError at once
     if a corner of the ranges makes no sense."""
@@ -142,9 +137,7 @@ def volume_text(combinations: Sequence[Combination]) -> str:
         return f"no combination meets the target: {best.answer.target.text}"
     values = {**best.values, best.answer.place: best.answer.least}
     head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
-    bound = (
-        "; the range begins there, so smaller sizes may also meet the target" if best.answer.is_bound else ""
-    )
+    bound = "; the range begins there, so smaller sizes may also meet the target" if best.answer.is_bound else ""
     tried = {name: [each.values[name] for each in combinations] for name in best.values}
     at_end = [name for name, values in tried.items() if best.values[name] in (min(values), max(values))]
     end = f"; the range of {comma_list(at_end)} ends there, so a wider range may give less" if at_end else ""
@@ -177,9 +170,7 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
         axis.set_ylabel("earth moved, m³ per metre", fontsize=SMALL_PT)
         axis.grid(color="#e4e4e4", lw=0.6)
         if best.answer.least is not None:
-            axis.plot(
-                best.values.get(name, best.answer.least), best.earth_m2, "o", ms=7, mfc="none", mec=LINE_INK
-            )
+            axis.plot(best.values.get(name, best.answer.least), best.earth_m2, "o", ms=7, mfc="none", mec=LINE_INK)
     for axis, (x, y) in zip(axes[len(names) + 1 :], pairs, strict=True):
         if meets.sum() > 3:  # triangles need three points that are not on a line
             surface = axis.tricontourf(

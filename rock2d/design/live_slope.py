@@ -72,9 +72,7 @@ class View:
     note: str = ""
 
 
-def live_slope(
-    views: Sequence[View], released: int, shown: int = 0, sizes: str = ""
-) -> dict[str, Any] | None:
+def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str = "") -> dict[str, Any] | None:
     """What live_slope.html.j2 shows of runs of the same blocks; None if nothing was released.
 
     Parameters
@@ -132,9 +130,7 @@ def _notes(run: Simulation, released: int, views: int) -> list[str]:
     """Notes to the reader that hold for all runs."""
     counts = ", ".join(map(str, map(least_count, PERCENTILES)))
     few = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
-    same = (
-        "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
-    )
+    same = "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
     return [
         *[few] * (len(run.tracks) < released), *[same] * (views > 1),
         f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; these need {counts} passing "

@@ -104,9 +104,7 @@ def _roughness(scenario: Scenario) -> Data:
 def _shifted(soils: Data, step: int) -> Data:
     """Soils one class softer or harder. The softest and the hardest class, and numbers of the file, do not change."""
     return {
-        zone: {**soil, "like": _neighbour(soil["like"], step)}
-        if isinstance(soil, dict)
-        else _neighbour(soil, step)
+        zone: {**soil, "like": _neighbour(soil["like"], step)} if isinstance(soil, dict) else _neighbour(soil, step)
         for zone, soil in soils.items()
     }
 
@@ -198,9 +196,7 @@ def range_figure(table: pd.DataFrame) -> Figure:
     for axis, (line, key) in zip(axes, panels, strict=False):
         column, low, high, factor, words = SHOWN[key]
         for i, (block, colour) in enumerate(block_colours(blocks).items()):
-            own = (
-                table[(table["line"] == line) & (table["block"] == block)].set_index("model").reindex(models)
-            )
+            own = table[(table["line"] == line) & (table["block"] == block)].set_index("model").reindex(models)
             at = np.arange(len(models)) + 0.16 * (0.5 * (len(blocks) - 1) - i)
             value = factor * own[column].to_numpy(float)
             errors = np.abs(factor * own[[low, high]].to_numpy(float).T - value)

@@ -95,9 +95,7 @@ NORM_NUMBERS = (
 )
 
 
-def uni_11211_4(
-    at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniKeys
-) -> list[DesignValue]:
+def uni_11211_4(at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniKeys) -> list[DesignValue]:
     """Design velocity, mass, energy and height at a line.
 
     Parameters
@@ -148,9 +146,7 @@ def onr_24810(at_line: Mapping[str, Estimate], factors: OnrKeys) -> list[DesignV
     ]  # fmt: skip
 
 
-def design_table(
-    scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
-) -> pd.DataFrame:
+def design_table(scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None) -> pd.DataFrame:
     """Design values of every block at every line that it passes; DESIGN_COLUMNS.
 
     `percentiles` is the table of a run or a campaign, with intervals of sampling. If there is a table over the possible

@@ -133,8 +133,7 @@ def simulate_sites(
             on_progress(1)
     sites = [found[s] for s in range(len(scenarios))]
     passed, unresolved, arrived = (
-        np.concatenate([getattr(site, name) for site in sites])
-        for name in ("passed", "unresolved", "arrived")
+        np.concatenate([getattr(site, name) for site in sites]) for name in ("passed", "unresolved", "arrived")
     )
     crossings = {name: np.concatenate([site.crossings[name] for site in sites]) for name in LINE_QUANTITIES}
     return SiteResults(sites[0].blocks, sites[0].lines, passed, unresolved, arrived, crossings)

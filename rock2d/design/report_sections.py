@@ -101,9 +101,7 @@ def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
         data=data_of(COMBINATIONS, table),
     )  # fmt: skip
     alt = "Volume of earth against each number that was varied, and over each pair of them"
-    text = (
-        f"{volume_text(content.combinations).capitalize()}. Volume is not cost: a steep facing needs a wall."
-    )
+    text = f"{volume_text(content.combinations).capitalize()}. Volume is not cost: a steep facing needs a wall."
     return Section("Least volume", [text], pictures=_picture(figures, "combinations", alt), tables=[shown])
 
 
@@ -134,9 +132,7 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
 def _assumption_section(content: ReportContent) -> Section:
     scenario = content.scenario
     points = list(scenario.assumed) or ["The scenario file lists no assumption."]
-    points += [
-        f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()
-    ]
+    points += [f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()]
     points += [
         f"Rough ground in {zone}: local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
         for zone, rough in scenario.roughness.items()
@@ -258,6 +254,4 @@ def tornado_words(assessment: Assessment) -> str:
 def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
     """The section of an assessment; `pictures`: its tornado figure, if it has one."""
     texts = [remark] if (remark := assessment.sampling_remark()) else []
-    return Section(
-        "How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)]
-    )
+    return Section("How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)])

@@ -193,9 +193,7 @@ def parameter_tables(scenario: Scenario, engine: str) -> list[Table]:
     groups: dict[tuple[Any, ...], list[str]] = {}  # parameters in each zone, and the blocks that have them
     for block in scenario.make_blocks().values():
         of_zone = engine_named(engine).parameters(scenario, block)
-        groups.setdefault(tuple(of_zone.get(zone) or of_zone["default"] for zone in zones), []).append(
-            block.name
-        )
+        groups.setdefault(tuple(of_zone.get(zone) or of_zone["default"] for zone in zones), []).append(block.name)
     tables = []
     for own, blocks in groups.items():
         rows = [(zone, *map(_parameter, astuple(values))) for zone, values in zip(zones, own, strict=True)]

@@ -131,6 +131,4 @@ def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
     assert found.saved_contacts is not None
     grounds = [condition.cross_section for condition in group.conditions]
     suspended = Suspended(found.ends[:, TIME], found.saved_contacts)
-    return Descent(
-        group.states, grounds, suspend_x_m, radius, found.ends[:, INSTANT_STATE], suspended, found.stop
-    )
+    return Descent(group.states, grounds, suspend_x_m, radius, found.ends[:, INSTANT_STATE], suspended, found.stop)

@@ -127,11 +127,7 @@ def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
     sampling = float(error.var(axis=1).mean())
     shares = _shares(max(float(np.var(at)) - sampling, 0.0), sampling)
     n = len(at)
-    total = (
-        np.var(at, ddof=1) * (n - 1) / rng.chisquare(n - 1, FURTHER_SITES)
-        if n > 1
-        else np.zeros(FURTHER_SITES)
-    )
+    total = np.var(at, ddof=1) * (n - 1) / rng.chisquare(n - 1, FURTHER_SITES) if n > 1 else np.zeros(FURTHER_SITES)
     between = np.maximum(total - sampling, 0.0)
     mean = at.mean() + np.sqrt(np.maximum(total, sampling) / n) * rng.standard_normal(FURTHER_SITES)
     further = mean + np.sqrt(between) * rng.standard_normal(FURTHER_SITES)

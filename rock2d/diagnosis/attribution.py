@@ -189,9 +189,7 @@ def _better_base(search: Search) -> Validated | None:
     best = max(search.alone.values(), key=lambda candidate: search.gain(candidate, base).total)
     start, least = best.fit.p[: len(base.fit.p)], base.fit.total()
     # the noise of the base is sufficient to see whether the fit leads back to it
-    rough = fit(
-        base.fit.model, data, start, old=base.fit, convergence=Convergence(rival_total=least + REFIT_GAIN)
-    )
+    rough = fit(base.fit.model, data, start, old=base.fit, convergence=Convergence(rival_total=least + REFIT_GAIN))
     if ends_at(rough, base.fit):
         return None
     refit = fit(base.fit.model, data, start)
@@ -264,9 +262,7 @@ def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[
     with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
         data, learnt = search.data, learn(search.best, search.data)
         levers = {change.lever for change in learnt.changes}
-        belongs = {
-            name: lever for name, lever in PERMANENT.items() if lever in levers and name in search.effects
-        }
+        belongs = {name: lever for name, lever in PERMANENT.items() if lever in levers and name in search.effects}
         if joining := belongs.keys() - search.best.names - {*removed}:
             search.best = search.set_of(search.best.names | joining)
         best = search.best
@@ -306,8 +302,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
             and names - {name} | {rival} not in by_set
         )
         refused = sorted(
-            (name for name, own in found.items() if not own.named(name)),
-            key=lambda n: found[n].own_gain.total,
+            (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].own_gain.total
         )
         if exchanges:
             _, name, rival = exchanges[0]
@@ -355,7 +350,4 @@ def _chain(search: Search, best: Validated, candidates: Mapping[str, Candidate])
         return [candidates[name] for name in best.names]
     known, smaller = catalogue(), search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)
-    return [
-        Candidate(best.fit, best.held_out, known[name], search.gain(best, smaller[name]).gain)
-        for name in order
-    ]
+    return [Candidate(best.fit, best.held_out, known[name], search.gain(best, smaller[name]).gain) for name in order]

@@ -30,9 +30,7 @@ LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that th
 SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
 
 
-def fit_base(
-    setup: World, start: Array, data: Data, registered: World | None = None, bars: Bars | None = None
-) -> Fit:
+def fit_base(setup: World, start: Array, data: Data, registered: World | None = None, bars: Bars | None = None) -> Fit:
     """The paper's law with its own parameters refitted: the base law.
 
     The fit explores a coarse grid around `start` on some releases and then fits all of them. Both readings of the
@@ -126,9 +124,7 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
         for name, values in zip(REGISTERED, model.values(p), strict=False):
             world = effects_by_name[name].apply(world, values)
         again = FilmData.of(replace(data.film), world)
-        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(
-            data.flight_release
-        ):
+        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(data.flight_release):
             break
         data, registered = again, (again, world)
     return registered

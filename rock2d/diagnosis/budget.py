@@ -109,9 +109,7 @@ class ResidualSizes:
 
     def _summed(self, impacts: Array, flights: Array) -> Array:
         n, data = len(self.count), self._data
-        return np.asarray(
-            np.bincount(data.impact_release, impacts, n) + np.bincount(data.flight_release, flights, n)
-        )
+        return np.asarray(np.bincount(data.impact_release, impacts, n) + np.bincount(data.flight_release, flights, n))
 
 
 def _log_size(z: Array) -> Array:
@@ -151,11 +149,7 @@ class GapBootstrap:
 
 
 def budget(
-    sets: Mapping[Names, Array],
-    named: Names,
-    learnt: Array,
-    floors: tuple[Array, Array],
-    draws: GapBootstrap,
+    sets: Mapping[Names, Array], named: Names, learnt: Array, floors: tuple[Array, Array], draws: GapBootstrap
 ) -> Budget:
     """The budget of the gap.
 
@@ -173,9 +167,7 @@ def budget(
     floor = draws.floor(floors, [with_learnt, with_named])
     open_gap = base - floor
 
-    causes = {
-        name: share(gap, open_gap, ends) for name, (gap, ends) in _shapley_closures(gaps, named).items()
-    }
+    causes = {name: share(gap, open_gap, ends) for name, (gap, ends) in _shapley_closures(gaps, named).items()}
     predicted = np.minimum(with_learnt, floors[0])
     return Budget(
         float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
@@ -198,9 +190,7 @@ def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = N
     return Share(float(of[0]), (float(low), float(high)), (least, most))
 
 
-def _shapley_closures(
-    gaps: Mapping[Names, Array], named: Names
-) -> dict[str, tuple[Array, tuple[Array, Array]]]:
+def _shapley_closures(gaps: Mapping[Names, Array], named: Names) -> dict[str, tuple[Array, tuple[Array, Array]]]:
     """Name -> (1 + draws,) gap that the cause closes: mean over all orders, and the smallest and largest."""
     closed = {}
     for name in sorted(named):

@@ -131,9 +131,7 @@ class Search:
         self._fit([Reduction(cause_set.fit, name) for name in missing])
         return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
 
-    def find_rivals(
-        self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()
-    ) -> dict[str, float]:
+    def find_rivals(self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
@@ -150,9 +148,7 @@ class Search:
                 continue
             missed = MISSED_BY_TWIN if rival == twin else MISSED_BY_FORM
             found[rival] = min(lead.significance, lead.total / (missed * alone))
-        return {
-            rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z
-        }
+        return {rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z}
 
     def gain(self, cause_set: Validated, other: Validated) -> Gain:
         """Gain of a set over another one."""
@@ -194,9 +190,7 @@ class Search:
             seen.add(self.best.names)
             found = self._promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                found += self._with_each(
-                    [n for n in self._scatter_effects() if n not in self.best.names], self.best
-                )
+                found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
             gains = [(self.gain(addition, self.best), addition) for addition in found]
             better = [(gain.total, addition) for gain, addition in gains if gain.significant]
             if not better:
@@ -213,32 +207,20 @@ class Search:
         """
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
-        expected = {
-            name: e.total for name, e in self.expected_beside(cause_set).items() if name not in excluded
-        }
+        expected = {name: e.total for name, e in self.expected_beside(cause_set).items() if name not in excluded}
         if cause_set is self.best:
-            self.bars.found(
-                len(cause_set.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values())
-            )
+            self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values()))
         ranked = sorted(expected, key=lambda name: -expected[name])
-        return self._with_each(
-            [n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], cause_set, lead
-        )
+        return self._with_each([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], cause_set, lead)
 
     def _with_each(self, names: Sequence[str], cause_set: Validated, lead: float = 0.0) -> list[Validated]:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
         names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
         before, rival_total = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
-        starts = [
-            None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p for name in new
-        ]
+        starts = [None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p for name in new]
         self._fit(
-            [
-                _Addition(before, name, at, rival_total=rival_total)
-                for name, at in zip(new, starts, strict=True)
-            ],
-            lead,
+            [_Addition(before, name, at, rival_total=rival_total) for name, at in zip(new, starts, strict=True)], lead
         )
         return [self.known[cause_set.names | {name}] for name in names]
 

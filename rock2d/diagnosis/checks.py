@@ -126,8 +126,7 @@ class Checks:
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
         return [
-            {"name": c.name, "words": c.words, "value": c.value, "replicates": c.replicates, "p": c.p}
-            for c in self.all
+            {"name": c.name, "words": c.words, "value": c.value, "replicates": c.replicates, "p": c.p} for c in self.all
         ]
 
 
@@ -257,10 +256,7 @@ class _RemainingPatterns:
                 words = [f" with {DEPENDENCE_WORDS.get(name, name)}"] * f.shape[1] if curves else [""]
                 if curves and curves[0].kind == KINDS:
                     labels = members.get(curves[0].quantity)
-                    words = [
-                        f" in {labels[int(i)] if labels else f'impact {i + 1:.0f}'}"
-                        for i in curves[0].numbers
-                    ]
+                    words = [f" in {labels[int(i)] if labels else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]
                 functions.append(f - f.mean(axis=0) if curves else f)
                 parts += [channel + part for part in words for channel in side.names]
             if functions:
@@ -307,9 +303,7 @@ class _RemainingPatterns:
         columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._impacts.channels)
         columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
         parts = ["all impacts"]
-        return self._mean(
-            "energy lost in impacts", "energy after impacts", parts, self._impacts, columns[..., None]
-        )
+        return self._mean("energy lost in impacts", "energy after impacts", parts, self._impacts, columns[..., None])
 
     def _near_replicates(self) -> list[_Patterns]:
         """Pattern: residuals of impacts from nearly the same state in different releases have the same direction."""

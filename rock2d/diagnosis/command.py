@@ -79,9 +79,7 @@ def run_diagnosis(
     for line in result.sanity.remarks:
         report(f"remark: {line}")
     if result.found is None:
-        raise InputError(
-            f"not diagnosed: {'; '.join(content['sanity']['faults'])}", experiment, code="not_diagnosed"
-        )
+        raise InputError(f"not diagnosed: {'; '.join(content['sanity']['faults'])}", experiment, code="not_diagnosed")
     for line in summary(result, content):
         report(line)
     return content

@@ -91,9 +91,7 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
         )
     newer = [diagnosis.schema_ for diagnosis in (a, b) if diagnosis.schema_ not in KNOWN_SCHEMAS]
     if newer:
-        sentences.append(
-            f"Schema {max(newer)} is newer than this rock2d. Keys that it does not know are left out."
-        )
+        sentences.append(f"Schema {max(newer)} is newer than this rock2d. Keys that it does not know are left out.")
     if a.beside or b.beside:
         sentences.append(
             "If effects were found in addition to the verdict, the parameters compared here are still those of each "
@@ -101,24 +99,16 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
         )
     if a.gap.unit != b.gap.unit:
         sentences.append("The gaps have different units: compare only the share closed.")
-    sentences += _one_sided(
-        "effects", a.probabilities, b.probabilities, "were not in the catalogue of the other"
-    )
+    sentences += _one_sided("effects", a.probabilities, b.probabilities, "were not in the catalogue of the other")
     for key in ("zone", "block"):
         in_a, in_b = ({getattr(place, key) for place in diagnosis.where} for diagnosis in (a, b))
         if in_a and in_b:
-            sentences += _one_sided(
-                f"{key}s", in_a, in_b, "have no share of the gap in the other, or are not there"
-            )
+            sentences += _one_sided(f"{key}s", in_a, in_b, "have no share of the gap in the other, or are not there")
     return sentences
 
 
 def _one_sided(what: str, a: Iterable[str], b: Iterable[str], why: str) -> list[str]:
-    parts = [
-        (f"{side}: {', '.join(sorted(only))}")
-        for side, only in (("A", {*a} - {*b}), ("B", {*b} - {*a}))
-        if only
-    ]
+    parts = [(f"{side}: {', '.join(sorted(only))}") for side, only in (("A", {*a} - {*b}), ("B", {*b} - {*a})) if only]
     return [f"Some {what} {why}. Only in {'; only in '.join(parts)}."] if parts else []
 
 

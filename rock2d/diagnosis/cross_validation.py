@@ -82,9 +82,7 @@ def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
     """
     scored = model.held_out, reference.held_out
     gain = scored[0].score - scored[1].score
-    if [e.name for e in model.fit.model.scatter_effects] != [
-        e.name for e in reference.fit.model.scatter_effects
-    ]:
+    if [e.name for e in model.fit.model.scatter_effects] != [e.name for e in reference.fit.model.scatter_effects]:
         return Gain(gain)
     crossed = [
         by_release(data, held_out.residuals, fit.covariance())
@@ -106,17 +104,12 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
     for k in range(FOLDS):
         impacts, flights = fold[data.impact_release] == k, fold[data.flight_release] == k
         p, found = _fit_without(fit, data, covariance, (~impacts, ~flights))
-        residuals.impacts[impacts], residuals.flights[flights] = (
-            found.impacts[impacts],
-            found.flights[flights],
-        )
+        residuals.impacts[impacts], residuals.flights[flights] = (found.impacts[impacts], found.flights[flights])
         parameters.append(p)
     return HeldOut(residuals, by_release(data, residuals, covariance), np.array(parameters))
 
 
-def _fit_without(
-    fit: Fit, data: Data, covariance: Array, keep: tuple[Array, Array]
-) -> tuple[Array, Residuals]:
+def _fit_without(fit: Fit, data: Data, covariance: Array, keep: tuple[Array, Array]) -> tuple[Array, Residuals]:
     """Parameters of the fit to the impacts and flights in `keep`, and the residuals of all at them."""
     if not fit.free:
         return fit.p, fit.residuals

@@ -184,9 +184,7 @@ class FilmData(FilmSegments):
         """(n,) true time in s from the beginning of the release to the end of each impact."""
         impacts = self.impacts
         begin = self.film.t_s[np.searchsorted(self.film.release, impacts.release)]
-        return np.asarray(
-            (self.basis.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale
-        )
+        return np.asarray((self.basis.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale)
 
     def flight_noise(self, world: World) -> Array:
         """(m, 3) standard deviations of the true coefficients of flights; residuals of flights are in these units."""
@@ -206,9 +204,7 @@ class FilmData(FilmSegments):
                  self.order[flights.release], np.sin(theta), np.cos(theta), w * radius * np.sin(theta),
                  w * radius * np.cos(theta)]  # fmt: skip
         kinds = [flights.block == b for b in range(len(world.blocks))]
-        return np.column_stack(
-            [bends, *[t * bends for t in terms], *terms, *kinds, *[k * bends for k in kinds]]
-        )
+        return np.column_stack([bends, *[t * bends for t in terms], *terms, *kinds, *[k * bends for k in kinds]])
 
     def unit_bends(self) -> Array:
         """(m,) bend of each flight under the same acceleration, scaled to unit mean square."""
@@ -258,9 +254,7 @@ class TableData(ImpactTable):
         starts = np.where(clear[:, None], earlier, starts)
         lasts = LONGEST_IMPACT * np.sqrt(radius / max(world.gravity_m_s2, 1e-3))
         limit = lasts + 10 * START_GAP_RADII * radius / pace
-        result = run_world(
-            world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1
-        )
+        result = run_world(world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1)
         touch = result.impacts[:, 0]
         leaves = np.isfinite(touch[:, AFTER])
         stays = np.isfinite(touch[:, BEFORE]) & ~leaves
@@ -296,9 +290,7 @@ class TableData(ImpactTable):
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
-        found = incident_quantities(
-            world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
-        )
+        found = incident_quantities(world, self.impact_block, self.impact_zone, self.tangent, self.incident(world))
         return found | history_quantities(self.impact_release, self.impact_order, np.arange(len(self.before)))
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
@@ -320,9 +312,7 @@ def _recorded_velocities(world: World, true: Array) -> Array:
     return (later_pose - pose) / VELOCITY_STEP_S * world.view.time_scale
 
 
-def _simulated_poses(
-    world: World, impacts: FlightPairs, starts: Array, times_s: Array, step_fraction: float
-) -> Array:
+def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s: Array, step_fraction: float) -> Array:
     """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
 
     NaN where a start is not finite, as after extrapolating a flight back with an impossible drag.

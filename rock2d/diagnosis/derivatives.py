@@ -7,14 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.model import (
-    BASE_WIDTH,
-    LeverDerivatives,
-    Model,
-    choice_positions,
-    from_scale,
-    scatter_positions,
-)
+from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, Model, choice_positions, from_scale, scatter_positions
 from rock2d.records.columns import N_STATE
 
 Array = np.ndarray
@@ -42,9 +35,7 @@ class Jacobian:
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
         otherwise differ in the last digits: the memory layout would change on the way."""
-        impacts, flights = (
-            np.ascontiguousarray(own[..., parameters]) for own in (self.impacts, self.flights)
-        )
+        impacts, flights = (np.ascontiguousarray(own[..., parameters]) for own in (self.impacts, self.flights))
         return replace(self, impacts=impacts, flights=flights)
 
 

@@ -33,13 +33,7 @@ from rock2d.diagnosis.known_causes import (
     values_of_size,
     with_cause,
 )
-from rock2d.diagnosis.likelihood import (
-    clustered_covariance,
-    fit_scatter,
-    log_likelihood,
-    normal_equations,
-    prior,
-)
+from rock2d.diagnosis.likelihood import clustered_covariance, fit_scatter, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, choice_positions, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
@@ -107,11 +101,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     attribution, data = result.found, result.data
     assert attribution is not None and data is not None
     # gain that may remain because the forms of the laws in the model are not exact
-    others = [
-        attribution.evidence[name].own_gain.total
-        for name in attribution.named
-        if not catalogue()[name].camera
-    ]
+    others = [attribution.evidence[name].own_gain.total for name in attribution.named if not catalogue()[name].camera]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
@@ -131,12 +121,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in attribution.named
         curves[name] = Curve(
-            seen50,
-            float(steepness),
-            parameter.unit,
-            *added.upper_limit(),
-            found_anyway,
-            largest_size(parameter),
+            seen50, float(steepness), parameter.unit, *added.upper_limit(), found_anyway, largest_size(parameter)
         )
     return curves
 
@@ -166,9 +151,7 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
 
     shift = minimize(cost, centre).x
     chance = expit(steepness * (log_size - design @ shift))
-    covariance = np.linalg.inv(
-        (design.T * (steepness**2 * chance * (1.0 - chance))) @ design + np.diag(precision)
-    )
+    covariance = np.linalg.inv((design.T * (steepness**2 * chance * (1.0 - chance))) @ design + np.diag(precision))
     result = {}
     for k, (name, curve) in enumerate(curves.items(), 1):
         variance = covariance[0, 0] + 2.0 * covariance[0, k] + covariance[k, k]
@@ -179,9 +162,7 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     return result
 
 
-def limits_of(
-    curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]] = ()
-) -> dict[str, dict[str, Any]]:
+def limits_of(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]] = ()) -> dict[str, dict[str, Any]]:
     """Effect -> limit from the `corrected` curves."""
     return {name: curve.limit() for name, curve in corrected(curves, cases).items()}
 
@@ -261,14 +242,8 @@ class _AddedEffect:
             further.flights *= np.equal.outer(data.flight_block, blocks)[:, None, None]
 
         def gain(share: float) -> Array:
-            left = Residuals(
-                residuals.impacts - share * change.impacts, residuals.flights - share * change.flights
-            )
-            return (
-                LinearModel(self._fit_without_effect(left), data)
-                .best_step(further, [np.ones(len(unit))])
-                .gain
-            )
+            left = Residuals(residuals.impacts - share * change.impacts, residuals.flights - share * change.flights)
+            return LinearModel(self._fit_without_effect(left), data).best_step(further, [np.ones(len(unit))]).gain
 
         return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
 
@@ -302,24 +277,15 @@ class _AddedEffect:
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
             sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest_size(self._size)
-            tried = [
-                residual_covariance(jacobian, np.where(self._wide, s / self._unit, scatter)) for s in sizes
-            ]
+            tried = [residual_covariance(jacobian, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
             total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
-            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(
-                sizes[total.argmax()]
-            )
+            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(sizes[total.argmax()])
         covariance, (centre, precision) = fit.covariance(), prior(self._model)
         curvature, grad = normal_equations(fit.residuals, jacobian, covariance)
         curvature, grad = curvature + np.diag(precision), grad + precision * (self._p - centre)
         grad[choice_positions(self._model)] = 0.0
         p_covariance = clustered_covariance(
-            fit.residuals,
-            jacobian,
-            covariance,
-            curvature,
-            (data.impact_release, data.flight_release),
-            len(data.order),
+            fit.residuals, jacobian, covariance, curvature, (data.impact_release, data.flight_release), len(data.order)
         )
         z = self._p - np.linalg.solve(curvature, grad)
         half = ONE_SIDED_Z * np.sqrt(np.diag(p_covariance))

@@ -24,13 +24,7 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as fault_codes
-from rock2d.kinematics.film_findings import (
-    FilmFindings,
-    film_findings,
-    flightless_remarks,
-    rest_remarks,
-    shape_remarks,
-)
+from rock2d.kinematics.film_findings import FilmFindings, film_findings, flightless_remarks, rest_remarks, shape_remarks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -141,9 +135,7 @@ def diagnose(
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
-        attribution = attribute(
-            base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars
-        )
+        attribution = attribute(base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars)
     result.data, result.found, result.unseen, result.seed = data, attribution, unseen_effects, seed
     with bars.stage(GAP, 4, "steps") as bar:
         result.budget, result.shares = budget_and_shares(data, attribution, seed)
@@ -172,20 +164,14 @@ def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, Fil
     data: FilmData | TableData
     if experiment.trajectories is not None:
         sanity, segments = _check_and_segment_film(experiment, setup)
-        noisy, remarks = (
-            with_camera_noise(experiment, segments.film) if segments is not None else (experiment, [])
-        )
+        noisy, remarks = with_camera_noise(experiment, segments.film) if segments is not None else (experiment, [])
         if remarks:
             sanity, segments = _check_and_segment_film(noisy, setup)
             sanity.remarks += remarks
         if segments is None:
             return sanity, None
         data, world = segments, sanity.registered or setup
-        sanity.remarks += [
-            *shape_remarks(data, world),
-            *rest_remarks(data.film, world),
-            *flightless_remarks(data),
-        ]
+        sanity.remarks += [*shape_remarks(data, world), *rest_remarks(data.film, world), *flightless_remarks(data)]
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
@@ -194,9 +180,7 @@ def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, Fil
         resting, blocks_with_edges = 0, list[str]()
         if isinstance(data, FilmData):
             resting = len(find_rests(data).flight)
-            blocks_with_edges = [
-                name for name in data.film.blocks_without_angle if not setup.blocks[name].smooth
-            ]
+            blocks_with_edges = [name for name in data.film.blocks_without_angle if not setup.blocks[name].smooth]
         judgeable = check_impacts(impacts, impacts + resting, flying, blocks_with_edges, sanity)
         if isinstance(data, FilmData) and not judgeable:
             data = data.flights_alone()
@@ -252,9 +236,7 @@ def findings_of_film(
 ) -> FilmFindings | None:
     """What a film says of itself, even if it is too poor to diagnose; None for an impact table and an unreadable
     film."""
-    if experiment.trajectories is None or any(
-        fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults
-    ):
+    if experiment.trajectories is None or any(fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults):
         return None
     world = sanity.registered or setup
     if world.gravity_m_s2 <= 0:

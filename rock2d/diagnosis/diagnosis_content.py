@@ -66,23 +66,14 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
 def _mean_and_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """A parameter with a value for each block: the mean, and the values of all blocks that flew."""
     each = {
-        name: {key: entry[key] for key in ("value", "ci95")}
-        for name, entry in zip(model.flown, entries, strict=True)
+        name: {key: entry[key] for key in ("value", "ci95")} for name, entry in zip(model.flown, entries, strict=True)
     }
     value = float(np.mean([entry["value"] for entry in each.values()]))
     half = float(np.linalg.norm([0.5 * np.ptp(entry["ci95"]) for entry in each.values()])) / len(each)
     for name, entry in each.items() if effect.name == air_drag.EFFECT.name else ():
         factor = air_drag.coefficient(model.setup.blocks[name], 1.0)
-        entry["drag_coefficient"] = {
-            "value": factor * entry["value"],
-            "ci95": [factor * end for end in entry["ci95"]],
-        }
-    return {
-        "value": value,
-        "ci95": [value - half, value + half],
-        "unit": entries[0]["unit"],
-        "by_block": each,
-    }
+        entry["drag_coefficient"] = {"value": factor * entry["value"], "ci95": [factor * end for end in entry["ci95"]]}
+    return {"value": value, "ci95": [value - half, value + half], "unit": entries[0]["unit"], "by_block": each}
 
 
 def base_values(fit: Fit) -> dict[str, float]:
@@ -167,28 +158,18 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
 def _found_json(result: Diagnosis) -> dict[str, Any]:
     """The content for an experiment that was diagnosed."""
     names, attribution, data = list(catalogue()), result.found, result.data
-    assert (
-        attribution is not None
-        and data is not None
-        and result.shares is not None
-        and result.cells is not None
-    )
+    assert attribution is not None and data is not None and result.shares is not None and result.cells is not None
     assert result.budget is not None
     zones = result.experiment.cross_section.zone_names
     return {
         "base": base_values(attribution.base.fit),
         "law": {
-            "rolling_in_indentation": bool(
-                attribution.base.fit.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
-            ),
+            "rolling_in_indentation": bool(attribution.base.fit.model.setup.contact[..., ROLLING_IN_INDENTATION].any()),
             "fitted": bool(len(data.impact_release)),
         },
         "verdict": attribution.verdict,
-        "group": [attribution.verdict, *attribution.group(attribution.verdict)]
-        if attribution.verdict in names
-        else [],
-        "probabilities": dict.fromkeys(names, 0.0)
-        | {k: float(v) for k, v in attribution.probabilities.items()},
+        "group": [attribution.verdict, *attribution.group(attribution.verdict)] if attribution.verdict in names else [],
+        "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in attribution.probabilities.items()},
         "effects": {
             name: {"parameters": effect_values(c.fit)[name], "base": base_values(c.fit)}
             | _gain_json(c)
@@ -253,11 +234,7 @@ def _causes_json(attribution: Attribution, budget: Budget, unseen: Collection[st
     for name in sorted(probabilities, key=lambda n: -probabilities[n]):
         if name not in attribution.named and probabilities[name] < LEAST_LISTED_PROBABILITY:
             continue
-        values = (
-            joint_values[name]
-            if name in joint_values
-            else effect_values(attribution.candidates[name].fit)[name]
-        )
+        values = joint_values[name] if name in joint_values else effect_values(attribution.candidates[name].fit)[name]
         share = _share_json(budget.causes[name]) if name in budget.causes else NO_SHARE
         out.append(
             {
@@ -268,9 +245,7 @@ def _causes_json(attribution: Attribution, budget: Budget, unseen: Collection[st
                 "group": attribution.group(name)
                 + [other for other, twin in SPIN_TWINS.items() if twin == name and other in unseen],
                 "named": name in attribution.named,
-                "common": _common_quantity(name, values)
-                if TWINS.get(name) in attribution.group(name)
-                else None,
+                "common": _common_quantity(name, values) if TWINS.get(name) in attribution.group(name) else None,
             }
             | share
         )
@@ -312,11 +287,7 @@ def _outside_json(attribution: Attribution, budget: Budget) -> dict[str, Any]:
 
 def reported_effect(attribution: Attribution) -> str:
     """The effect whose gap is reported."""
-    named = [
-        name
-        for name, c in attribution.candidates.items()
-        if name == attribution.verdict or not c.effect.scatter
-    ]
+    named = [name for name, c in attribution.candidates.items() if name == attribution.verdict or not c.effect.scatter]
     return max(named, key=lambda name: attribution.candidates[name].total)
 
 

@@ -191,9 +191,7 @@ def evidence_of_members(
             doubted.add(name)
             evidence, without = _evidence_of_member(search, permanent, name, others_gain, rivals)
         if name in PERMANENT and permanent.changes:
-            evidence = max(
-                evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p
-            )
+            evidence = max(evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p)
         if name in contained:
             evidence = replace(evidence, form_share=CONTAINED_SHARE)
         elif contained:  # as a rival it would gain what the profile gains
@@ -203,16 +201,14 @@ def evidence_of_members(
         if not scatter and evidence.named(name):
             if (
                 before is None
-                or abs(evidence.own_gain.total - before.own_gain.total)
-                >= RELEARN_CHANGE * before.own_gain.total
+                or abs(evidence.own_gain.total - before.own_gain.total) >= RELEARN_CHANGE * before.own_gain.total
             ):
                 to_relearn[name] = without
                 continue
             evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
         bar.step(name)
     jobs = [
-        (without, search.effects[name].phase, evidence_of[name].own_gain.total)
-        for name, without in to_relearn.items()
+        (without, search.effects[name].phase, evidence_of[name].own_gain.total) for name, without in to_relearn.items()
     ]
     for k, gain in search.processes.as_finished(_replacement_gain, jobs):
         name = list(to_relearn)[k]
@@ -297,9 +293,7 @@ def _evidence_of_member(
     if effect.scatter:
         weak = own_gain.total < FORM_SHARE * others_gain
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
-        evidence = replace(
-            evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio
-        )
+        evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
     return evidence, without
 
 
@@ -319,9 +313,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     own_gain = held_out_gain(data, permanent, without)
     others = learn(without, data, {*LEVERS} - {PERMANENT[name]})
     shares = {
-        other: min(
-            _form_share(search.effects[other]), FORM_SHARE if other in OF_A_PLACE else EFFECT_FORM_SHARE
-        )
+        other: min(_form_share(search.effects[other]), FORM_SHARE if other in OF_A_PLACE else EFFECT_FORM_SHARE)
         for other in smaller.keys() - {name}
     }
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
@@ -351,9 +343,7 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     slope = replace(fit.jacobian, scatter=np.concatenate([fit.jacobian.scatter, columns], axis=-1))
     start = np.concatenate([fit.scatter, np.full(len(units), START_SCATTER)])
     wide = residual_covariance(slope, fit_scatter(fit.residuals.impacts, slope, start))
-    scores = [
-        by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())
-    ]
+    scores = [by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())]
     return Gain(scores[0] - scores[1])
 
 
@@ -405,8 +395,7 @@ def _form_share(effect: Effect) -> float:
 def gain_left_by_forms(search: Search, cause_set: Validated) -> float:
     """Log likelihood that learnt changes may gain because the forms of the laws of a set are not exact."""
     gains = {
-        name: max(search.gain(cause_set, without).total, 0.0)
-        for name, without in search.without(cause_set).items()
+        name: max(search.gain(cause_set, without).total, 0.0) for name, without in search.without(cause_set).items()
     }
     shares = {name: _form_share(search.effects[name]) for name in gains}
     left = sum(shares[name] * gain for name, gain in gains.items()) / max(sum(gains.values()), 1e-9)
@@ -450,9 +439,7 @@ def inclusion_probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float
     return probabilities
 
 
-def single_answers(
-    evidence: Mapping[str, Evidence], p_outside: float, effects: Collection[str]
-) -> dict[str, float]:
+def single_answers(evidence: Mapping[str, Evidence], p_outside: float, effects: Collection[str]) -> dict[str, float]:
     """Probability of each effect as the cause that explains most, of "none", and of "unknown".
 
     An effect is the first cause if it acts and none with a larger gain does. A cause that cannot be named counts as

@@ -77,11 +77,7 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
     """
     coarse = Convergence(COARSE_CONVERGED_GAIN, rival_total)
     fitted = fit(
-        model,
-        data,
-        found.p,
-        old=base,
-        convergence=Convergence(rival_total=rival_total) if found.useful else coarse,
+        model, data, found.p, old=base, convergence=Convergence(rival_total=rival_total) if found.useful else coarse
     )
     if fitted.total() < base.total():
         # parameters that fit some releases need not fit all; a fit that starts at the base cannot end below it
@@ -121,13 +117,7 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
 
 def _short_fit(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
     return fit(
-        cached.model,
-        cached.data,
-        start,
-        base,
-        FEW_ROUNDS,
-        keep_jacobian=True,
-        residuals=cached.residuals(start),
+        cached.model, cached.data, start, base, FEW_ROUNDS, keep_jacobian=True, residuals=cached.residuals(start)
     )
 
 

@@ -105,9 +105,7 @@ class FlightResponse:
         row = np.array([min(a + np.searchsorted(t[a:b], at), b - 1) for a, b, at in ends], np.int64)
         beyond = (dt - t[row])[:, None]
         place = self.moved[row] + beyond * self.moving[row]
-        return place - self.place[flight] - self.rate[flight] * dt[:, None], self.moving[row] - self.rate[
-            flight
-        ]
+        return place - self.place[flight] - self.rate[flight] * dt[:, None], self.moving[row] - self.rate[flight]
 
 
 def flight_response(data: FilmSegments, world: World, paths: FlightPaths, basis: q.Basis) -> FlightResponse:

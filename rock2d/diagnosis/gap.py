@@ -97,11 +97,7 @@ class Part:
 
 
 IMAGE_CHANNELS = ("x", "y", "theta")
-CHANNELS = {
-    "impact": ("tangential", "normal", "spin"),
-    "flight": IMAGE_CHANNELS,
-    "rest": IMAGE_CHANNELS,
-}
+CHANNELS = {"impact": ("tangential", "normal", "spin"), "flight": IMAGE_CHANNELS, "rest": IMAGE_CHANNELS}
 
 
 def _explained_squares(attribution: Attribution, kind: str) -> Array:
@@ -151,9 +147,7 @@ def _rest_part(data: FilmData, attribution: Attribution, ground: CrossSection, r
     """Squares of the ends of the releases, by coordinate."""
     best = attribution.final.fit
     variance = rest_variance(data, rests, best)
-    before, after = (
-        rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base.fit, best)
-    )
+    before, after = (rest_squares(data, rests, fit, variance)[..., None] for fit in (attribution.base.fit, best))
     block, release = data.flights.block[rests.flight], data.flights.release[rests.flight]
     return Part("rest", before - after, before, after, zone_below(ground, rests.pose[:, X]), block, release)
 
@@ -180,11 +174,7 @@ def locate_gap(experiment: Experiment, data: Data, attribution: Attribution) -> 
     The shares of the significant places sum to 1; if none is significant, those of all places. Where blocks come to
     rest follows from their impacts and is not a part of the gap. It is listed only if nothing else is significant.
     """
-    ground, blocks, parts = (
-        experiment.cross_section,
-        list(experiment.blocks),
-        [_impact_part(data, attribution)],
-    )
+    ground, blocks, parts = (experiment.cross_section, list(experiment.blocks), [_impact_part(data, attribution)])
     if isinstance(data, FilmData):
         parts.append(_flight_part(data, attribution, ground))
         if len((rests := find_rests(data)).flight) and len(data.impacts):

@@ -52,9 +52,7 @@ def two_sided(parameter: Parameter) -> bool:
     return parameter.low < parameter.neutral < parameter.high
 
 
-def with_cause(
-    model: Model, p: Array, effect: Effect, values: Mapping[str, float]
-) -> tuple[Model, Array, Array]:
+def with_cause(model: Model, p: Array, effect: Effect, values: Mapping[str, float]) -> tuple[Model, Array, Array]:
     """A model with the effect, and its parameters (P,) without and with the cause.
 
     If the model already has the effect, the values add up; factors multiply. A scatter is not changed.

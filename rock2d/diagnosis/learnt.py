@@ -71,9 +71,7 @@ class Learnt(Validated):
         ]
 
 
-def learn(
-    start: Validated, data: Data, only: Collection[str] = LEVERS, least_total: float = -np.inf
-) -> Learnt:
+def learn(start: Validated, data: Data, only: Collection[str] = LEVERS, least_total: float = -np.inf) -> Learnt:
     """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly.
 
     Further changes are not learnt if it is clear that all together will gain less than `least_total`.
@@ -104,9 +102,7 @@ def learn(
         dependence, candidate, best = max(tried, key=lambda trial: trial[-1].total)
         if best.total < LEAST_GAIN or best.significance < LEAST_GAIN_Z:
             break
-        new = Change(
-            dependence.lever, dependence.basis, np.empty(0), best.gain, levers.units[dependence.lever]
-        )
+        new = Change(dependence.lever, dependence.basis, np.empty(0), best.gain, levers.units[dependence.lever])
         state = Learnt(candidate.fit, candidate.held_out, [*state.changes, new], state)
         state.changes = state.changes_at(candidate.fit.p)
     return state
@@ -144,9 +140,7 @@ def _fit_with_change(
     """The fit with one more change."""
     widths = np.full(response.size, width)
     model = old.model
-    wider = replace(
-        model, responses=[*model.responses, response], widths=np.concatenate([model.widths, widths])
-    )
+    wider = replace(model, responses=[*model.responses, response], widths=np.concatenate([model.widths, widths]))
     jacobian = Jacobian(
         np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
         np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
@@ -154,6 +148,4 @@ def _fit_with_change(
         old.jacobian.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(
-        wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), convergence=convergence
-    )
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), convergence=convergence)

@@ -213,17 +213,11 @@ class LearntMotion:
         # at the end of an impact the block is still in its indentation
         after_s = np.linspace(0.0, 0.5, 1 + STEPS_OF_LEAST_FLIGHT) * lasts[at][:, None]
         poses = self._run(
-            self._world,
-            begins[segment],
-            segment,
-            time_limit_s=longer[segment],
-            times_s=left_s[:, None] + after_s,
+            self._world, begins[segment], segment, time_limit_s=longer[segment], times_s=left_s[:, None] + after_s
         ).samples
         clear = np.column_stack([self._clear(segment, poses[:, k]) for k in range(after_s.shape[1])])
         clear_s = after_s[np.arange(len(segment)), clear.argmax(axis=1)]
-        states = self._run(self._world, begins[segment], segment, time_limit_s=left_s + clear_s).ends[
-            :, INSTANT_STATE
-        ]
+        states = self._run(self._world, begins[segment], segment, time_limit_s=left_s + clear_s).ends[:, INSTANT_STATE]
         known = clear.any(axis=1)
         return _FlightsAfter(segment[known], left_s[known], (left_s + clear_s)[known], states[known])
 

@@ -140,9 +140,7 @@ class Levers:
         if lever == PROFILE:
             return self._profile_response(each[:, 0], basis)
         if lever == FRAME:
-            return self._frame_response(
-                each, _coefficient_columns(basis.features(self._outcome_quantities), units)
-            )
+            return self._frame_response(each, _coefficient_columns(basis.features(self._outcome_quantities), units))
         return LeverResponse(size, shift=each) if lever == STATE else LeverResponse(size, impacts=each)
 
     def _frame_response(self, before: Array, after: Array) -> LeverResponse:

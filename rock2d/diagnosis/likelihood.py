@@ -39,9 +39,7 @@ def log_likelihood(r: Array, covariance: Array) -> Array:
     """
     d = r.shape[1]
     chi2 = chi_square(r, covariance)
-    return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(
-        chi2 / IMPACT_STUDENT_DF
-    )
+    return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(chi2 / IMPACT_STUDENT_DF)
 
 
 def chi_square(r: Array, covariance: Array) -> Array:
@@ -83,10 +81,7 @@ def normal_equations(
     residuals: Residuals, jacobian: Jacobian, covariance: Array, keep: tuple[Array, Array] | None = None
 ) -> tuple[Array, Array]:
     """Curvature (P, P) and gradient (P,) of minus the log likelihood over the impacts and flights in `keep`, or all."""
-    impacts, flights = keep or (
-        np.ones(len(residuals.impacts), bool),
-        np.ones(len(residuals.flights), bool),
-    )
+    impacts, flights = keep or (np.ones(len(residuals.impacts), bool), np.ones(len(residuals.flights), bool))
     r = np.nan_to_num(residuals.impacts)
     good = impacts & np.isfinite(residuals.impacts).all(axis=1)
     inverse = np.linalg.inv(covariance[good])
@@ -133,9 +128,7 @@ def clustered_covariance(
     flat = 2.0 / (FLIGHT_STUDENT_DF + 1) * (wf * rf) ** 2
     bent += np.einsum("mcd,mcdp,mcdq->pq", flat, jf, jf, optimize=True)
     unit = np.sqrt(np.diag(curvature))
-    plain = np.linalg.inv(curvature / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (
-        unit * unit[:, None]
-    )
+    plain = np.linalg.inv(curvature / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (unit * unit[:, None])
     # mean share over all directions: in a single direction a few outliers can cancel the curvature
     bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curvature), LARGEST_BEND))
     spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)

@@ -102,9 +102,7 @@ class LinearModel:
         """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""
         data, n, size = self._data, len(self._data.order), impacts.shape[-1]
         pulls = np.zeros((n, size))
-        np.add.at(
-            pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z)
-        )
+        np.add.at(pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z))
         steady = self._flight_weight * self._flights
         np.add.at(pulls, data.flight_release, np.einsum("mcdk,mcd->mk", flights, steady))
         pulls[:, choice_positions(self._fit.model)] = 0.0
@@ -267,6 +265,4 @@ def _starts(start: Array, first: int, parameters: Sequence[Parameter]) -> list[A
 
 def _stacked(changes: list[Residuals]) -> Residuals:
     """Changes as columns along a new last axis."""
-    return Residuals(
-        np.stack([c.impacts for c in changes], axis=-1), np.stack([c.flights for c in changes], axis=-1)
-    )
+    return Residuals(np.stack([c.impacts for c in changes], axis=-1), np.stack([c.flights for c in changes], axis=-1))

@@ -168,11 +168,7 @@ class Model:
         return world
 
     def residuals(
-        self,
-        p: Array,
-        data: Data,
-        shift: Array | None = None,
-        amounts: Sequence[Sequence[float]] | None = None,
+        self, p: Array, data: Data, shift: Array | None = None, amounts: Sequence[Sequence[float]] | None = None
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
         world, coefficients = self.world(p, data.impact_order, amounts), self.coefficients(p)
@@ -225,9 +221,7 @@ class LeverDerivatives:
     def by_coefficients(self, response: LeverResponse) -> Residuals:
         """Derivatives of all residuals by the coefficients of a change. The chain rule saves simulations: many
         coefficients change few components of a lever."""
-        impacts, flights = (
-            np.zeros((*own.shape, response.size)) for own in (self.at.impacts, self.at.flights)
-        )
+        impacts, flights = (np.zeros((*own.shape, response.size)) for own in (self.at.impacts, self.at.flights))
         if response.law is not None:
             impacts += self.by_law @ response.law
         if response.slope is not None:

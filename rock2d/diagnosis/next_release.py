@@ -51,10 +51,7 @@ def next_release(
         for block in range(len(setup.blocks)):
             for zone in range(len(zones)):
                 rows = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
-                if (
-                    rows.sum() >= FEWEST_IMPACTS_OF_A_KIND
-                    and (typical := float(np.median(distance[rows]))) > best
-                ):
+                if rows.sum() >= FEWEST_IMPACTS_OF_A_KIND and (typical := float(np.median(distance[rows]))) > best:
                     pace = float(np.median(np.hypot(*data.incident(setup)[rows, LINEAR_VELOCITY].T))) * faster
                     best = typical
                     name = list(setup.blocks)[block]
@@ -73,17 +70,13 @@ def _place(cell: Cell) -> str:
     return f"impacts of the {cell.block} on the {cell.zone}"
 
 
-def _distance(
-    data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float
-) -> Array:
+def _distance(data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float) -> Array:
     """(n,) distance between the predictions of two models for each impact, in standard deviations."""
     radius = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
     shift = np.zeros((len(radius), N_STATE))
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
     shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / radius)
-    residuals = [
-        data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)
-    ]
+    residuals = [data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
     difference = np.nan_to_num(residuals[0] - residuals[1])
     covariance = first.fit.covariance()
     chi2 = np.einsum("ni,ni->n", difference, np.linalg.solve(covariance, difference[..., None])[..., 0])

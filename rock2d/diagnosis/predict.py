@@ -12,16 +12,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
-from rock2d.diagnosis.levers import (
-    FRAME,
-    FRAME_COLUMNS,
-    LAW,
-    LEVER_QUANTITIES,
-    LEVER_SIZES,
-    OUTCOME,
-    PROFILE,
-    STATE,
-)
+from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, PROFILE, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.quantities import SPLINE
 from rock2d.diagnosis.replay import Segments, as_rows

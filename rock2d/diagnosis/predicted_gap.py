@@ -122,9 +122,9 @@ def without_harmful_changes(data: FilmData, learnt: Learnt, base: Validated) -> 
     base_tail = _tail(_held_out_misses(data, segments, base))
     while learnt.before is not None:
         previous = _held_out_misses(data, segments, learnt.before)
-        if _tail(current) <= HARMFUL_TAIL * max(_tail(previous), base_tail) and np.median(
-            current
-        ) <= np.median(previous):
+        if _tail(current) <= HARMFUL_TAIL * max(_tail(previous), base_tail) and np.median(current) <= np.median(
+            previous
+        ):
             break
         learnt, current = learnt.before, previous
     return learnt

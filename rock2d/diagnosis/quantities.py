@@ -86,10 +86,7 @@ FRAME_DEPENDENCES: Dependences = {
 }
 # dependences of a slope of the ground that the survey missed, and of the height of a ground that is not as surveyed
 SLOPE_DEPENDENCES: Dependences = {"zone": ((ZONE, KINDS),), "series": ((SERIES, SPLINE),)}
-PROFILE_DEPENDENCES: Dependences = {
-    "place": ((PLACE_M, FINE),),
-    "place in detail": ((PLACE_M, FINEST),),
-}
+PROFILE_DEPENDENCES: Dependences = {"place": ((PLACE_M, FINE),), "place in detail": ((PLACE_M, FINEST),)}
 HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of a turn
 
 
@@ -191,9 +188,7 @@ def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str
     """Name of a dependence -> basis for measured quantities (n,). Quantities that do not vary are left out."""
     basis_of = {}
     for name, parts in dependences.items():
-        curves = [
-            c for quantity, kind in parts if (c := _curve(quantity, kind, quantities[quantity])) is not None
-        ]
+        curves = [c for quantity, kind in parts if (c := _curve(quantity, kind, quantities[quantity])) is not None]
         if curves or not parts:
             basis_of[name] = Basis(name, tuple(curves))
     return basis_of
@@ -241,9 +236,7 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
     )  # fmt: skip
 
 
-def incident_quantities(
-    world: World, block: Array, zone: Array, tangent: Array, before: Array
-) -> dict[str, Array]:
+def incident_quantities(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> dict[str, Array]:
     """Name -> (n,): quantities of impacts from the states `before` them (n, 6)."""
     radius = np.array([b.radius_m for b in world.blocks.values()])[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])

@@ -141,9 +141,7 @@ def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Release
     return Releases(first, flights.release[first], flights.block[first], t, pose, impact)
 
 
-def simulated_releases(
-    data: FilmData, fit: Fit, film: Releases, signs: Signs, *, repetitions: int = 0
-) -> Array:
+def simulated_releases(data: FilmData, fit: Fit, film: Releases, signs: Signs, *, repetitions: int = 0) -> Array:
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
 
@@ -151,9 +149,7 @@ def simulated_releases(
     """
     order = data.order[film.release]
     if not repetitions:
-        return recorded_simulation(
-            data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs
-        )
+        return recorded_simulation(data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs)
     rng = np.random.default_rng(0)
     n, k = film.t_s.shape
     world = with_drawn_soils(fit, fit.model.world(fit.p, np.tile(order, repetitions)), repetitions * n, rng)

@@ -42,9 +42,7 @@ class RegressedResiduals:
 def regress(world: World, data: Data, residuals: Residuals, covariance: Array) -> RegressedResiduals:
     """Predict residuals of impacts and flights from their features in a world."""
     impacts = clipped(residuals.impacts / standard_deviations(covariance))
-    flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
-        len(residuals.flights), 3 * FLIGHT_DEGREES
-    )
+    flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(len(residuals.flights), 3 * FLIGHT_DEGREES)
     fold = folds(data)
     impacts_remaining, flights_remaining = impacts.copy(), flights.copy()
     if len(impacts):
@@ -72,8 +70,8 @@ def _cross_predict(features: Array, target: Array, fold: Array) -> Array:
         scaler = StandardScaler().fit(features[train])
         x, own = scaler.transform(features[train]), scaler.transform(features[test])
         ridge = RidgeCV(np.logspace(0, 5, 11)).fit(x, target[train])
-        trees = ExtraTreesRegressor(
-            TREES, min_samples_leaf=4, max_features=0.6, random_state=0, n_jobs=1
-        ).fit(x, target[train] - ridge.predict(x))
+        trees = ExtraTreesRegressor(TREES, min_samples_leaf=4, max_features=0.6, random_state=0, n_jobs=1).fit(
+            x, target[train] - ridge.predict(x)
+        )
         predicted[test] = ridge.predict(own) + trees.predict(own)
     return predicted

@@ -35,9 +35,7 @@ LIKELY_SETS, LIKELY_LEARNT = 10, 2.0  # if an effect gains more than LEAST_GAIN
 class DiagnosisBars(Bars):
     """The progress bars of a diagnosis with a number of `effects` and `workers`."""
 
-    def __init__(
-        self, shown: bool, effects: int, workers: int, clock: Callable[[], float] = perf_counter
-    ) -> None:
+    def __init__(self, shown: bool, effects: int, workers: int, clock: Callable[[], float] = perf_counter) -> None:
         faster = workers**SHARED_CORES
         self._exploring = EXPLORED * effects / faster
         self._each_set = ONE_OF_A_SET / faster + SCREENED

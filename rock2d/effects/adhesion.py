@@ -49,9 +49,7 @@ EFFECT = Effect(
     source="constant tension along the path out of the indentation, the simplest law with a work of separation",
     phase="impact",
     origin="impact law",
-    parameters=(
-        Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),
-    ),
+    parameters=(Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),),
     apply=apply,
     remedy=remedy,
     columns=("adhesion_N",),

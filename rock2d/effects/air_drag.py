@@ -62,9 +62,7 @@ EFFECT = Effect(
     origin="flight",
     # a 22 g ball of 25 mm in air has 0.007 1/m, a boulder of 1 m 0.0002; light models of foam reach the upper end
     parameters=(
-        Parameter(
-            "drag_per_mass_1_m", "1/m", 0.0, 0.0, 0.6, "c / m: share of its speed lost per metre", length=-1
-        ),
+        Parameter("drag_per_mass_1_m", "1/m", 0.0, 0.0, 0.6, "c / m: share of its speed lost per metre", length=-1),
     ),
     apply=apply,
     remedy=remedy,

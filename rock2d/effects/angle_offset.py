@@ -36,9 +36,7 @@ EFFECT = Effect(
     source="the tracker's zero of the angle, `rock2d.scene.world.View`",
     phase="impact",
     origin="camera",
-    parameters=(
-        Parameter("offset_rad", "rad", 0.0, -0.4, 0.4, "recorded less true angle, counter-clockwise"),
-    ),
+    parameters=(Parameter("offset_rad", "rad", 0.0, -0.4, 0.4, "recorded less true angle, counter-clockwise"),),
     apply=apply,
     remedy=remedy,
 )

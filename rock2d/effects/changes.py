@@ -18,9 +18,7 @@ Array = np.ndarray
 # Point where the camera's axis meets the plane. It is rarely measured, so it is a parameter of every effect that
 # depends on it.
 AIM_PARAMETERS = (
-    Parameter(
-        "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"
-    ),
+    Parameter("centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"),
     Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the set-up's middle, over its width"),
 )
 
@@ -88,9 +86,7 @@ def with_scaled_columns(
     """The world with columns of the contact law multiplied by `factor` (a number, or one for each release) in `zones`
     (a mask)."""
     factor = np.atleast_1d(np.asarray(factor, float))
-    contact = (
-        np.repeat(world.contact, len(factor), axis=0) if len(world.contact) == 1 else world.contact.copy()
-    )
+    contact = np.repeat(world.contact, len(factor), axis=0) if len(world.contact) == 1 else world.contact.copy()
     selected = np.ones(contact.shape[1], bool) if zones is None else zones
     for column in columns:
         contact[:, selected, column] *= factor[:, None]

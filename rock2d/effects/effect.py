@@ -61,9 +61,7 @@ class Parameter:
         if not (self.length or self.time):
             return self
         size = size_m / LABORATORY_M
-        factor = (
-            size**self.length * np.sqrt(size * STANDARD_GRAVITY_M_S2 / max(gravity_m_s2, 1e-3)) ** self.time
-        )
+        factor = size**self.length * np.sqrt(size * STANDARD_GRAVITY_M_S2 / max(gravity_m_s2, 1e-3)) ** self.time
         return replace(self, neutral=self.neutral * factor, low=self.low * factor, high=self.high * factor)
 
 
@@ -111,9 +109,7 @@ class Effect:
 
     def __post_init__(self) -> None:
         if self.origin not in ORIGINS:
-            raise ValueError(
-                f"effect {self.name}: origin is one of {', '.join(ORIGINS)}; found {self.origin!r}"
-            )
+            raise ValueError(f"effect {self.name}: origin is one of {', '.join(ORIGINS)}; found {self.origin!r}")
 
     def __repr__(self) -> str:
         return f"<Effect {self.name}: {self.summary}>"

@@ -42,9 +42,7 @@ EFFECT = Effect(
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter(
-            "mass_ratio", "1", 0.0, 0.0, 0.6, "blocks' mean mass over the mass of the embankment that moves"
-        ),
+        Parameter("mass_ratio", "1", 0.0, 0.0, 0.6, "blocks' mean mass over the mass of the embankment that moves"),
     ),
     apply=apply,
     remedy=remedy,

@@ -37,9 +37,7 @@ EFFECT = Effect(
     source="Stokes's drag; the global damping of many discrete-element codes has the same form",
     phase="flight",
     origin="flight",
-    parameters=(
-        Parameter("rate_1_s", "1/s", 0.0, 0.0, 2.0, "share of velocity and spin lost per second", time=-1),
-    ),
+    parameters=(Parameter("rate_1_s", "1/s", 0.0, 0.0, 2.0, "share of velocity and spin lost per second", time=-1),),
     apply=apply,
     remedy=remedy,
     columns=("damping_kg_s",),

@@ -34,10 +34,7 @@ def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:
     """
     names = CONTACT_NAMES if law != "flight" else AIR_NAMES
     values = ", ".join(part.split("=")[0].strip() for part in start.split(";"))
-    source = [
-        f"def {law}(row, first, {arguments}):" if arguments else f"def {law}(row, first):",
-        f"    {start}",
-    ]
+    source = [f"def {law}(row, first, {arguments}):" if arguments else f"def {law}(row, first):", f"    {start}"]
     laws = {}
     for name, effect in catalogue().items():
         compiled = getattr(effect, law)
@@ -60,9 +57,7 @@ normal = _combined_law("normal", "depth, rate, peak, bottom, force_n", "total = 
 friction = _combined_law("friction", "slip", "factor = 1.0", "factor *= new")
 tangential = _combined_law("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
 recoil = _combined_law("recoil", "", "total = 0.0", "total += new")
-departure = _combined_law(
-    "departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new"
-)
+departure = _combined_law("departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new")
 _flight = _combined_law(
     "flight", "vx, vy, omega, mass, inertia", "ax = 0.0; ay = 0.0; alpha = 0.0",
     "ax, ay, alpha = ax + new[0], ay + new[1], alpha + new[2]",

@@ -21,9 +21,7 @@ def remedy(fitted: FittedEffect) -> str:
     value, half = fitted.values["time_scale"], fitted.half["time_scale"]
     stated = fitted.fps
     true, width = stated / value, stated * half / value**2
-    film = (
-        f"multiply every `t_s` by {plain(value, half)} and set `fps: {plain(true, width)}` in experiment.yaml"
-    )
+    film = f"multiply every `t_s` by {plain(value, half)} and set `fps: {plain(true, width)}` in experiment.yaml"
     table = f"divide all velocities and spins by {plain(value, half)}"
     return (
         f"The film was taken with {number(true, width)} frames/s, not with {stated:g}. Set `fps: "
@@ -38,9 +36,7 @@ EFFECT = Effect(
     phase="all",
     origin="camera",
     parameters=(
-        Parameter(
-            "time_scale", "1", 1.0, 0.85, 1.15, "true duration over recorded one: stated over true rate"
-        ),
+        Parameter("time_scale", "1", 1.0, 0.85, 1.15, "true duration over recorded one: stated over true rate"),
     ),
     apply=apply,
     remedy=remedy,

@@ -25,14 +25,10 @@ def apply(world: World, values: Sequence[float]) -> World:
     if not any(values):
         return world
     size = world.mean_size_m
-    return replace(
-        world, cross_section=as_built(world.cross_section, float(values[0]), float(values[1]), size)
-    )
+    return replace(world, cross_section=as_built(world.cross_section, float(values[0]), float(values[1]), size))
 
 
-def as_built(
-    cross_section: CrossSection, facing_rad: float, ditch_level: float, size_m: float
-) -> CrossSection:
+def as_built(cross_section: CrossSection, facing_rad: float, ditch_level: float, size_m: float) -> CrossSection:
     """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
     and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
 
@@ -90,9 +86,7 @@ EFFECT = Effect(
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter(
-            "facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, or of all ground"
-        ),
+        Parameter("facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, or of all ground"),
         Parameter(
             "ditch_level",
             "1",

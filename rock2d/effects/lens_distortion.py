@@ -15,9 +15,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     """d recorded = d (1 + k |d|²) with d = (x, y) - c, k = edge / W²: c is the point that the camera aims at, W the
     width of embankment and ditch."""
     return with_view(
-        world,
-        values[1:],
-        lens_per_m2=world.view.lens_per_m2 + values[0] / aim_and_width(world.cross_section)[1] ** 2,
+        world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / aim_and_width(world.cross_section)[1] ** 2
     )
 
 

@@ -42,9 +42,7 @@ EFFECT = Effect(
     phase="flight",
     origin="flight",
     # physical for a 22 g ball of 25 mm: 0.0009; a boulder: 0.001
-    parameters=(
-        Parameter("lift_per_mass", "1", 0.0, -0.03, 0.03, "c / m: turning rate of the path over the spin"),
-    ),
+    parameters=(Parameter("lift_per_mass", "1", 0.0, -0.03, 0.03, "c / m: turning rate of the path over the spin"),),
     apply=apply,
     remedy=remedy,
     columns=("lift_kg",),

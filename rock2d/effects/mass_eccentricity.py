@@ -50,12 +50,8 @@ EFFECT = Effect(
     phase="all",
     origin="block",
     parameters=(
-        Parameter(
-            "along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"
-        ),
-        Parameter(
-            "across", "1", 0.0, -0.15, 0.15, "offset along the block's own y over the blocks' mean size"
-        ),
+        Parameter("along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"),
+        Parameter("across", "1", 0.0, -0.15, 0.15, "offset along the block's own y over the blocks' mean size"),
     ),
     apply=apply,
     remedy=remedy,

@@ -10,11 +10,7 @@ from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 MIRROR_NONE, MIRROR_X, MIRROR_Y, MIRROR_THETA = range(4)
-COLUMNS = {
-    MIRROR_X: ("x_m", "vx_m_s"),
-    MIRROR_Y: ("y_m", "vy_m_s"),
-    MIRROR_THETA: ("theta_rad", "omega_rad_s"),
-}
+COLUMNS = {MIRROR_X: ("x_m", "vx_m_s"), MIRROR_Y: ("y_m", "vy_m_s"), MIRROR_THETA: ("theta_rad", "omega_rad_s")}
 
 
 def apply(world: World, values: Sequence[float]) -> World:

@@ -41,9 +41,7 @@ EFFECT = Effect(
     source="lateral dispersion of rockfall, Azzoni & de Freitas (1995): 10 to 20° of the fall line",
     phase="impact",
     origin="impact law",
-    parameters=(
-        Parameter("angle_rad", "rad", 0.0, 0.0, 1.0, "turn of the horizontal velocity at each impact"),
-    ),
+    parameters=(Parameter("angle_rad", "rad", 0.0, 0.0, 1.0, "turn of the horizontal velocity at each impact"),),
     apply=apply,
     remedy=remedy,
     columns=("out_of_plane_rad",),

@@ -35,9 +35,7 @@ EFFECT = Effect(
     source="geometry: circles that touch both faces, `rock2d.engines.geometry`",
     phase="impact",
     origin="block",
-    parameters=(
-        Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over the largest that fits into every block"),
-    ),
+    parameters=(Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over the largest that fits into every block"),),
     apply=apply,
     remedy=remedy,
 )

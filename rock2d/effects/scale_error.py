@@ -22,9 +22,7 @@ def remedy(fitted: FittedEffect) -> str:
     factor, width = 1.0 / value, half / value**2
     way = "long" if value > 1 else "short"
     x, y = fitted.world().view.axis_m
-    scaled = (
-        f"multiply the distance of every position from ({plain(x)}, {plain(y)}) m by {plain(factor, width)}"
-    )
+    scaled = f"multiply the distance of every position from ({plain(x)}, {plain(y)}) m by {plain(factor, width)}"
     return (
         f"The calibration length is stated {number(100 * abs(value - 1), 100 * half)} % too {way}: what is "
         f"stated as 1 m is {number(factor, width)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` "
@@ -40,10 +38,7 @@ EFFECT = Effect(
     source="similarity of the image, `rock2d.scene.world.View`",
     phase="all",
     origin="camera",
-    parameters=(
-        Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"),
-        *AIM_PARAMETERS,
-    ),
+    parameters=(Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"), *AIM_PARAMETERS),
     apply=apply,
     remedy=remedy,
 )

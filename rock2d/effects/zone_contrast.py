@@ -38,9 +38,7 @@ def remedy(fitted: FittedEffect) -> str:
     if round(fitted.values["place"]) == FACE:
         where, facets = "face of the embankment", facing_facets
     differ = facet_zones(section, facets(section))
-    zones = ", ".join(
-        f"`{name}`" for name, differs in zip(section.zone_names, differ, strict=True) if differs
-    )
+    zones = ", ".join(f"`{name}`" for name, differs in zip(section.zone_names, differ, strict=True) if differs)
     k_l = law["k_l_N_m"] * stiffness
     k_ul = max(k_l, law["k_ul_N_m"] * stiffness / restitution**2)
     angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))
@@ -60,9 +58,7 @@ EFFECT = Effect(
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter(
-            "stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment or its face over that of the other zones"
-        ),
+        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment or its face over that of the other zones"),
         Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the other zones"),
         Parameter("friction", "1", 1.0, 0.4, 2.5, "tan φ there over that of the other zones"),
         Parameter(

@@ -134,12 +134,7 @@ def pack(ensemble: Ensemble) -> Packed:
         starts([len(g.first) for g in grounds]),
         np.concatenate(trees),
         starts([len(t) for t in trees]),
-        np.array(
-            [
-                [g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m, g.facets[:, CONVEX].sum()]
-                for g in grounds
-            ]
-        ),
+        np.array([[g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m, g.facets[:, CONVEX].sum()] for g in grounds]),
         lines,
         _tables(ensemble),
     )
@@ -334,9 +329,7 @@ def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
             SampleRecord(inputs.times[min(i, rows - 1)], outputs.samples[i]), outputs.impacts[i], outputs.audit[i],
             outputs.knots,
         )  # fmt: skip
-        own_rules = StopRules(
-            inputs.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.suspend_x
-        )
+        own_rules = StopRules(inputs.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.suspend_x)
         ids = (inputs.block_ids[i], inputs.cross_section_ids[i], inputs.table_ids[i])
         steps = (inputs.step_sizes[i, 0], inputs.step_sizes[i, 1])
         code, t, count, used = run_release(

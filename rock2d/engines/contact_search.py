@@ -200,11 +200,7 @@ def _smooth_features(pose, reach, near, world, memory, found):
         # the neighbouring contact continues an active contact whose feature is gone
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
             for k in range(ints.shape[0]):
-                if (
-                    not ints[k, ACTIVE]
-                    and found_r[k, DEPTH] != NOWHERE
-                    and abs(found_i[k, KEY] - ints[j, KEY]) == 1
-                ):
+                if not ints[k, ACTIVE] and found_r[k, DEPTH] != NOWHERE and abs(found_i[k, KEY] - ints[j, KEY]) == 1:
                     own = (found_i[k, KIND], found_i[k, INDEX], found_i[k, PART])
                     _set(found, j, own, found_r[k, DEPTH], found_i[k, KEY])
                     found_r[k, DEPTH] = NOWHERE
@@ -229,9 +225,7 @@ def _offer_vertex(f, pose, reach, world, memory, found):
     block, facets = world.block, world.ground.facets
     v = f + 1
     half = _half_at(v, pose, block, facets)
-    depth, nx, ny, _, _ = place_feature(
-        SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose
-    )
+    depth, nx, ny, _, _ = place_feature(SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose)
     turn_out = nx * facets[f, TANGENT_X] + ny * facets[f, TANGENT_Y]
     turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
     up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X]) + ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
@@ -253,9 +247,7 @@ def _keep_vertex(j, pose, world, memory, found):
     if ints[j, KIND] == SMOOTH_FACET:
         feature = load_feature(SMOOTH_FACET, vertex, 0, block, facets)
         _, _, _, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
-        along = (x + rx - feature[0]) * facets[vertex, TANGENT_X] + (y + ry - feature[1]) * facets[
-            vertex, TANGENT_Y
-        ]
+        along = (x + rx - feature[0]) * facets[vertex, TANGENT_X] + (y + ry - feature[1]) * facets[vertex, TANGENT_Y]
         vertex += 1 if along > 0.0 else 0
         half = _half_at(vertex, pose, block, facets)
     if 0 < vertex < facets.shape[0] - 1:

@@ -52,9 +52,7 @@ NOWHERE = -1.0e300  # depth of a contact that has no feature
 L_FEATURE = 0
 L_LAW = L_FEATURE + N_FEATURE
 L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
-L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFECTS = range(
-    L_OFFSET + 1, L_OFFSET + 9
-)
+L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFECTS = range(L_OFFSET + 1, L_OFFSET + 9)
 N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
 # columns of a contact's row of rates: deformation of its springs at the end of a step, before friction and cap limit
 # it, and their rates at a stage
@@ -213,9 +211,7 @@ def load_active(world, memory, loaded):
     active = np.int64(0)
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            feature = load_feature(
-                ints[j, KIND], ints[j, INDEX], ints[j, PART], world.block, world.ground.facets
-            )
+            feature = load_feature(ints[j, KIND], ints[j, INDEX], ints[j, PART], world.block, world.ground.facets)
             px, py, nx, ny, w1, w2, w3, w4 = feature
             rows[active, 0], rows[active, 1], rows[active, 2], rows[active, 3] = px, py, nx, ny
             rows[active, 4], rows[active, 5], rows[active, 6], rows[active, 7] = w1, w2, w3, w4
@@ -228,10 +224,7 @@ def load_active(world, memory, loaded):
                     rows[active, L_EFFECTS + i] = law[zone, FIRST_EFFECT_COLUMN + i]
             rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
             rows[active, L_BOTTOM] = residual_indentation(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
-            rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
-                reals[j, DISPLACEMENT],
-                reals[j, ROTATION],
-            )
+            rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (reals[j, DISPLACEMENT], reals[j, ROTATION])
             rows[active, L_KIND] = ints[j, KIND]
             loaded.trial[active, DEPTH_0], loaded.trial[active, RATE_0] = reals[j, DEPTH], reals[j, RATE]
             loaded.which[active] = j

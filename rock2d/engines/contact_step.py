@@ -65,9 +65,7 @@ SURFACE_TOLERANCE = 1e-10  # share of the radius by which rounding may leave a l
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
-def contact_steps_s(
-    block: Block, tables: np.ndarray, fraction: float = FINE_STEP_FRACTION
-) -> tuple[Any, Any]:
+def contact_steps_s(block: Block, tables: np.ndarray, fraction: float = FINE_STEP_FRACTION) -> tuple[Any, Any]:
     """Contact steps in s: (while every contact is in first loading, otherwise).
 
     A step covers the phase `fraction` in rad of the stiffest oscillation, ω² = k (1/m + r²/I), with the largest lever r
@@ -288,9 +286,7 @@ def step(q, h, near, world, contacts, audit, floating):
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     counts, view = (np.int64(0) if floating else active, active), (reach, near, world, memory, found)
-    _, h, _, works, (error, scale), _ = step_to_event(
-        q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view
-    )
+    _, h, _, works, (error, scale), _ = step_to_event(q, (c, s), h, body, counts, loaded, q1, effects, _inspect, view)
     if active > 0 and not effects:
         correct_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)

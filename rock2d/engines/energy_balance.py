@@ -62,9 +62,7 @@ def energy_balance(
     block: Block, cross_section: CrossSection, gravity_m_s2: float, start: Array, end: Array, audit: Array
 ) -> dict[str, float]:
     """The final balance in J of one release, by ENERGY_NAMES; states (6,) and audit (N_AUDIT,)."""
-    masses = Masses(
-        block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min())
-    )
+    masses = Masses(block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min()))
     balance = energy_balances(masses, start[None], end[None], audit[None])[0]
     return dict(zip(ENERGY_NAMES, map(float, balance), strict=True))
 

@@ -173,9 +173,7 @@ def _gap_to_found(j, q, world, memory, found):
             vy = q[VY] + q[OMEGA] * (c * block.centre_x - s * block.centre_y)
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
-    d1, nx, ny, rx, ry = contact_point(
-        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], pose, block, ground
-    )
+    d1, nx, ny, rx, ry = contact_point(found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], pose, block, ground)
     return d0 - d1, -depth_rate(q, nx, ny, rx, ry) - r0
 
 

@@ -239,9 +239,7 @@ def _floating_step(q, active, loaded, ints, world, anchor, limits, effects):
     """(length in s of a step without pressed contacts, whether it is a hop)."""
     block, (limit, sizes) = world.block, limits
     if not effects and is_ball(block):
-        longest = (
-            min(limit.longest_hop, (limit.suspend_x - q[X]) / q[VX]) if q[VX] > 0.0 else limit.longest_hop
-        )
+        longest = min(limit.longest_hop, (limit.suspend_x - q[X]) / q[VX]) if q[VX] > 0.0 else limit.longest_hop
         hop = _hop_s(q, active, loaded, ints, world, anchor, longest)
         if hop > sizes.floating:
             return hop, True
@@ -297,9 +295,7 @@ def _commit(active, loaded, works, audit):
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
         if trial[a, PEAK_1] != rows[a, L_PEAK]:
             rows[a, L_PEAK] = trial[a, PEAK_1]
-            rows[a, L_BOTTOM] = residual_indentation(
-                rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
-            )
+            rows[a, L_BOTTOM] = residual_indentation(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
         rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = trial[a, DISPLACEMENT_1], turned
         trial[a, DEPTH_0], trial[a, RATE_0] = trial[a, DEPTH_1], trial[a, RATE_1]
         total += trial[a, ACTING_1]
@@ -331,9 +327,7 @@ def _hop_s(q, active, loaded, ints, world, anchor, longest):
             time = min(time, BEFORE_LIFT_OFF * out)
         else:
             above = rows[a, L_BOTTOM] + rows[a, L_OFFSET] - depth
-            time = min(
-                time, BEHIND_LANDING * (np.sqrt(rate * rate + 4.0 * pull * above) - rate) / (2.0 * pull)
-            )
+            time = min(time, BEHIND_LANDING * (np.sqrt(rate * rate + 4.0 * pull * above) - rate) / (2.0 * pull))
     return time
 
 

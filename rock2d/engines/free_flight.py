@@ -198,9 +198,7 @@ def _node_time(tree, node, q, pose, speed, pulls, block):
     dx = max(max(tree[node, LOW_X] - q[X], q[X] - tree[node, HIGH_X]), 0.0)
     dy = max(max(tree[node, LOW_Y] - q[Y], q[Y] - tree[node, HIGH_Y]), 0.0)
     away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, pulls[0] + pulls[1])
-    down = _line_time(
-        (tree[node, HULL_X], tree[node, HULL_Y], tree[node, HULL_OFFSET]), q, pose, pulls, block
-    )
+    down = _line_time((tree[node, HULL_X], tree[node, HULL_Y], tree[node, HULL_OFFSET]), q, pose, pulls, block)
     return max(away, down)
 
 

@@ -115,14 +115,7 @@ def ground_arrays(ground: CrossSection) -> GroundArrays:
     first = np.minimum.accumulate(first[::-1])[::-1]
     last = np.maximum.accumulate(last)
     return GroundArrays(
-        facets,
-        first.astype(np.int64),
-        last.astype(np.int64),
-        x_start,
-        bins_per_m,
-        x_low,
-        x_high,
-        (x_high - x_low) / n,
+        facets, first.astype(np.int64), last.astype(np.int64), x_start, bins_per_m, x_low, x_high, (x_high - x_low) / n
     )
 
 
@@ -139,9 +132,7 @@ def block_arrays(block: Block) -> BlockArrays:
     sides = np.column_stack([centres, normals, (normals * corners).sum(axis=1)])
     a, b = block.semi_axes_m
     air = np.array(block.air if any(block.air) else (), float)
-    return BlockArrays(
-        sides, air, a, b, block.mass_kg, block.inertia_kg_m2, block.reach_m, block.rounding_m, -ex, -ey
-    )
+    return BlockArrays(sides, air, a, b, block.mass_kg, block.inertia_kg_m2, block.reach_m, block.rounding_m, -ex, -ey)
 
 
 class WorldArrays(NamedTuple):

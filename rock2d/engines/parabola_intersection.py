@@ -90,10 +90,7 @@ def _tree(points, leaves, reach):
             slope = rise / across if abs(rise) < 4.0 * across else 0.0
             for j in range(start, stop + 1):
                 height = points[j, 1] - slope * points[j, 0]
-                box[BOX_LOW], box[BOX_HIGH] = (
-                    min(box[BOX_LOW], points[j, 0]),
-                    max(box[BOX_HIGH], points[j, 0]),
-                )
+                box[BOX_LOW], box[BOX_HIGH] = (min(box[BOX_LOW], points[j, 0]), max(box[BOX_HIGH], points[j, 0]))
                 box[BOX_TOP] = max(box[BOX_TOP], height)
             margin = 2.0 * (1.0 + abs(slope)) * reach
             box[BOX_LOW], box[BOX_HIGH] = box[BOX_LOW] - margin, box[BOX_HIGH] + margin
@@ -108,13 +105,7 @@ def _tree(points, leaves, reach):
 
 @njit
 def _facet(facets, j):
-    return (
-        facets[j, START_X],
-        facets[j, START_Y],
-        facets[j, ALONG_X],
-        facets[j, ALONG_Y],
-        facets[j, FACET_LENGTH],
-    )
+    return (facets[j, START_X], facets[j, START_Y], facets[j, ALONG_X], facets[j, ALONG_Y], facets[j, FACET_LENGTH])
 
 
 @njit
@@ -162,11 +153,7 @@ def next_impact(surface, stack, flight, gravity, current, limit):
         end = x + vx * best
         left, right = min(x, end), max(x, end)
         met = False
-        while (
-            searched > 0
-            and not met
-            and (boxes[searched, ONLY_FROM] >= left or boxes[searched, ONLY_TO] <= right)
-        ):
+        while searched > 0 and not met and (boxes[searched, ONLY_FROM] >= left or boxes[searched, ONLY_TO] <= right):
             box = ((searched + 1) ^ 1) - 1  # the other child of its parent
             searched = (searched - 1) // 2
             met = _meets(boxes, box, flight, per_vx, gravity, best)

@@ -228,13 +228,7 @@ def run_point_mass_batch(
 
 
 def _track(
-    block: Block,
-    cross_section: CrossSection,
-    release: int,
-    impacts: Array,
-    ends: Array,
-    stop: str,
-    gravity_m_s2: float,
+    block: Block, cross_section: CrossSection, release: int, impacts: Array, ends: Array, stop: str, gravity_m_s2: float
 ) -> Track:
     before = impacts[:, :N_INSTANT]
     after = np.column_stack([impacts[:, : TIME + 1 + N_POSE], impacts[:, VELOCITIES]])
@@ -304,13 +298,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
         along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, FACET_LENGTH])
         x, y = x0 + along * tx, y0 + along * ty
         k = zones[facet]
-        p = (
-            table[k, TAN_PHI],
-            table[k, M_HALF],
-            table[k, R_T],
-            table[k, ALPHA],
-            table[k, SLOPE_REDUCTION_DRAWN],
-        )
+        p = (table[k, TAN_PHI], table[k, M_HALF], table[k, R_T], table[k, ALPHA], table[k, SLOPE_REDUCTION_DRAWN])
         alpha = slope_reduction(p, uniform(seed, count))
         vx1, vy1, omega1 = rebound((vx, vy, omega), (tx, ty), alpha, (mass, radius), p)
         if count < impacts.shape[1]:
@@ -320,10 +308,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
         count += 1
         vx, vy, omega, current = vx1, vy1, omega1, facet
 
-        if (
-            tx > 0.0
-            and vx * vx + vy * vy + BALL_INERTIA_FACTOR * (radius * omega) ** 2 < stop_speed * stop_speed
-        ):
+        if tx > 0.0 and vx * vx + vy * vy + BALL_INERTIA_FACTOR * (radius * omega) ** 2 < stop_speed * stop_speed:
             stop = STOP_REST
             break
         if count % CHATTER_IMPACTS == 0:

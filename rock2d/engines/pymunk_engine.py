@@ -132,9 +132,7 @@ class PymunkRelease:
         self._start_kinetic = float(contact_state.kinetic_energy(self.q, self._block))
         self._find_near_ground()
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
-        self._advance = advance.like(
-            self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows
-        )
+        self._advance = advance.like(self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows)
         self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._watch)
         self._growth = contact_state.step_growth.like(0.0, self._block, self._memory, self.table)
         self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(False)
@@ -160,9 +158,7 @@ class PymunkRelease:
         shape.filter = pymunk.ShapeFilter(group=1)
         body.position_func = self._guarded(self._move)
         space.add(body, shape, *self._facet_of)
-        space.on_collision(
-            BLOCK, GROUND, begin=self._guarded(self._begin), separate=self._guarded(self._separate)
-        )
+        space.on_collision(BLOCK, GROUND, begin=self._guarded(self._begin), separate=self._guarded(self._separate))
         self.space, self.body, self._shape = space, body, shape
         self._write_body()
 

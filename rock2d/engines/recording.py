@@ -156,10 +156,7 @@ def is_spent(q, stored, body, record):
     lines, crossings = record
     highest = q[Y] + (kinetic_energy(q, body.block) + stored) / (body.block.mass * body.gravity)
     for k in range(lines.shape[0]):
-        if (
-            crossings[k, TIME] != crossings[k, TIME]
-            and min(lines[k, LINE_Y], lines[k, LINE_END_Y]) <= highest
-        ):
+        if crossings[k, TIME] != crossings[k, TIME] and min(lines[k, LINE_Y], lines[k, LINE_END_Y]) <= highest:
             return False
     return True
 

@@ -15,16 +15,7 @@ from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.columns import ANY_EFFECT_ACTS
 from rock2d.engines import contact_state, contact_step, rest
 from rock2d.engines.contact_search import GUARD, set_anchor
-from rock2d.engines.contact_state import (
-    ACTIVE,
-    DEPTH,
-    OFFSET,
-    PEAK,
-    RATE,
-    SMOOTH_CONTACTS,
-    VERTEX_CONTACTS,
-    ZONE,
-)
+from rock2d.engines.contact_state import ACTIVE, DEPTH, OFFSET, PEAK, RATE, SMOOTH_CONTACTS, VERTEX_CONTACTS, ZONE
 from rock2d.engines.event_detection import later
 from rock2d.engines.fast_contact_steps import (
     GUARD_LEFT,
@@ -182,9 +173,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
     if stop == GOES_ON:
         stop = STOP_TIME
     if counts[OPEN] != 0 and stop != STOP_IMPACTS:
-        counts[IMPACTS] = close_impact(
-            workspace.impact, counts[LIFTED] != 0, recorder.impacts, counts[IMPACTS]
-        )
+        counts[IMPACTS] = close_impact(workspace.impact, counts[LIFTED] != 0, recorder.impacts, counts[IMPACTS])
     while counts[SAMPLES] < samples.times.size and stop == STOP_REST:
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
@@ -234,9 +223,7 @@ def _fly(q, tau, world, rules, recorder, workspace):
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, True, body, lines)
-    counts[SAMPLES] = note_samples(
-        (t, tau), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES]
-    )
+    counts[SAMPLES] = note_samples((t, tau), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
     if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
@@ -265,9 +252,7 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     if near:
         note_crossings((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
     parabola = flying and not air_acts(world.block)
-    counts[SAMPLES] = note_samples(
-        (t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES]
-    )
+    counts[SAMPLES] = note_samples((t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
     reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED
@@ -372,9 +357,7 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
         _begin_impact(t_end, q, block, workspace)
     if active > before or flying:
         counts[NEXT_CHECK] = counts[STEPS]  # a new contact may need smaller steps
-    counts[BURIED] = (
-        set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else centroid_depth(q, world) > 0.0
-    )
+    counts[BURIED] = set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else centroid_depth(q, world) > 0.0
     return flying, t_end
 
 

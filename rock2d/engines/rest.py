@@ -123,9 +123,7 @@ def captured(q, world, memory):
 def _force_slopes(j, pose, world, ints):
     """(least and greatest ratio of horizontal to upward force, height of contact j above the centroid in m, friction
     coefficient), within HOLDING_SHARE of the friction cone. The range is empty if the cone does not point upward."""
-    _, nx, ny, _, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground
-    )
+    _, nx, ny, _, ry = contact_point(ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground)
     mu = min(world.law[ints[j, ZONE], MU], LARGEST_FRICTION)
     most = HOLDING_SHARE * mu
     if ny - most * abs(nx) <= 0.0:

@@ -102,9 +102,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect,
     landings, halvings, halved, whole, error, scale = zero, zero, 1.0, h, 0.0, 0.0
     note_pressed(active, loaded, whole)
     while True:
-        work_t, work_r, work_e, pushed = runge_kutta(
-            q, direction, h, body, (pressing, rows, rates), q1, effects
-        )
+        work_t, work_r, work_e, pushed = runge_kutta(q, direction, h, body, (pressing, rows, rates), q1, effects)
         if pressing == 0:
             for a in range(active):
                 rates[a, UNLIMITED_DISPLACEMENT], rates[a, UNLIMITED_ROTATION] = 0.0, rows[a, L_ROTATION]
@@ -171,9 +169,7 @@ def _note_outcome(a, loaded, effects):
     rotation = rates[a, UNLIMITED_ROTATION]
     moment = k_r * rotation
     if cap > 0.0 and k_r > 0.0:
-        moment = rolling_moment(
-            rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + ROLLING_IN_INDENTATION]
-        )
+        moment = rolling_moment(rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + ROLLING_IN_INDENTATION])
         rotation = moment / k_r
     trial[a, PEAK_1], trial[a, PLASTIC_WORK] = peak, plastic
     trial[a, NORMAL_0], trial[a, NORMAL_1], trial[a, ACTING_1] = normal_0, normal_1, acting

@@ -102,13 +102,9 @@ def predict_releases(
     Raises InputError for a mistake in the table, or if `out` exists and `overwrite` is not set.
     """
     if scenario.field_test is None:
-        raise scenario.error(
-            "--predict needs the key field_test", "field_test", code="missing_key", key="field_test"
-        )
+        raise scenario.error("--predict needs the key field_test", "field_test", code="missing_key", key="field_test")
     if out.suffix.lower() != ".csv":
-        raise InputError(
-            "--predict writes a table: --out predictions.csv", out, code="wrong_kind", option="out"
-        )
+        raise InputError("--predict writes a table: --out predictions.csv", out, code="wrong_kind", option="out")
     if out.exists() and not overwrite:
         raise InputError("exists; --overwrite replaces it", out, code="results_exist")
     seed = scenario.seed if seed is None else seed
@@ -120,12 +116,8 @@ def predict_releases(
     predicted = prediction_table(releases, found, rng)
     write_whole(out, predicted.to_csv(index=False, lineterminator="\n", float_format="%.3f"))
     if found.unresolved > 0.0:
-        report(
-            f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there"
-        )
-    report(
-        f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}"
-    )
+        report(f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there")
+    report(f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}")
     return predicted
 
 
@@ -148,9 +140,7 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
         )
     worst = scores["unresolved"].max()
     if worst > 0.0:
-        lines.append(
-            f"up to {100 * worst:.2g} % of a forecast's descents were cut short or buried: counted as stopped"
-        )
+        lines.append(f"up to {100 * worst:.2g} % of a forecast's descents were cut short or buried: counted as stopped")
     lines.append(f"effect of shape: {mass_kg:.0f} kg, same soils, 10, 50, 90 % in m")
     lines += [
         f"  {row['shape']:8s} {row['q10_m']:4.0f} {row['q50_m']:4.0f} {row['q90_m']:4.0f}"
@@ -158,8 +148,7 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
     ]
     lines.append("changes of the model: gain in log score per held-out release over the unchanged model")
     lines += [
-        f"  {row['change']:32s} {row['gain']:+.3f} ± {row['gain_se']:.3f}"
-        for _, row in tables["candidates"].iterrows()
+        f"  {row['change']:32s} {row['gain']:+.3f} ± {row['gain_se']:.3f}" for _, row in tables["candidates"].iterrows()
     ]
     return "\n".join(lines)
 

@@ -43,9 +43,7 @@ class Forecast:
 
     def subset(self, indices: Array) -> Forecast:
         """The forecast of some of the releases."""
-        return Forecast(
-            self.samples_m[indices], self.discrepancy_m[indices], self.caught[indices], self.unresolved
-        )
+        return Forecast(self.samples_m[indices], self.discrepancy_m[indices], self.caught[indices], self.unresolved)
 
     def spread(self, rng: np.random.Generator) -> Array:
         """(n, s) draws of the distances, with discrepancy and caught blocks."""
@@ -169,9 +167,7 @@ def passing_table(
             for line in lines_m:
                 passed, n = int((measured > line).sum()), len(of_block)
                 low, high = wilson_interval(passed, n)
-                rows.append(
-                    (name, block, line, n, passed, passed / n, low, high, (spread[of_block] > line).mean())
-                )
+                rows.append((name, block, line, n, passed, passed / n, low, high, (spread[of_block] > line).mean()))
     columns = ["line_m", "releases", "passed", "measured", "low95", "high95", "forecast_frequency"]
     return pd.DataFrame(rows, columns=["forecast", "block", *columns])
 
@@ -199,24 +195,16 @@ def score_table(
             row["log_score"] = float(scores[of_block].mean())
             row["log_score_se"] = float(scores[of_block].std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
             for share, low, high in ((80, 1, 5), (90, 0, 6)):
-                inside = int(
-                    ((measured >= quantiles[of_block, low]) & (measured <= quantiles[of_block, high])).sum()
-                )
+                inside = int(((measured >= quantiles[of_block, low]) & (measured <= quantiles[of_block, high])).sum())
                 bounds = wilson_interval(inside, n)
-                row |= {
-                    f"inside{share}": inside / n,
-                    f"inside{share}_low": bounds[0],
-                    f"inside{share}_high": bounds[1],
-                }
+                row |= {f"inside{share}": inside / n, f"inside{share}_low": bounds[0], f"inside{share}_high": bounds[1]}
             row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[of_block], lines_m, rng)
             row["unresolved"] = own.forecast.unresolved
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _passing_rmse(
-    measured: Array, spread: Array, lines_m: Array, rng: np.random.Generator
-) -> tuple[float, float]:
+def _passing_rmse(measured: Array, spread: Array, lines_m: Array, rng: np.random.Generator) -> tuple[float, float]:
     """Root mean square error of passing frequencies, and that of as many draws from the forecast itself."""
     expected = (spread[:, :, None] > lines_m).mean(axis=(0, 1))
     error = (measured[:, None] > lines_m).mean(axis=0) - expected

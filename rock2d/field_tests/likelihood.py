@@ -166,9 +166,9 @@ class Emulator:
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
 
         floor = log_likelihood.max() - LOG_LIKELIHOOD_DEPTH * releases
-        kernel: Kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(
-            np.full(u.shape[1], 0.5), (0.1, 20.0)
-        ) + WhiteKernel(0.05, (1e-4, 1.0))
+        kernel: Kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(np.full(u.shape[1], 0.5), (0.1, 20.0)) + WhiteKernel(
+            0.05, (1e-4, 1.0)
+        )
         self._process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
         with warnings.catch_warnings():  # the length scale of a number without influence reaches its bound
             warnings.simplefilter("ignore", ConvergenceWarning)

@@ -127,9 +127,7 @@ def calibrate(
     unknowns, known = unknowns_of(scenario, engine), scenario.terrain.known
     descents = Descents(scenario, known, effort.copies, seed, engine)
     text = f"{scenario_text(scenario)} {engine} {seed} {effort}".encode()
-    key = fingerprint(
-        np.frombuffer(text, np.uint8), known.starts_m, known.stops_m, scenario.terrain.terrain.height_m
-    )
+    key = fingerprint(np.frombuffer(text, np.uint8), known.starts_m, known.stops_m, scenario.terrain.terrain.height_m)
 
     def simulated(u: Array, part: str) -> SimulatedSoils:
         file = None if stages is None else stages / f"{key}_{part.replace(' ', '_')}.npz"
@@ -166,9 +164,7 @@ def study_forecasts(
     name, parts = f"{law}, held out", []
     for k, fold in enumerate(fold_indices(known, calibration.seed)):
         soils = calibration.posterior(np.setdiff1d(np.arange(len(known)), fold), 1 + k)
-        parts.append(
-            (fold, calibration.forecast(known.subset(fold), soils, f"{name}, fold {k + 1}", on_progress))
-        )
+        parts.append((fold, calibration.forecast(known.subset(fold), soils, f"{name}, fold {k + 1}", on_progress)))
     return found | {name: PartForecast(np.arange(len(known)), joined(parts, len(known)))}
 
 

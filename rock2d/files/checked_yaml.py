@@ -45,9 +45,7 @@ class Checked(BaseModel):
         for old, key in cls.old_keys.items():
             if old in data:
                 if key in data:
-                    raise mistake(
-                        f"the former name of {key!r}, which is also given", old, at="key", code="duplicate"
-                    )
+                    raise mistake(f"the former name of {key!r}, which is also given", old, at="key", code="duplicate")
                 data = _renamed(data, old, key, info.context)
         if cls.model_config.get("extra") != "forbid":
             return data
@@ -117,9 +115,7 @@ def did_you_mean(word: object, choices: Iterable[str]) -> str:
     """The text " (did you mean 'x'?)" with the choice closest to `word`; empty if none is close."""
     from rapidfuzz import fuzz, process
 
-    best = process.extract(
-        str(word), list(choices), scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1
-    )
+    best = process.extract(str(word), list(choices), scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1)
     return f" (did you mean {shown(best[0][0])}?)" if best else ""
 
 
@@ -259,15 +255,7 @@ class Document:
             ) from None
         except RecursionError:
             raise InputError("nested too deeply", self.file, 1, 1, code="not_yaml") from None
-        except (
-            YAMLError,
-            ArithmeticError,
-            AssertionError,
-            AttributeError,
-            LookupError,
-            TypeError,
-            ValueError,
-        ):
+        except (YAMLError, ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
             # the parser raises these on malformed input
             raise InputError("not YAML that can be read", self.file, 1, 1, code="not_yaml") from None
 

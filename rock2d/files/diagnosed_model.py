@@ -291,9 +291,7 @@ class _Reader:
             for cause in self.keys.causes
             if cause.p >= LEAST_INCLUSION
         }
-        joint = [
-            fit for fit in (self.keys.model, *self.keys.beside) if fit and set(fit.parameters) == set(effects)
-        ]
+        joint = [fit for fit in (self.keys.model, *self.keys.beside) if fit and set(fit.parameters) == set(effects)]
         alone = self.keys.effects.get(next(iter(effects))) if len(effects) == 1 else None
         base = joint[0].base if joint else alone.base if alone else None
         return FittedModel("after", self.soil(base) if base else soil, effects)
@@ -318,8 +316,7 @@ class _Reader:
         scaled = bool(parameter.length or parameter.time)
         if scaled and (not self.keys.blocks or self.keys.gravity_m_s2 is None):
             low, high = (
-                0.0 if bound == 0.0 else np.copysign(np.inf, bound)
-                for bound in (parameter.low, parameter.high)
+                0.0 if bound == 0.0 else np.copysign(np.inf, bound) for bound in (parameter.low, parameter.high)
             )
         else:
             if scaled:

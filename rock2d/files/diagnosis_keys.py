@@ -35,9 +35,7 @@ class TriedEffect(Part):
     """An effect that was fitted together with the law."""
 
     parameters: Parameters
-    base: FittedLaw | None = Field(
-        default=None, description="The law's parameters as fitted together with this effect"
-    )
+    base: FittedLaw | None = Field(default=None, description="The law's parameters as fitted together with this effect")
     heldout_score_gain: Gain
     heldout_score_gain_se: GainError
     closure: Number = Field(description="Share of the gap that it closes, on releases that no fit saw")
@@ -50,9 +48,7 @@ class Cell(Part):
     phase: Literal["flight", "impact", "rest"] = Field(description="Phase of the motion")
     zone: str = Field(description="Zone of the cross-section")
     block: str = Field(description="Name of the block")
-    channel: Literal["x", "y", "theta", "normal", "tangential", "spin"] = Field(
-        description="What is compared"
-    )
+    channel: Literal["x", "y", "theta", "normal", "tangential", "spin"] = Field(description="What is compared")
     share: Probability = Field(description="Share of the gap above noise")
     z: Number = Field(description="The same in standard errors")
     base: Number | None = Field(
@@ -85,9 +81,7 @@ class Cause(Part):
     """An effect that acts with a probability of 0.05 or more."""
 
     effect: EffectName
-    p: Probability = Field(
-        description="Probability that it is one of the causes; from 0.5 on it is part of the model"
-    )
+    p: Probability = Field(description="Probability that it is one of the causes; from 0.5 on it is part of the model")
     parameters: Parameters
     origin: Literal["camera", "flight", "block", "ground", "impact law"] | None = Field(
         default=None, description="Where the cause comes from"
@@ -98,9 +92,7 @@ class Cause(Part):
         "of the model"
     )
     closes_ci95: Interval | None = Field(description="Its 95 % interval")
-    closes_range: Interval | None = Field(
-        default=None, description="Smallest and largest share over the orders"
-    )
+    closes_range: Interval | None = Field(default=None, description="Smallest and largest share over the orders")
     named: bool | None = Field(
         default=None, description="Beyond doubt, and closes a share that is surely above 0 (schema 3)"
     )
@@ -124,14 +116,10 @@ class Outside(Part):
     """What depends on something that no cause explains, and what was learnt."""
 
     p: Probability = Field(description="Probability that something outside the catalogue acts")
-    share: Number = Field(
-        description="Share of the base gap that depends on something, learnt changes included"
-    )
+    share: Number = Field(description="Share of the base gap that depends on something, learnt changes included")
     share_ci95: Interval | None = Field(default=None, description="Its 95 % interval")
     depends_on: list[str] = Field(description="What it depends on, the strongest first")
-    learnt: LearntShare | None = Field(
-        description="What the learnt changes close; null if nothing was learnt"
-    )
+    learnt: LearntShare | None = Field(description="What the learnt changes close; null if nothing was learnt")
 
 
 class Floor(Part):
@@ -168,8 +156,7 @@ class Reading(Part):
         "presses",
     )
     fitted: bool = Field(
-        default=True,
-        description="Whether impacts determined the law; false: it is the paper's, scaled to the blocks",
+        default=True, description="Whether impacts determined the law; false: it is the paper's, scaled to the blocks"
     )
 
 
@@ -197,15 +184,10 @@ class FilmGravity(Part):
     flights: Count = Field(description="Flights that show it")
     releases: Count = Field(description="Releases that show it")
     left_out: Count = Field(
-        default=0,
-        description="Flights that are too short or too straight, or that differ from the others",
+        default=0, description="Flights that are too short or too straight, or that differ from the others"
     )
-    position_noise_m: NotNegative = Field(
-        default=0.0, description="Noise of a position in a frame, 1 sigma, in m"
-    )
-    instant_noise_s: NotNegative = Field(
-        default=0.0, description="Noise of the instant of a frame, 1 sigma, in s"
-    )
+    position_noise_m: NotNegative = Field(default=0.0, description="Noise of a position in a frame, 1 sigma, in m")
+    instant_noise_s: NotNegative = Field(default=0.0, description="Noise of the instant of a frame, 1 sigma, in s")
     slow_errors: bool = Field(
         default=False, description="Errors that change slowly along a flight decide the standard error"
     )
@@ -214,8 +196,7 @@ class FilmGravity(Part):
         description="Share of gravity by which the air would change it, for bodies of the stated mass and size",
     )
     tilt_rad: Number = Field(
-        default=0.0,
-        description="Angle of the picture against the vertical of the flights, counter-clockwise, in rad",
+        default=0.0, description="Angle of the picture against the vertical of the flights, counter-clockwise, in rad"
     )
     tilt_ci95_rad: Interval | None = Field(default=None, description="Its 95 % interval")
     off: bool = Field(
@@ -227,9 +208,7 @@ class FilmGravity(Part):
     parameters: dict[str, Parameters] = Field(
         description="Parameter of scale_error and of frame_rate_error, if it acts alone"
     )
-    true_fps: FrameRate | None = Field(
-        default=None, description="Frame rate with which gravity comes out as stated"
-    )
+    true_fps: FrameRate | None = Field(default=None, description="Frame rate with which gravity comes out as stated")
 
 
 class FilmRest(Part):
@@ -355,9 +334,7 @@ class DiagnosisFile(Part):
         default=[],
         description="Dependences that remain beside the best effect and that no effect of the catalogue may explain",
     )
-    beside: list[Beside] = Field(
-        default=[], description="Effects found beside the verdict, all in one joint fit"
-    )
+    beside: list[Beside] = Field(default=[], description="Effects found beside the verdict, all in one joint fit")
     model: JointModel | None = Field(
         default=None,
         description="The joint fit of all causes, also beside an unknown one; null without causes and learnt changes",
@@ -366,9 +343,7 @@ class DiagnosisFile(Part):
     blocks: dict[str, BlockScale] = Field(
         default={}, description="The blocks of the experiment: the scale at which the parameters hold"
     )
-    gravity_m_s2: float | None = Field(
-        default=None, ge=0, le=1000, description="Gravity of the experiment in m/s²"
-    )
+    gravity_m_s2: float | None = Field(default=None, ge=0, le=1000, description="Gravity of the experiment in m/s²")
     assumptions: list[str] = Field(default=[], description="What the diagnosis assumed, in words")
     unseen: dict[str, str] | None = Field(
         default=None, description="Effects that these data cannot show, so that they were not tried, and why"

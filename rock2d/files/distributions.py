@@ -71,9 +71,7 @@ EXPECTED = "{normal: {mean, sd}}, {uniform: {low, high}} or {lognormal: {median,
 
 def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = "") -> Any:
     """The value, if it is a mapping with one of these words as its only key; else raises a `mistake`."""
-    if isinstance(value, Checked) or (
-        isinstance(value, dict) and len(value) == 1 and value.keys() <= set(words)
-    ):
+    if isinstance(value, Checked) or (isinstance(value, dict) and len(value) == 1 and value.keys() <= set(words)):
         return value
     found = shown(value)
     if isinstance(value, dict) and value:
@@ -91,9 +89,7 @@ def _kind(value: Any) -> str:
 _NORMAL = Annotated[Normal, Tag("<normal>")]
 _UNIFORM = Annotated[Uniform, Tag("<uniform>")]
 _LOGNORMAL = Annotated[Lognormal, Tag("<lognormal>")]
-ValueDistribution = Annotated[
-    _NORMAL | _UNIFORM | _LOGNORMAL, Discriminator(_kind), BeforeValidator(_refuse_unknown)
-]
+ValueDistribution = Annotated[_NORMAL | _UNIFORM | _LOGNORMAL, Discriminator(_kind), BeforeValidator(_refuse_unknown)]
 Draw = Annotated[
     Annotated[Coordinate, Tag("<number>")] | _NORMAL | _UNIFORM | _LOGNORMAL,
     Discriminator(_kind),

@@ -129,9 +129,7 @@ class Experiment:
             raise ValueError("an experiment has either trajectories or impacts")
 
     def __repr__(self) -> str:
-        kind, rows = (
-            ("trajectories", self.trajectories) if self.impacts is None else ("impacts", self.impacts)
-        )
+        kind, rows = ("trajectories", self.trajectories) if self.impacts is None else ("impacts", self.impacts)
         assert rows is not None
         return (
             f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
@@ -154,9 +152,7 @@ def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFram
     table = table.dropna()
     if table.empty:
         raise InputError(
-            "every frame of the film is lost: only a circle may be without theta_rad",
-            experiment.folder,
-            code="empty",
+            "every frame of the film is lost: only a circle may be without theta_rad", experiment.folder, code="empty"
         )
     return table
 
@@ -229,9 +225,7 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     if stuck.size:
         row, before = order[stuck[0] + 1], order[stuck[0]]
         message = f"column t_s: times must increase within a release: {t[row]:g} after {t[before]:g} s"
-        raise InputError(
-            message + f" in release {release[row]}", path, lines[row], code="bad_table", key="t_s"
-        )
+        raise InputError(message + f" in release {release[row]}", path, lines[row], code="bad_table", key="t_s")
     return frame[list(TRAJECTORY_COLUMNS)]
 
 
@@ -262,9 +256,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     cross_section = {
         "points_m": experiment.cross_section.points_m.tolist(),
         "zones": list(experiment.cross_section.zones),
-        "measure_lines": {
-            name: line.tolist() for name, line in experiment.cross_section.measure_lines.items()
-        },
+        "measure_lines": {name: line.tolist() for name, line in experiment.cross_section.measure_lines.items()},
     }
     keys = {
         "name": experiment.name,
@@ -274,9 +266,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
             "position_noise_m": float(experiment.position_noise_m),
             "angle_noise_rad": float(experiment.angle_noise_rad),
             **({"smear_offset_s": float(experiment.smear_offset_s)} if experiment.smear_offset_s else {}),
-            **(
-                {"from_gravity": given.model_dump()} if (given := experiment.from_gravity) is not None else {}
-            ),
+            **({"from_gravity": given.model_dump()} if (given := experiment.from_gravity) is not None else {}),
         },
         "cross_section": {key: value for key, value in cross_section.items() if value},
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
@@ -294,9 +284,7 @@ def _read_table(
     text = read_text(path).replace("\r\n", "\n").replace("\r", "\n")
     rows = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
     if not rows:
-        raise InputError(
-            f"the file is empty; expected the columns {','.join(required)}", path, 1, code="empty"
-        )
+        raise InputError(f"the file is empty; expected the columns {','.join(required)}", path, 1, code="empty")
     if '"' in text:
         rows = [(number, _without_quotes(line, path, number)) for number, line in rows]
     (top, line), rows = rows[0], rows[1:]

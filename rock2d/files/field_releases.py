@@ -28,9 +28,7 @@ class FieldTestKeys(Checked):
         "folder, or one between"
     )
     releases: str = Field(default="releases.csv", description="Table of starts and stops in that folder")
-    terrain: str = Field(
-        default="terrain.asc", description="Terrain model (GeoTIFF, ESRI ASCII grid) in that folder"
-    )
+    terrain: str = Field(default="terrain.asc", description="Terrain model (GeoTIFF, ESRI ASCII grid) in that folder")
     block_ids: dict[Name, int] = Field(
         min_length=1, description="Name of a block under blocks -> its block_id in the table"
     )
@@ -119,11 +117,7 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
         if block not in names:
             known = ", ".join(map(str, sorted(names)))
             raise InputError(
-                f"unknown block_id {block}; block_ids of the scenario: {known}",
-                path,
-                n,
-                1,
-                code="unknown_name",
+                f"unknown block_id {block}; block_ids of the scenario: {known}", path, n, 1, code="unknown_name"
             )
         if release in found:
             raise InputError(f"release {release} stands twice", path, n, 1, code="bad_table")
@@ -145,9 +139,7 @@ def _without_repeats(blocks: tuple[str, ...], values: Array) -> Array:
     return np.array(sorted(first.values()))
 
 
-def _numbers(
-    row: Mapping[str, str], needed: tuple[str, ...], path: Path, n: int
-) -> tuple[str, int, list[float]]:
+def _numbers(row: Mapping[str, str], needed: tuple[str, ...], path: Path, n: int) -> tuple[str, int, list[float]]:
     for name in needed:
         if not row.get(name):
             raise InputError(f"column {name} is empty", path, n, 1, code="bad_table", key=name)

@@ -66,12 +66,9 @@ class FittedParameter(FittedNumber):
     """A fitted parameter."""
 
     unit: str = Field(description="Unit; 1 for a number without unit")
-    choice: str | None = Field(
-        default=None, description="Name of the value, where it is one of a few choices"
-    )
+    choice: str | None = Field(default=None, description="Name of the value, where it is one of a few choices")
     by_block: dict[str, OfBlock] | None = Field(
-        default=None,
-        description="Block to its own value, where each has one; the value is then their mean",
+        default=None, description="Block to its own value, where each has one; the value is then their mean"
     )
 
     @model_validator(mode="after")
@@ -82,9 +79,7 @@ class FittedParameter(FittedNumber):
         return self
 
 
-Parameters = Annotated[
-    dict[str, FittedParameter], Field(description="Parameter name to value, 95 % interval and unit")
-]
+Parameters = Annotated[dict[str, FittedParameter], Field(description="Parameter name to value, 95 % interval and unit")]
 
 
 class JointFit(Part):
@@ -105,10 +100,7 @@ class CurveKeys(Part):
         "frequencies of waves",
     )
     measured: list[Number] | None = Field(
-        default=None,
-        min_length=2,
-        max_length=2,
-        description="Lowest and highest measured value of a line or waves",
+        default=None, min_length=2, max_length=2, description="Lowest and highest measured value of a line or waves"
     )
 
 
@@ -119,9 +111,7 @@ class ChangeKeys(Part):
         description="What changes"
     )
     depends_on: str = Field(description="What it depends on")
-    curves: list[CurveKeys] = Field(
-        description="Functions of each quantity, side by side; none is a constant"
-    )
+    curves: list[CurveKeys] = Field(description="Functions of each quantity, side by side; none is a constant")
     coefficients: list[list[Number]] = Field(
         min_length=1,
         description="A row for each number of the lever, in SI; of the law, logarithms of k_l, k_ul / k_l, k_t, "
@@ -143,6 +133,5 @@ class JointModel(JointFit):
     """The joint fit of all causes."""
 
     learnt: LearntFit | None = Field(
-        default=None,
-        description="The same fitted together with the learnt changes, for predictions of this set-up",
+        default=None, description="The same fitted together with the learnt changes, for predictions of this set-up"
     )

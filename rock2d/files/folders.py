@@ -113,13 +113,9 @@ def check_folder(path: str | Path, kind: str = "") -> Path:
     """The absolute path; raises InputError if `atomic_folder` would refuse it."""
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
-        raise InputError(
-            "exists and is not a folder; choose another output folder", path, code="not_a_result"
-        )
+        raise InputError("exists and is not a folder; choose another output folder", path, code="not_a_result")
     if target.is_dir() and any(target.iterdir()) and not (target / RESULT_MARKER).is_file():
-        raise InputError(
-            "exists and is not a rock2d result; choose another output folder", path, code="not_a_result"
-        )
+        raise InputError("exists and is not a rock2d result; choose another output folder", path, code="not_a_result")
     if (held := _kind_of(target)) not in ("", kind):
         message = f"holds another kind of result ({held}); choose another output folder"
         raise InputError(message, path, code="not_a_result")
@@ -139,9 +135,7 @@ def check_output_folder(path: str | Path, overwrite: bool, kind: str) -> None:
     """Raise InputError if `atomic_folder` would refuse the folder, or if it holds results and `overwrite` is false."""
     target = check_folder(path, kind)
     if target.is_dir() and any(target.iterdir()) and not overwrite:
-        message = (
-            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
-        )
+        message = "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
         raise InputError(message, path, code="results_exist")
 
 
@@ -217,9 +211,7 @@ def _errors_name(path: str | Path, partial: Path) -> Iterator[None]:
         raise
 
 
-def path_inside(
-    folder: str | Path, relative: str, *where: Any, error: Callable[..., InputError] = InputError
-) -> Path:
+def path_inside(folder: str | Path, relative: str, *where: Any, error: Callable[..., InputError] = InputError) -> Path:
     """`folder`/`relative`; raises `error` at the place `where` if that leaves `folder` (by "..", an absolute path or a
     link)."""
 

@@ -117,7 +117,5 @@ def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str
         try:
             out[zone] = kind(*values)
         except ParameterError as error:
-            raise scenario.error(
-                error.message, *path, error.key, code="bad_parameter", key=error.key
-            ) from None
+            raise scenario.error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
     return out

@@ -22,9 +22,7 @@ def place_of(data: Any, place: str) -> DataPath | None:
                 return None
             step: str | int = int(word)
         elif isinstance(here, dict):
-            fits = [
-                key for key in here if isinstance(key, str) and (rest == key or rest.startswith(f"{key}."))
-            ]
+            fits = [key for key in here if isinstance(key, str) and (rest == key or rest.startswith(f"{key}."))]
             if not fits:
                 return None
             step = max(fits, key=len)

@@ -50,9 +50,7 @@ def read_posterior(given: str, file: Path) -> Posterior:
     rows = [row for row in csv.reader(read_text(file).splitlines()) if any(cell.strip() for cell in row)]
     places = tuple(cell.strip() for cell in rows[0]) if rows else ()
     if not places or len(set(places)) != len(places) or not all(places):
-        raise InputError(
-            "expected a first line with a different place in each column", file, 1, 1, code="bad_table"
-        )
+        raise InputError("expected a first line with a different place in each column", file, 1, 1, code="bad_table")
     draws = []
     for n, row in enumerate(rows[1:], 2):
         try:

@@ -24,9 +24,7 @@ class RoughnessKeys(Checked):
     """How rough the ground of a zone is; each release has its own surface."""
 
     sd_deg: float = Field(gt=0, le=20, description="Standard deviation of the local slope in degrees")
-    length_m: Annotated[float, Field(ge=1e-4, le=1e3)] = Field(
-        description="Length of a piece of constant slope in m"
-    )
+    length_m: Annotated[float, Field(ge=1e-4, le=1e3)] = Field(description="Length of a piece of constant slope in m")
 
     def make(self) -> Roughness:
         """The roughness, in SI."""
@@ -119,9 +117,7 @@ class Uncertainty(Checked):
         description="Base number of possible sites, rounded up to a power of two; with d unknown values, "
         "sites x (d + 2) are simulated",
     )
-    releases: int = Field(
-        default=300, ge=20, le=100_000, description="Releases of each block on each of these sites"
-    )
+    releases: int = Field(default=300, ge=20, le=100_000, description="Releases of each block on each of these sites")
     site: dict[str, Variation] = Field(
         default={},
         max_length=50,

@@ -29,15 +29,7 @@ from rock2d.files.posterior_table import ROW, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys, Uncertainty
 from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs, Project
-from rock2d.files.setup_keys import (
-    BlockKeys,
-    CrossSectionKeys,
-    Ditches,
-    DitchKeys,
-    EmbankmentKeys,
-    Embankments,
-    Name,
-)
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Ditches, DitchKeys, EmbankmentKeys, Embankments, Name
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import with_earthworks, with_numbered_earthworks
@@ -54,13 +46,9 @@ DATA_VARIABLE = "ROCK2D_DATA"
 class Scenario(Checked):
     """A rock2d scenario. SI units; x to the right, y up, angles counter-clockwise positive."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$", description="Name, also of the results folder"
-    )
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$", description="Name, also of the results folder")
     about: str = Field(default="", description="One sentence on what this scenario is")
-    assumed: list[str] = Field(
-        default=[], description="Each value that is assumed, not published or measured"
-    )
+    assumed: list[str] = Field(default=[], description="Each value that is assumed, not published or measured")
     project: Project | None = Field(default=None, description="Head of the report that is handed in")
     gravity_m_s2: float = Field(default=9.81, ge=0, le=1000, description="Gravity in m/s²")
     engine: Literal["pymunk", "batch", "point_mass"] = Field(
@@ -98,8 +86,7 @@ class Scenario(Checked):
         description="Block name -> its profile; may be left out when the incident states come from an experiment",
     )
     populations: dict[Name, Population] = Field(
-        default={},
-        description="Name -> blocks that differ from release to release, beside those under blocks",
+        default={}, description="Name -> blocks that differ from release to release, beside those under blocks"
     )
     model: Laws = Field(description="Parameters of the impact laws, by zone")
     incident: dict[str, Incident] = Field(
@@ -297,9 +284,7 @@ def _load_posterior(scenario: Scenario, given: str) -> Posterior:
     return read_posterior(given, path_inside(beside, given, *where, error=scenario.error))
 
 
-def _load_experiment(
-    scenario: Scenario, data_root: str | Path | None, loaded: Experiment | None = None
-) -> None:
+def _load_experiment(scenario: Scenario, data_root: str | Path | None, loaded: Experiment | None = None) -> None:
     given = scenario.incident.items()
     sources = {name: item.from_experiment for name, item in given if item.from_experiment}
     if not sources:
@@ -359,13 +344,9 @@ def _found_experiment(
     return load_experiment(folder)
 
 
-def _given_root(
-    scenario: Scenario, folder: str, where: tuple[str, ...], data_root: str | Path | None
-) -> str | Path:
+def _given_root(scenario: Scenario, folder: str, where: tuple[str, ...], data_root: str | Path | None) -> str | Path:
     if not data_root:
-        message = (
-            f"no data root: give the folder that contains {shown(folder)} with --data or {DATA_VARIABLE}"
-        )
+        message = f"no data root: give the folder that contains {shown(folder)} with --data or {DATA_VARIABLE}"
         raise scenario.error(message, *where, code="missing_data", folder=folder)
     return data_root
 

@@ -59,9 +59,7 @@ def _check_earthworks(scenario: Scenario) -> None:
         raise scenario.error(str(error), error.part, *number, error.key, code="bad_cross_section") from None
     except CrossSectionError as error:
         place = (error.line,) if error.line is not None else ()
-        raise scenario.error(
-            str(error), "cross_section", error.key, *place, code="bad_cross_section"
-        ) from None
+        raise scenario.error(str(error), "cross_section", error.key, *place, code="bad_cross_section") from None
 
 
 def _check_ditches(scenario: Scenario) -> None:
@@ -113,13 +111,9 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
             soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
             stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, soils, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
-            friction = {
-                zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)
-            }
+            friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
             found += friction_doubts(friction)
-    if (
-        engine == "point_mass" and scenario.field_test is None
-    ):  # point masses of a field test use smooth ground
+    if engine == "point_mass" and scenario.field_test is None:  # point masses of a field test use smooth ground
         found += rough_point_doubts(_rough_without_slope_reduction(scenario))
     return found
 
@@ -205,9 +199,7 @@ def _check_diagnosis(scenario: Scenario) -> None:
     if scenario.diagnosed is None:
         return
     if scenario.model.soils is not None and "default" in scenario.model.soils:
-        message = (
-            "the diagnosis gives the soil of all zones that have no class of their own: remove one of the two"
-        )
+        message = "the diagnosis gives the soil of all zones that have no class of their own: remove one of the two"
         raise scenario.error(message, "model", "soils", "default", at="key", code="wrong_kind")
     check_engine(scenario, scenario.engine)
 
@@ -215,9 +207,7 @@ def _check_diagnosis(scenario: Scenario) -> None:
 def check_engine(scenario: Scenario, engine: str) -> None:
     """Refuse the point-mass engine if the contact law comes from a diagnosis."""
     if scenario.diagnosed is not None and engine == "point_mass":
-        message = (
-            "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
-        )
+        message = "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
         raise scenario.error(message, "model", "diagnosis", at="key", code="wrong_kind", engine=engine)
 
 
@@ -321,6 +311,4 @@ def _check_uncertainty(scenario: Scenario) -> None:
     for place in scenario.uncertainty.site:
         if number_at(scenario.document.data, place) is None:
             message = _no_number(scenario, place)
-            raise scenario.error(
-                message, "uncertainty", "site", place, at="key", code="unknown_name", name=place
-            )
+            raise scenario.error(message, "uncertainty", "site", place, at="key", code="unknown_name", name=place)

@@ -21,9 +21,7 @@ SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
 FrictionAngle = Annotated[float, Field(ge=0, le=90)]
-SoilName = Annotated[
-    str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})
-]  # `scenario_checks` refuses others
+SoilName = Annotated[str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})]  # `scenario_checks` refuses others
 
 
 class ContactKeys(Checked):
@@ -31,9 +29,7 @@ class ContactKeys(Checked):
 
     old_keys: ClassVar[Mapping[str, str]] = {"rolling_in_crater": "rolling_in_indentation"}
     k_l_N_m: Stiffness | None = Field(default=None, description="Loading stiffness in N/m")
-    k_ul_N_m: Stiffness | None = Field(
-        default=None, description="Unloading stiffness in N/m, at least k_l_N_m"
-    )
+    k_ul_N_m: Stiffness | None = Field(default=None, description="Unloading stiffness in N/m, at least k_l_N_m")
     k_t_N_m: SpringStiffness | None = Field(default=None, description="Tangential stiffness in N/m")
     friction_angle_deg: FrictionAngle | None = Field(
         default=None, description="Friction angle in degrees; 90 never slips"
@@ -43,30 +39,23 @@ class ContactKeys(Checked):
         default=None, description="Limit the rolling moment to arm x normal force (the paper does not); false"
     )
     rolling_in_indentation: bool | None = Field(
-        default=None,
-        description="The rolling spring acts until the block is clear of the ground; false: while pressed",
+        default=None, description="The rolling spring acts until the block is clear of the ground; false: while pressed"
     )
 
 
 class ReboundKeys(Checked):
     """Parameters of the probabilistic rebound law in one zone."""
 
-    friction_angle_deg: float | None = Field(
-        default=None, ge=0, lt=90, description="Friction angle in degrees"
-    )
+    friction_angle_deg: float | None = Field(default=None, ge=0, lt=90, description="Friction angle in degrees")
     momentum_half_kg_m_s: float | None = Field(
-        default=None,
-        gt=0,
-        le=1.0e12,
-        description="Normal momentum at which restitution is one half, in kg m/s",
+        default=None, gt=0, le=1.0e12, description="Normal momentum at which restitution is one half, in kg m/s"
     )
     tangential_restitution: float | None = Field(default=None, ge=0, le=1, description="r_t, without unit")
     slope_reduction_deg: float | None = Field(
         default=None, ge=0, lt=90, description="Local reduction of the slope angle in degrees"
     )
     slope_reduction: Literal["constant", "uniform"] | None = Field(
-        default=None,
-        description="Reduce by slope_reduction_deg always, or by U(0, slope_reduction_deg); constant",
+        default=None, description="Reduce by slope_reduction_deg always, or by U(0, slope_reduction_deg); constant"
     )
 
 
@@ -117,10 +106,7 @@ class SoilKeys(Checked):
         default=None, ge=0, le=1, description="r_t of the rebound law, without unit"
     )
     slope_reduction_deg: float | None = Field(
-        default=None,
-        ge=0,
-        lt=90,
-        description="Roughness of the ground: the rebound law draws from U(0, this)",
+        default=None, ge=0, lt=90, description="Roughness of the ground: the rebound law draws from U(0, this)"
     )
 
 
@@ -152,9 +138,7 @@ class Laws(Checked):
         description="Path of a diagnosis.json or its folder, relative to this file or to the data root (--data or "
         "ROCK2D_DATA): the fitted soil for every zone that does not give its own, and the effects that were found",
     )
-    deterministic: ContactTable | None = Field(
-        default=None, description="Elasto-plastic contact (engine pymunk)"
-    )
+    deterministic: ContactTable | None = Field(default=None, description="Elasto-plastic contact (engine pymunk)")
     probabilistic: BlockReboundTable | None = Field(
         default=None, description="Bourrier-Hungr rebound (engine point_mass)"
     )
@@ -164,12 +148,7 @@ class Laws(Checked):
         for law in ("deterministic", "probabilistic"):
             table = getattr(self, law)
             fitted = law == "deterministic" and self.diagnosis is not None
-            if (
-                self.soils is None
-                and not fitted
-                and table is not None
-                and "default" not in table.model_fields_set
-            ):
+            if self.soils is None and not fitted and table is not None and "default" not in table.model_fields_set:
                 raise mistake("missing key 'default'", law, at="key", code="missing_key", key="default")
         return self
 
@@ -179,9 +158,7 @@ class Fixed(Checked):
 
     x_m: Coordinate = Field(description="Centroid, to the right, in m")
     y_m: Coordinate = Field(description="Centroid, up, in m")
-    theta_rad: float = Field(
-        default=0.0, ge=-1e3, le=1e3, description="Orientation, counter-clockwise, in rad"
-    )
+    theta_rad: float = Field(default=0.0, ge=-1e3, le=1e3, description="Orientation, counter-clockwise, in rad")
     vx_m_s: float = Field(ge=-1e3, le=1e3, description="Velocity to the right in m/s")
     vy_m_s: float = Field(ge=-1e3, le=1e3, description="Velocity up in m/s")
     omega_rad_s: float = Field(default=0.0, ge=-1e5, le=1e5, description="Spin, counter-clockwise, in rad/s")
@@ -222,9 +199,7 @@ class AboveGround(_Motion):
 class Along(_Motion):
     """A start on a line, for example the edge of a cliff; every part of its length is as likely."""
 
-    points_m: list[Point] = Field(
-        min_length=2, description="Polyline on which the centroid starts: [[x, y], ...] in m"
-    )
+    points_m: list[Point] = Field(min_length=2, description="Polyline on which the centroid starts: [[x, y], ...] in m")
 
     @model_validator(mode="after")
     def _has_length(self) -> Along:
@@ -237,9 +212,7 @@ class FromExperiment(Checked):
     """Each filmed release restarts from its own first frames."""
 
     folder: str = Field(description="Experiment folder, relative to the data root (--data or ROCK2D_DATA)")
-    frames: int = Field(
-        default=10, ge=3, le=10_000, description="Largest number of first frames that are fitted"
-    )
+    frames: int = Field(default=10, ge=3, le=10_000, description="Largest number of first frames that are fitted")
 
 
 class Incident(Checked):
@@ -250,12 +223,8 @@ class Incident(Checked):
     above_ground: AboveGround | None = Field(
         default=None, description="A state drawn for each release, at a height above the ground"
     )
-    along: Along | None = Field(
-        default=None, description="A state drawn for each release, on a line of release points"
-    )
-    from_experiment: FromExperiment | None = Field(
-        default=None, description="The measured states of filmed releases"
-    )
+    along: Along | None = Field(default=None, description="A state drawn for each release, on a line of release points")
+    from_experiment: FromExperiment | None = Field(default=None, description="The measured states of filmed releases")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Incident:
@@ -263,8 +232,7 @@ class Incident(Checked):
         given = [name for name in kinds if getattr(self, name) is not None]
         if len(given) != 1:
             raise mistake(
-                f"expected exactly one of {', '.join(kinds)}, found " + (" and ".join(given) or "none"),
-                at="key",
+                f"expected exactly one of {', '.join(kinds)}, found " + (" and ".join(given) or "none"), at="key"
             )
         return self
 
@@ -312,9 +280,7 @@ class UniKeys(Checked):
         default=1.10,
         description="Reliability of the simulation: 1.02 calibrated on site, 1.10 parameters from literature",
     )
-    gamma_dp: Factor = Field(
-        default=1.10, description="Quality of the topographic survey: 1.02 good, 1.10 poor"
-    )
+    gamma_dp: Factor = Field(default=1.10, description="Quality of the topographic survey: 1.02 good, 1.10 poor")
     gamma_vol: Factor = Field(
         default=1.10, description="Precision of the survey of block volumes: 1.02 good, 1.10 poor"
     )
@@ -342,15 +308,9 @@ class DesignValueKeys(Checked):
 class Outputs(Checked):
     """How the simulated releases are recorded."""
 
-    fps: float = Field(
-        default=250.0, gt=0, le=1.0e5, description="Frames per second of the written trajectories"
-    )
-    position_noise_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="Noise added to positions, 1 sigma, in m"
-    )
-    angle_noise_rad: float = Field(
-        default=0.0, ge=0, le=1e3, description="Noise added to angles, 1 sigma, in rad"
-    )
+    fps: float = Field(default=250.0, gt=0, le=1.0e5, description="Frames per second of the written trajectories")
+    position_noise_m: float = Field(default=0.0, ge=0, le=1e3, description="Noise added to positions, 1 sigma, in m")
+    angle_noise_rad: float = Field(default=0.0, ge=0, le=1e3, description="Noise added to angles, 1 sigma, in rad")
     slow_motion: float | None = Field(
         default=None,
         gt=0,
@@ -365,8 +325,7 @@ class Outputs(Checked):
         if self.slow_motion is not None:
             return self.slow_motion
         return next(
-            (factor for factor in SLOW_MOTION_FACTORS if factor * longest_s <= LONGEST_VIDEO_S),
-            SLOW_MOTION_FACTORS[-1],
+            (factor for factor in SLOW_MOTION_FACTORS if factor * longest_s <= LONGEST_VIDEO_S), SLOW_MOTION_FACTORS[-1]
         )
 
 

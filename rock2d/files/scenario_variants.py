@@ -67,9 +67,7 @@ def with_change(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> 
     data = copy.deepcopy(scenario.document.data)
     change(data)
     document = scenario.document.with_data(data)
-    return checked_scenario(
-        document, scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain
-    )
+    return checked_scenario(document, scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain)
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:

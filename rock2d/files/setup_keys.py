@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Tag,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, create_model, model_validator
 
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
 from rock2d.files.places import is_number
@@ -131,9 +123,7 @@ Embankments = Annotated[
     | Annotated[dict[str, EmbankmentKeys], BeforeValidator(_numbers_from_1), Several],
     OneOrSeveral,
 ]
-Ditches = Annotated[
-    Annotated[DitchKeys, Tag("<one>")] | Annotated[dict[str, DitchKeys], Several], OneOrSeveral
-]
+Ditches = Annotated[Annotated[DitchKeys, Tag("<one>")] | Annotated[dict[str, DitchKeys], Several], OneOrSeveral]
 
 
 class _BlockModel(Checked):
@@ -181,9 +171,7 @@ def _known_shape(value: Any) -> Any:
         raise mistake(f"expected a mapping (shape: ..., mass_kg: ...), found {shown(value)}")
     known = list(shapes())
     if "shape" not in value:
-        raise mistake(
-            f"missing key 'shape', one of {', '.join(known)}", at="key", code="missing_key", key="shape"
-        )
+        raise mistake(f"missing key 'shape', one of {', '.join(known)}", at="key", code="missing_key", key="shape")
     if value["shape"] not in known:
         hint = did_you_mean(value["shape"], known)
         message = f"expected {', '.join(known)}, found {shown(value['shape'])}{hint}"

@@ -96,9 +96,7 @@ def exact_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
         raise ValueError(f"view must be x_min < x_max, y_min < y_max in m, got {limits}")
     px_per_m = min(width_px / wide, height_px / high)
     x, y = 0.5 * (limits[0] + limits[1]), 0.5 * (limits[2] + limits[3])
-    return Viewport(
-        x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px
-    )
+    return Viewport(x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px)
 
 
 def bgr(colour: str) -> tuple[int, int, int]:
@@ -114,9 +112,7 @@ def fill(image: Array, points_px: Array, colour: str) -> None:
 def polyline(image: Array, points_px: Array, colour: str, thick_px: float, *, closed: bool = False) -> None:
     """Line through (n, 2) pixel coordinates."""
     thick = max(1, round(thick_px))
-    cv2.polylines(
-        image, [fixed_point(points_px)], closed, bgr(colour), thick, cv2.LINE_AA, PIXEL_FRACTION_BITS
-    )
+    cv2.polylines(image, [fixed_point(points_px)], closed, bgr(colour), thick, cv2.LINE_AA, PIXEL_FRACTION_BITS)
 
 
 def text_size(text: str, size_px: int, bold: bool = False) -> tuple[float, float]:

@@ -20,10 +20,7 @@ STEPS = 65535  # steps of the 16-bit numbers of `packed_columns`
 
 def live_assets(name: str) -> dict[str, str]:
     """The `script` and the style sheet `live_style` of a view: the common part, then the part of this view."""
-    return {
-        "script": asset("live.js") + asset(f"{name}.js"),
-        "live_style": asset("live.css") + asset(f"{name}.css"),
-    }
+    return {"script": asset("live.js") + asset(f"{name}.js"), "live_style": asset("live.css") + asset(f"{name}.css")}
 
 
 def compact(data: Any) -> str:

@@ -55,9 +55,7 @@ def overlay_figure(
     top_in = 1.95 * high / wide
     figure = blank_figure(max(4.6, 2.45 * columns), top_in + 2 * 1.6 + (2.0 if title else 1.7))
     axes = figure.subplots(3, columns, squeeze=False, height_ratios=(top_in, 1.6, 1.6))
-    for column, ((rows, track), (dots, way), frame, note) in enumerate(
-        zip(shown, points, frames, notes, strict=True)
-    ):
+    for column, ((rows, track), (dots, way), frame, note) in enumerate(zip(shown, points, frames, notes, strict=True)):
         top, height, angle = axes[:, column]
         draw_ground(top, cross_section, factor, high)
         top.plot(*(way * factor).T, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
@@ -113,9 +111,7 @@ def _draw_legend(figure: Figure, columns: int) -> None:
                 mfc=mixed(SIMULATED_COLOUR, "#ffffff", 0.7)),
     ]  # fmt: skip
     ncols = 5 if columns > 2 else 3
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=SMALL_PT + 0.5
-    )
+    figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=SMALL_PT + 0.5)
 
 
 def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.DataFrame, Track]]:
@@ -228,9 +224,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
     ]
     handles += [handle("median", color=grey, lw=1.5)] if len(names) == 1 else []
     handles.append(handle("10-90 % of releases", color=grey, alpha=0.3, lw=7))
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=SMALL_PT + 0.5
-    )
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=SMALL_PT + 0.5)
     return finish(figure, title)
 
 

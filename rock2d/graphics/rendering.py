@@ -58,9 +58,7 @@ def coded(line: str) -> Markup:
     if "\n" in line:
         return Markup("<br>").join(coded(part) for part in line.split("\n"))
     parts = line.split("`")
-    out = [
-        escape(part) if i % 2 == 0 else Markup("<code>{}</code>").format(part) for i, part in enumerate(parts)
-    ]
+    out = [escape(part) if i % 2 == 0 else Markup("<code>{}</code>").format(part) for i, part in enumerate(parts)]
     return Markup("").join(out)
 
 

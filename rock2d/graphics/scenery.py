@@ -33,9 +33,7 @@ LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the 
 LABEL_LEVELS = 4
 
 
-def ground_image(
-    cross_section: CrossSection, view: Viewport, depth_px: float, *, surface_px: float = 2.0
-) -> Array:
+def ground_image(cross_section: CrossSection, view: Viewport, depth_px: float, *, surface_px: float = 2.0) -> Array:
     """The cross-section as a BGR image (height_px, width_px, 3): sky, ground, surface line.
 
     Down to about `depth_px`, the ground has the tone of the zone of the nearest facet; this also holds at vertical
@@ -48,9 +46,7 @@ def ground_image(
     zones = zone_tones(cross_section.zone_names)
     ids = np.full(canvas, len(zones), np.int32)
     for i, zone in enumerate(cross_section.zone_ids):
-        cv2.polylines(
-            ids, [fixed_point(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, PIXEL_FRACTION_BITS
-        )
+        cv2.polylines(ids, [fixed_point(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, PIXEL_FRACTION_BITS)
     on_line = ids < len(zones)
     if on_line.any():
         depth, label = cv2.distanceTransformWithLabels(
@@ -201,9 +197,7 @@ def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -
     facets = shapely.linestrings(np.stack([surface[:-1], surface[1:]], axis=1))
     seen = shapely.clip_by_rect(facets, 0.0, 0.0, view.width_px, view.height_px)
     found = []
-    for zone, run in itertools.groupby(
-        zip(cross_section.zones, seen, strict=True), key=lambda facet: facet[0]
-    ):
+    for zone, run in itertools.groupby(zip(cross_section.zones, seen, strict=True), key=lambda facet: facet[0]):
         path = shapely.get_coordinates([part for _, part in run])
         if len(path) > 1:
             along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
@@ -234,13 +228,7 @@ def _line_names(cross_section: CrossSection, view: Viewport, near_px: float) -> 
 
 
 def _measure_line_box(
-    ends: Array,
-    surface: Array,
-    size: tuple[float, float],
-    gap: float,
-    taken: Sequence[Box],
-    bounds: Box,
-    busy: Array,
+    ends: Array, surface: Array, size: tuple[float, float], gap: float, taken: Sequence[Box], bounds: Box, busy: Array
 ) -> Box:
     """The box for the name of a measure line: near the end farther from the ground, away from other names and from
     the points `busy` (n, 2)."""
@@ -250,9 +238,7 @@ def _measure_line_box(
     level_px = 1.2 * size[1]  # names of neighbouring lines are placed one above the other
     # no place of the name reaches farther from the tip
     reach = gap + sum(size) + LABEL_LEVELS * level_px + BUSY_PX
-    busy_x, busy_y = busy[
-        (np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)
-    ].T.copy()
+    busy_x, busy_y = busy[(np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)].T.copy()
     best, least = None, np.inf
     for order, (level, turn) in enumerate(itertools.product(range(LABEL_LEVELS), LABEL_TURNS_RAD)):
         c, s = np.cos(turn), np.sin(turn)

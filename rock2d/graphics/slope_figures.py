@@ -74,9 +74,7 @@ def stops_figure(cross_section: CrossSection, stops: pd.DataFrame) -> Figure:
     return finish(figure, "Where releases end")
 
 
-def distributions_figure(
-    crossings: pd.DataFrame, lines: Sequence[str], blocks: Mapping[str, Block]
-) -> Figure:
+def distributions_figure(crossings: pd.DataFrame, lines: Sequence[str], blocks: Mapping[str, Block]) -> Figure:
     """Histograms of energy, passing height and speed of the blocks that pass each line, a row for each line."""
     scale, unit = energy_unit(crossings["kinetic_J"].max() if len(crossings) else 0.0)
     panels = (

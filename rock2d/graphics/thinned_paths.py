@@ -55,13 +55,8 @@ def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
 
     The error is mostly below `tolerance_m`, and up to three times that where blocks are fast.
     """
-    parts = [
-        _thinned(tracks[i : i + TRACKS_PER_BATCH], tolerance_m)
-        for i in range(0, len(tracks), TRACKS_PER_BATCH)
-    ]
-    return ThinnedPaths(
-        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("instants", "arc", "counts"))
-    )
+    parts = [_thinned(tracks[i : i + TRACKS_PER_BATCH], tolerance_m) for i in range(0, len(tracks), TRACKS_PER_BATCH)]
+    return ThinnedPaths(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("instants", "arc", "counts")))
 
 
 def _thinned(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:

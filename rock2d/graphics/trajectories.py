@@ -190,9 +190,7 @@ def draw_cross_section(
         y = view.top_m - (0.5 * (top + bottom) + 0.5) / view.px_per_m
         if name.leader_px is not None:
             leader = (name.leader_px + 0.5) / view.px_per_m
-            axis.plot(
-                view.left_m + leader[:, 0], view.top_m - leader[:, 1], color=LEADER_INK, lw=0.6, zorder=2
-            )
+            axis.plot(view.left_m + leader[:, 0], view.top_m - leader[:, 1], color=LEADER_INK, lw=0.6, zorder=2)
         text = axis.text(x, y, name.text, size=SMALL_PT, color=name.colour, va="center", zorder=5)
         text.set_in_layout(False)
         if name.colour == LINE_INK:
@@ -203,7 +201,5 @@ def draw_cross_section(
 def positions_of(track: Track, until_s: float | None = None) -> Array:
     """Positions (n, 2) in m along a track, close enough together for print."""
     end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, TIME]))
-    t = np.union1d(
-        np.linspace(track.knots[0, TIME], end, 600), track.knots[track.knots[:, TIME] <= end, TIME]
-    )
+    t = np.union1d(np.linspace(track.knots[0, TIME], end, 600), track.knots[track.knots[:, TIME] <= end, TIME])
     return track.states(t)[:, :2]

@@ -13,14 +13,7 @@ import numpy as np
 from rock2d.graphics.canvas import Limits, Viewport, bgr, draw_text, fill, polyline, text_size
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import INK, SKY, mixed
-from rock2d.graphics.scenery import (
-    Box,
-    draw_block,
-    draw_measure_lines,
-    draw_names,
-    ground_image,
-    placed_names,
-)
+from rock2d.graphics.scenery import Box, draw_block, draw_measure_lines, draw_names, ground_image, placed_names
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.wording import length
@@ -138,14 +131,7 @@ class Frames:
         return sheet
 
     def _draw_right_aligned(
-        self,
-        frame: Array,
-        text: str,
-        size: float,
-        top: float,
-        *,
-        right: float | None = None,
-        bold: bool = False,
+        self, frame: Array, text: str, size: float, top: float, *, right: float | None = None, bold: bool = False
     ) -> None:
         lay = self.layout
         size_px = max(10, round(size * lay.unit))

@@ -163,9 +163,7 @@ class FilmFindings:
         """Relative standard error of gravity as a reference for scale or frame rate: error of the flights, air, spin
         and place on the earth."""
         assert self.ratio is not None
-        return float(
-            np.hypot(self.ratio.error, np.hypot(np.hypot(self.air[0], self.spin), 0.5 * LOCAL_GRAVITY))
-        )
+        return float(np.hypot(self.ratio.error, np.hypot(np.hypot(self.air[0], self.spin), 0.5 * LOCAL_GRAVITY)))
 
     def _explained(self, ratio: Measured) -> bool:
         """Whether air drag up to twice as strong as expected, an unmeasured spin and the place on the earth explain the
@@ -190,9 +188,7 @@ class FilmFindings:
         if self.from_gravity is None:
             return {}
         given = "frame rate" if self.from_gravity.which == "fps" else "scale"
-        return dict.fromkeys(
-            SCALE_OR_RATE, f"the {given} was taken from gravity, so that flights cannot check it"
-        )
+        return dict.fromkeys(SCALE_OR_RATE, f"the {given} was taken from gravity, so that flights cannot check it")
 
     @property
     def suspects(self) -> list[str]:
@@ -206,9 +202,7 @@ class FilmFindings:
         rate = Measured(ratio.value**0.5, 0.5 * ratio.error / ratio.value**0.5)
         return {
             name: {parameter: {"value": own.value, "ci95": list(own.ci95), "unit": "1"}}
-            for name, parameter, own in zip(
-                SCALE_OR_RATE, ("scale", "time_scale"), (ratio, rate), strict=True
-            )
+            for name, parameter, own in zip(SCALE_OR_RATE, ("scale", "time_scale"), (ratio, rate), strict=True)
         }
 
     def true_fps(self) -> Measured | None:
@@ -286,9 +280,7 @@ class FilmFindings:
                 f"not {self.fps:g} frames/s, or both are off. Flights alone cannot tell which{carried}"
             )
         if ratio.off(1.0):
-            spin = (
-                f", the lift of an unmeasured spin (up to {_rounded(100 * self.spin)} %)" if self.spin else ""
-            )
+            spin = f", the lift of an unmeasured spin (up to {_rounded(100 * self.spin)} %)" if self.spin else ""
             return (
                 f"{found} differs from the stated {self.stated_m_s2:g} by {with_error(size, ' %')}, no more than air "
                 f"(about {_rounded(100 * abs(self.air[0]))} %){spin} and the place on the earth "
@@ -302,11 +294,7 @@ class FilmFindings:
     def _given_sentence(self, given: FromGravity) -> str:
         rate = given.which == "fps"
         error = given.relative_error
-        what = (
-            f"the frame rate, {with_error(Measured(self.fps, self.fps * error))} frames/s,"
-            if rate
-            else "the scale"
-        )
+        what = f"the frame rate, {with_error(Measured(self.fps, self.fps * error))} frames/s," if rate else "the scale"
         off = "all speeds" if rate else "all lengths and speeds"
         return (
             f"{what} was taken from gravity, {self.stated_m_s2:g} m/s², in {counted(self.flights, 'flight')} of "

@@ -25,13 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
-from rock2d.kinematics.window_gravity import (
-    AGREEING_SPREAD,
-    CLEAR_CURVATURE,
-    LARGEST_RATIO,
-    LEAST_RATIO,
-    STEEP,
-)
+from rock2d.kinematics.window_gravity import AGREEING_SPREAD, CLEAR_CURVATURE, LARGEST_RATIO, LEAST_RATIO, STEEP
 from rock2d.records.columns import POSITION, X, Y
 from rock2d.statistics import NORMAL_95, student, weighted_median
 
@@ -99,9 +93,7 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
 
     `stated_m_s2`: expected gravity, which distinguishes falls from other smooth motion.
     """
-    paths = [
-        _Path(film.t_s[a:b], film.pose[a:b, POSITION]) for a, b in zip(*_inner(film, flights), strict=True)
-    ]
+    paths = [_Path(film.t_s[a:b], film.pose[a:b, POSITION]) for a, b in zip(*_inner(film, flights), strict=True)]
     if not paths:
         return None
     every = _fitted(paths)
@@ -110,8 +102,7 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         return None
     fits = _fitted([path for path, use in zip(paths, used, strict=True) if use])
     mean = np.linalg.solve(
-        (precision := np.linalg.inv(fits.covariance)).sum(axis=0),
-        np.einsum("nij,nj->i", precision, fits.acceleration),
+        (precision := np.linalg.inv(fits.covariance)).sum(axis=0), np.einsum("nij,nj->i", precision, fits.acceleration)
     )
     down = mean / np.hypot(*mean)
     aside = np.array([-down[Y], down[X]])  # to which a counter-clockwise turn of the picture turns `down`
@@ -237,9 +228,7 @@ def _whitened(path: _Path, variance: float, jitter: float, before: Array | None)
         return np.concatenate([side / own[:, None] for side, own in zip(sides, sd, strict=True)])
 
     design = rows(powers[:, :PARABOLA])
-    seen = np.concatenate(
-        [(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)]
-    )
+    seen = np.concatenate([(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)])
     q, r = np.linalg.qr(np.hstack([design, rows(powers[:, PARABOLA:])]))
     fit = 2 * PARABOLA
     inverse = np.linalg.inv(r[:fit, :fit])
@@ -314,9 +303,7 @@ def _are_falls(fits: _Fits, stated_m_s2: float) -> Array:
     return used & bool(together and possible)
 
 
-def _combined_over_releases(
-    values: Array, errors: Array, release: Array, freedom: float
-) -> tuple[Measured, Array]:
+def _combined_over_releases(values: Array, errors: Array, release: Array, freedom: float) -> tuple[Measured, Array]:
     """Mean over releases (over flights if there is a single release) with its error, and the weight of each flight."""
     names, index = np.unique(release, return_inverse=True)
     if len(names) == 1:
@@ -325,9 +312,7 @@ def _combined_over_releases(
     mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
     if mean.scattered:
         freedom = len(names) - 1
-    return Measured(mean.value, mean.error * student(freedom)), mean.weight[index] * errors**-2.0 / total[
-        index
-    ]
+    return Measured(mean.value, mean.error * student(freedom)), mean.weight[index] * errors**-2.0 / total[index]
 
 
 class _Mean(NamedTuple):

@@ -201,9 +201,7 @@ def _partition(recording: _Recording) -> tuple[Array, Array]:
     t, pose, _, noise, size, g = recording
     curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
     spread = np.array([ACCELERATION_SD * g, ACCELERATION_SD * g, SPIN_ACCELERATION_SD * g / size])
-    return partition(
-        t - t[0], (pose - pose[0]) / noise, curvature, 0.5 * spread / noise, FEWEST_FLIGHT_FRAMES
-    )
+    return partition(t - t[0], (pose - pose[0]) / noise, curvature, 0.5 * spread / noise, FEWEST_FLIGHT_FRAMES)
 
 
 def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
@@ -212,9 +210,7 @@ def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
     clearance, noise = recording.clearance_m, recording.noise
     free = np.flatnonzero(clearance[i:j] > 2.0 * noise[Y])
     head = max(CONTACT_MARGIN_FRAMES, int(free[0]) if len(free) else 0) if i > 0 else 0
-    tail = (
-        max(CONTACT_MARGIN_FRAMES, j - i - 1 - int(free[-1]) if len(free) else 0) if j < len(clearance) else 0
-    )
+    tail = max(CONTACT_MARGIN_FRAMES, j - i - 1 - int(free[-1]) if len(free) else 0) if j < len(clearance) else 0
     while j - i - head - tail < FEWEST_FLIGHT_FRAMES:
         head, tail = max(head - 1, 0), max(tail - 1, 0)
     return i + head, j - tail
@@ -242,13 +238,9 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
             joined.append((i, j))
     rises = max(FLIGHT_RISE_RADII * size, 5.0 * noise[Y])
     whole = (0, len(clearance))
-    ground = [
-        0.0 if ends == whole else max(min(clearance[ends[0]], clearance[ends[1] - 1]), 0.0) for ends in joined
-    ]
+    ground = [0.0 if ends == whole else max(min(clearance[ends[0]], clearance[ends[1] - 1]), 0.0) for ends in joined]
     return [
-        (i, j)
-        for (i, j), low in zip(joined, ground, strict=True)
-        if np.quantile(clearance[i:j], 0.75) > low + rises
+        (i, j) for (i, j), low in zip(joined, ground, strict=True) if np.quantile(clearance[i:j], 0.75) > low + rises
     ]
 
 

@@ -83,9 +83,7 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
     return start
 
 
-def find_pairs(
-    world: World, film: Film, flights: Flights, basis: Basis, states: States, start: Array
-) -> FlightPairs:
+def find_pairs(world: World, film: Film, flights: Flights, basis: Basis, states: States, start: Array) -> FlightPairs:
     """All pairs of consecutive flights; `start`: see `start_instants`."""
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
@@ -185,9 +183,7 @@ def _crossed(when: Array, clearance: Array) -> float:
     if not len(below):
         return float(when[-1])
     k = int(below[0])
-    if (
-        k == 0 or not np.isfinite(clearance[k - 1 : k + 1]).all()
-    ):  # far from the ground, or on the far side of it
+    if k == 0 or not np.isfinite(clearance[k - 1 : k + 1]).all():  # far from the ground, or on the far side of it
         return float(when[k])
     return float(when[k - 1] + (when[k] - when[k - 1]) * clearance[k - 1] / (clearance[k - 1] - clearance[k]))
 

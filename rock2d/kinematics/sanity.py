@@ -100,9 +100,7 @@ def check_impacts(impacts: int, landings: int, flying: int, edged: Sequence[str]
             f"{least} are needed{stay}"
         )
     elif edged:
-        why = (
-            f"The angle of {', '.join(edged)} was not measured, so that impacts on corners cannot be followed"
-        )
+        why = f"The angle of {', '.join(edged)} was not measured, so that impacts on corners cannot be followed"
     if why and flying < FEWEST_RELEASES:
         found.fail(FEW_IMPACTS, why)
     elif why:
@@ -182,8 +180,7 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
         rolling = float(np.median(turn[moving]) * np.median(size) / np.median(travel[moving]))
         if rolling > 6:
             found.fail(
-                ANGLE_UNIT,
-                f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?",
+                ANGLE_UNIT, f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?"
             )
 
 
@@ -224,17 +221,14 @@ def _check_axes_and_ground(experiment: Experiment, film: Film, gravity: Array | 
     worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORED_SIGNS.items()}
     below = {axis: share_below_ground(world, film) for axis, world in worlds.items()}
     deep = below[""] > IMPOSSIBLE_BELOW_GROUND
-    inside = (
-        f"in {100 * below['']:.{0 if deep else 1}f} % of the frames the block's centre lies inside the ground"
-    )
+    inside = f"in {100 * below['']:.{0 if deep else 1}f} % of the frames the block's centre lies inside the ground"
     if upwards and below["y"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "y"
     elif deep and below["x"] < POSSIBLE_BELOW_GROUND:
         found.mirror = "x"
     elif upwards:
         found.fail(
-            UPWARD_GRAVITY,
-            "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?",
+            UPWARD_GRAVITY, "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?"
         )
         found.suspects.append("mirrored_axis")
     elif deep and (better := registered_world(setup, film, gravity)) is not None:
@@ -244,8 +238,7 @@ def _check_axes_and_ground(experiment: Experiment, film: Film, gravity: Array | 
         found.remarks.append(f"{inside}, which an embankment that yields or soft soil would explain")
     elif deep:
         found.fail(
-            BELOW_GROUND,
-            f"{inside}: the cross-section and the film do not belong together (origin, scale or axes)",
+            BELOW_GROUND, f"{inside}: the cross-section and the film do not belong together (origin, scale or axes)"
         )
         found.suspects += ["scale_error", "camera_tilt", "geometry_error"]
     elif below[""] > 0.002:
@@ -310,9 +303,7 @@ def _check_distance(experiment: Experiment, film: Film, gravity: Array | None, f
         low = float(np.median(own)) if len(own) else 0.0
         size = f"{abs(low) * radius:.3g} m"
         if low < -DEEP_RADII or low > LARGEST_CLEARANCE_RADII:
-            where = (
-                f"sinks {size} into the ground" if low < 0 else f"comes no closer to the ground than {size}"
-            )
+            where = f"sinks {size} into the ground" if low < 0 else f"comes no closer to the ground than {size}"
             found.remarks.append(
                 f"block {name} {where} (median of the releases), {abs(low):.1f} times its radius: are its size and the "
                 "origin right?"
@@ -334,9 +325,7 @@ def check_table(experiment: Experiment, data: ImpactTable) -> Sanity:
     if found.faults:
         return found
     _check_reach(experiment, data.before[:, POSITION], found)
-    mass, inertia = np.array([(b.mass_kg, b.inertia_kg_m2) for b in experiment.blocks.values()])[
-        data.impact_block
-    ].T
+    mass, inertia = np.array([(b.mass_kg, b.inertia_kg_m2) for b in experiment.blocks.values()])[data.impact_block].T
     energy = [
         0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia * w**2
         for v, w in (

@@ -111,9 +111,7 @@ def partition(t, data, curvature, curvature_sd, fewest_frames):
         for a in range(m):
             i = alive[a]
             count = j - i
-            time = TimeSums(
-                count, ts[j, 0] - ts[i, 0], ts[j, 1] - ts[i, 1], ts[j, 2] - ts[i, 2], ts[j, 3] - ts[i, 3]
-            )
+            time = TimeSums(count, ts[j, 0] - ts[i, 0], ts[j, 1] - ts[i, 1], ts[j, 2] - ts[i, 2], ts[j, 3] - ts[i, 3])
             flight, rest = 0.0, 0.0
             for c in range(3):
                 k = 4 * c

@@ -56,8 +56,7 @@ class ReboundParameters:
                 raise ParameterError(name, f"{name} must {bounds}, got {getattr(self, name):g}")
         if self.slope_reduction not in ("constant", "uniform"):
             raise ParameterError(
-                "slope_reduction",
-                f"slope_reduction must be constant or uniform, got {self.slope_reduction!r}",
+                "slope_reduction", f"slope_reduction must be constant or uniform, got {self.slope_reduction!r}"
             )
 
     @property

@@ -88,9 +88,7 @@ class Track:
         """
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-        side = (self.knots[:, INSTANT_X] - origin[0]) * normal[0] + (
-            self.knots[:, INSTANT_Y] - origin[1]
-        ) * normal[1]
+        side = (self.knots[:, INSTANT_X] - origin[0]) * normal[0] + (self.knots[:, INSTANT_Y] - origin[1]) * normal[1]
         length2 = along[0] * along[0] + along[1] * along[1]
         found: list[Array] = []
         # only intervals in which the centroid comes as far as the line
@@ -116,10 +114,7 @@ class Track:
 
 def impact_mappings(rows: Iterable[Array], zones: Sequence[str]) -> list[dict[str, Any]]:
     """`Track.impacts` of rows (N_IMPACT,); `zones`: names by the ids that the rows hold."""
-    return [
-        {**dict(zip(IMPACT_NAMES, row.tolist(), strict=True)), "zone": zones[int(row[I_ZONE])]}
-        for row in rows
-    ]
+    return [{**dict(zip(IMPACT_NAMES, row.tolist(), strict=True)), "zone": zones[int(row[I_ZONE])]} for row in rows]
 
 
 def ballistic(knot: Array, tau_s: Array, gravity_m_s2: float) -> Array:
@@ -137,9 +132,7 @@ def _hermite(a: Array, b: Array, t: Array) -> Array:
     span = np.where(b[:, TIME] > a[:, TIME], b[:, TIME] - a[:, TIME], 1.0)[:, None]
     s = (t - a[:, TIME])[:, None] / span
     p, q, v, w = a[:, 1:4], b[:, 1:4], a[:, 4:7] * span, b[:, 4:7] * span
-    pos = (
-        p * (1 + 2 * s) * (1 - s) ** 2 + v * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + w * s * s * (s - 1)
-    )
+    pos = p * (1 + 2 * s) * (1 - s) ** 2 + v * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + w * s * s * (s - 1)
     vel = ((q - p) * 6 * s * (1 - s) + v * (1 - s) * (1 - 3 * s) + w * s * (3 * s - 2)) / span
     return np.concatenate([pos, vel], axis=1)
 

@@ -69,13 +69,9 @@ class ArrivalResults:
         return {
             f"deterministic, {own}: validation cells": summary.rmse(ours, validation),
             f"deterministic, {own}: all nine": summary.rmse(ours),
-            f"deterministic, {own}, the best hypothesis: all nine": summary.best_hypothesis_rmse(
-                self.predicted
-            ),
+            f"deterministic, {own}, the best hypothesis: all nine": summary.best_hypothesis_rmse(self.predicted),
             f"Table 4, {own}: validation cells": summary.rmse(of_table_4, validation),
-            f"Table 4, {own}: all nine of the paper's column": summary.rms(
-                of_table_4 - published.DETERMINISTIC
-            ),
+            f"Table 4, {own}: all nine of the paper's column": summary.rms(of_table_4 - published.DETERMINISTIC),
         }
 
     def validation_interval(self) -> tuple[float, float]:
@@ -97,22 +93,16 @@ class ArrivalResults:
             f"validation cells ({low:.1f} to {high:.1f} over hypotheses), {all_nine:.1f} over all nine.",
             f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {of_paper:.1f} points; "
             f"cells outside the exact 95 % intervals of 50 releases: {cells}.",
-            "Cells that Tables 3 and 4 meet on the set-up and arrivals of paper_setup.yaml: "
-            f"{self.found.met()}.",
+            f"Cells that Tables 3 and 4 meet on the set-up and arrivals of paper_setup.yaml: {self.found.met()}.",
             self._readings_sentence(),
-            *(
-                self._missing_effects_sentence(model)
-                for model in dict.fromkeys(self.missing_effects["model"])
-            ),
+            *(self._missing_effects_sentence(model) for model in dict.fromkeys(self.missing_effects["model"])),
         ]
 
     def _readings_sentence(self) -> str:
         """A sentence on the readings of Table 3 that reproduce the sphere's row of the paper's probabilistic column."""
         excluded = dict(zip(*(self.table_3_readings[c] for c in ("reading", "excluded")), strict=True))
         met = ", ".join(name for name, lines in excluded.items() if lines == "none")
-        missed = ", ".join(
-            f"{name} ({lines} excluded)" for name, lines in excluded.items() if lines != "none"
-        )
+        missed = ", ".join(f"{name} ({lines} excluded)" for name, lines in excluded.items() if lines != "none")
         return (
             "The sphere's row of the paper's probabilistic column, from Table 3: possible with "
             f"{met or 'no reading'}; impossible (p < 0.05) with {missed or 'no reading'}."
@@ -125,9 +115,7 @@ class ArrivalResults:
         gain = held_out["over_none"].sum()
         error = held_out["error"].apply(lambda e: float(np.hypot.reduce(e)))
         better = [
-            name
-            for name in gain.sort_values(ascending=False).index
-            if gain[name] > SIGNIFICANT_ERRORS * error[name]
+            name for name in gain.sort_values(ascending=False).index if gain[name] > SIGNIFICANT_ERRORS * error[name]
         ]
         listed = ", ".join(f"{name} {gain[name]:+.1f} ± {error[name]:.1f}" for name in better[:3])
         return (

@@ -16,23 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from rock2d.calibration.sequential_monte_carlo import (
-    Factor,
-    Moves,
-    Quantity,
-    Sample,
-    Space,
-    posterior,
-    prior_draws,
-)
+from rock2d.calibration.sequential_monte_carlo import Factor, Moves, Quantity, Sample, Space, posterior, prior_draws
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import (
-    DETERMINISTIC_SPACE,
-    PROBABILISTIC_SPACE,
-    SETUP_QUANTITIES,
-    Values,
-    table_4,
-)
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, SETUP_QUANTITIES, Values, table_4
 from rock2d.reproduction.likelihood import (
     first_impact_log_likelihood,
     highest_log_counts,
@@ -136,9 +122,7 @@ def calibrate(
 
         prior = prior_draws(effort.prior_draws * half, width, rng)
         finer = COARSE_UP_TO, factors(draws)
-        runs.append(
-            posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=report_progress)
-        )
+        runs.append(posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=report_progress))
     return Sample.joined(runs)
 
 
@@ -226,9 +210,7 @@ def calibrate_candidates(
     CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
     model = Model(
-        _with_candidates(deterministic_first_impacts),
-        _with_candidates(deterministic_crossed),
-        CANDIDATE_SPACE,
+        _with_candidates(deterministic_first_impacts), _with_candidates(deterministic_crossed), CANDIDATE_SPACE
     )
     choice = candidate_columns(CANDIDATE_SPACE)
     return calibrate(CANDIDATE_SPACE, _factors(model, others), effort, seed, on_progress, redrawn=choice)
@@ -251,9 +233,7 @@ def calibrate_with_arrivals(effort: Effort, seed: np.random.SeedSequence, on_pro
 def arrival_factors(draws: Draws) -> list[Factor]:
     """The statements on first impacts, the paper's deterministic column under Table 4, and the sphere's experimental
     row."""
-    with_table_4 = replace(
-        DETERMINISTIC_MODEL, crossed=lambda values, *of: deterministic_crossed(table_4(values), *of)
-    )
+    with_table_4 = replace(DETERMINISTIC_MODEL, crossed=lambda values, *of: deterministic_crossed(table_4(values), *of))
     laws = law_columns(DETERMINISTIC_SPACE)
 
     def of_paper(block: str) -> Factor:

@@ -73,9 +73,7 @@ def compute_results(
         "slope_reduction", partial(calibrations.calibrate_slope_reductions, rebound, effort, seeds[2])
     )
     held_out = {
-        block: finished.sample(
-            f"without_{block}", partial(calibrations.calibrate_candidates, block, effort, own)
-        )
+        block: finished.sample(f"without_{block}", partial(calibrations.calibrate_candidates, block, effort, own))
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
         if candidates
     }

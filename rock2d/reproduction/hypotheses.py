@@ -109,9 +109,7 @@ def incident_distributions(values: Values, block: Block) -> IncidentDistribution
     along, across = own["speed_along"] * speed * s, own["speed_across"] * speed * c
     omega = -own["roll"] * along / (0.5 * block.size_m)
     spread = values["drop_spread_m"]
-    offset = (
-        1.02 * block.radius_m + 3.0 * spread * s
-    )  # distance from the slope: blocks must not start inside it
+    offset = 1.02 * block.radius_m + 3.0 * spread * s  # distance from the slope: blocks must not start inside it
     mean, sd = np.zeros((len(slope), 6)), np.zeros((len(slope), 6))
     mean[:, 0] = -values["drop_up_slope_m"] * c + offset * s
     mean[:, 1] = values["drop_up_slope_m"] * s + offset * c

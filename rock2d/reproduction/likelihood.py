@@ -30,9 +30,7 @@ def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array
     The releases that ended between the previous and this line, and those that ended between this and the next line,
     form one category; 1 is added to its simulated count.
     """
-    return _log_dirichlet_multinomial(
-        _merge_around_line(simulated + 0.5, line), _merge_around_line(filmed, line)
-    )
+    return _log_dirichlet_multinomial(_merge_around_line(simulated + 0.5, line), _merge_around_line(filmed, line))
 
 
 def highest_log_counts(filmed: Array) -> float:
@@ -70,13 +68,9 @@ def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
     if block == "cube":
         likely = arrived + _log_between(outcome.first_in(FACING_ZONE), n, *published.CUBE_ON_FACING)
     elif block == "parallelepiped":
-        likely = arrived + _log_between(
-            outcome.first_in(FACING_ZONE), n, published.PARALLELEPIPED_ON_FACING, of
-        )
+        likely = arrived + _log_between(outcome.first_in(FACING_ZONE), n, published.PARALLELEPIPED_ON_FACING, of)
         on_facing = outcome.first_zone == FACING_ZONE
-        angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(
-            on_facing.sum(axis=1), 1
-        )
+        angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(on_facing.sum(axis=1), 1)
         beyond = np.maximum(angle - published.OFF_NORMAL_DEG, 0.0) / published.OFF_NORMAL_SD_DEG
         likely = likely - 0.5 * beyond**2
     return _exclude_impossible(outcome, likely)

@@ -38,11 +38,7 @@ Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 HYPOTHESES, SIZES = 48, 4  # hypotheses of the posterior; sizes of a candidate for each hypothesis
 REBOUND_DRAWS = 24  # parameter sets of the probabilistic model that are tried for each hypothesis
 # held-out tests: the blocks on which a candidate is calibrated, and those on which it is scored
-TESTS = (
-    (("sphere",), ("cube", "parallelepiped")),
-    (("cube",), ("parallelepiped",)),
-    (("parallelepiped",), ("cube",)),
-)
+TESTS = ((("sphere",), ("cube", "parallelepiped")), (("cube",), ("parallelepiped",)), (("parallelepiped",), ("cube",)))
 SHARE_OF_RELEASES = 0.6  # number of releases relative to the calibrations
 RESAMPLES = 200  # bootstrap samples of the hypotheses, for the errors of scores
 
@@ -178,11 +174,7 @@ class HeldOutScore:
 
 
 def held_out_score(
-    found: Mapping[str, Array],
-    candidate: int,
-    calibrated_on: Sequence[str],
-    scored_on: Sequence[str],
-    seed: int,
+    found: Mapping[str, Array], candidate: int, calibrated_on: Sequence[str], scored_on: Sequence[str], seed: int
 ) -> HeldOutScore:
     """The score of the candidate with this index in `found`, the arrays of `deterministic_candidates` or
     `probabilistic_candidates`; index 0 is no candidate."""
@@ -213,10 +205,7 @@ def _log_score(known: Array, predicted: Array, groups: Array) -> float:
     rows = (groups[:, None] * SIZES + np.arange(SIZES)).ravel()
     top, both = known[rows].max(), (known + predicted)[rows].max()
     return float(
-        both
-        + np.log(np.exp((known + predicted)[rows] - both).sum())
-        - top
-        - np.log(np.exp(known[rows] - top).sum())
+        both + np.log(np.exp((known + predicted)[rows] - both).sum()) - top - np.log(np.exp(known[rows] - top).sum())
     )
 
 
@@ -238,6 +227,4 @@ def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -
                 rows.append(row)
     table = pd.DataFrame(rows)
     order = table.groupby(["model", "calibrated_on"], sort=False)["log_score"].rank(ascending=False)
-    return table.assign(rank=order.astype(int)).sort_values(
-        ["model", "calibrated_on", "rank"], ignore_index=True
-    )
+    return table.assign(rank=order.astype(int)).sort_values(["model", "calibrated_on", "rank"], ignore_index=True)

@@ -80,9 +80,7 @@ def by_last_line(crossed: Array) -> Array:
     return (last[..., None] == np.arange(crossed.shape[-1] + 1)).sum(axis=1)
 
 
-def deterministic_outcome(
-    values: Values, block_name: str, draws: Array, change: WorldChange | None = None
-) -> Outcome:
+def deterministic_outcome(values: Values, block_name: str, draws: Array, change: WorldChange | None = None) -> Outcome:
     """Releases of a block with the deterministic model, for each hypothesis, from standard normal `draws` (n, 6).
 
     `change` adds a candidate effect to the world of a hypothesis.
@@ -94,9 +92,7 @@ def deterministic_outcome(
     return replace(outcome, **_line_fields(crossings))
 
 
-def deterministic_crossed(
-    values: Values, block_name: str, draws: Array, change: WorldChange | None = None
-) -> Array:
+def deterministic_crossed(values: Values, block_name: str, draws: Array, change: WorldChange | None = None) -> Array:
     """(k, n, lines) whether a release passes each line, as in `deterministic_outcome`, but for all hypotheses, also
     impossible ones."""
     every = np.arange(len(values["slope_deg"]))
@@ -160,9 +156,7 @@ def _simulate(worlds: list[World], block: str, states: Array, **options: Any) ->
     of_world = {id(b): i for i, b in enumerate(blocks)}
     block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
     ids = np.repeat(np.arange(len(worlds)), states.shape[1])
-    ensemble = Ensemble(
-        blocks, [world.cross_section for world in worlds], [world.contact[0] for world in worlds]
-    )
+    ensemble = Ensemble(blocks, [world.cross_section for world in worlds], [world.contact[0] for world in worlds])
     return run_batch(
         ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], cross_section_ids=ids, table_ids=ids,
         gravity_m_s2=GRAVITY_M_S2, **options,
@@ -230,10 +224,7 @@ def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, p
 
 def _line_fields(crossings: Array) -> dict[str, Array]:
     """The fields of an Outcome that depend on crossings (k, n, lines, 7)."""
-    return {
-        "crossed": np.isfinite(crossings[..., TIME]),
-        "at_line_2": crossings[:, :, LINES.index("line_2")],
-    }
+    return {"crossed": np.isfinite(crossings[..., TIME]), "at_line_2": crossings[:, :, LINES.index("line_2")]}
 
 
 def _concatenated(parts: list[Outcome]) -> Outcome:

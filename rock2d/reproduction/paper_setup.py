@@ -87,9 +87,7 @@ def found_setup(values: Values, with_table_4: list[Outcome], draws: Mapping[str,
     """
     ones = np.ones(len(values["slope_deg"]))
     with_table_3 = [
-        probabilistic_outcome(
-            table_3(values), block, draws[block], published.SLOPE_REDUCTION_DEG[block] * ones
-        )
+        probabilistic_outcome(table_3(values), block, draws[block], published.SLOPE_REDUCTION_DEG[block] * ones)
         for block in published.BLOCKS
     ]
     likely, agrees, reached = np.zeros(len(ones)), dict[str, Array](), dict[str, Array]()

@@ -115,10 +115,7 @@ def evaluate(
 
 
 def _errors(
-    outcomes: dict[str, list[Outcome]],
-    held_out: list[HeldOutBlock],
-    cells: pd.DataFrame,
-    rng: np.random.Generator,
+    outcomes: dict[str, list[Outcome]], held_out: list[HeldOutBlock], cells: pd.DataFrame, rng: np.random.Generator
 ) -> dict[str, float]:
     """RMSE in points over the validation cells and over all nine cells, by model and the data of its fit."""
     validation = summary.VALIDATION_ROWS
@@ -130,12 +127,8 @@ def _errors(
         "deterministic: validation cells": summary.rmse(sphere_only, validation),
         "deterministic: all nine": summary.rmse(sphere_only),
         "probabilistic: all nine": summary.rmse(summary.mean_percent(outcomes["probabilistic"])),
-        "deterministic, the best hypothesis: all nine": summary.best_hypothesis_rmse(
-            outcomes["deterministic"]
-        ),
-        "probabilistic, the best hypothesis: all nine": summary.best_hypothesis_rmse(
-            outcomes["probabilistic"]
-        ),
+        "deterministic, the best hypothesis: all nine": summary.best_hypothesis_rmse(outcomes["deterministic"]),
+        "probabilistic, the best hypothesis: all nine": summary.best_hypothesis_rmse(outcomes["probabilistic"]),
     }
     if held_out:
         found |= {
@@ -212,9 +205,7 @@ def write_results(results: Results, folder: Path) -> dict[str, pd.DataFrame]:
 def result_tables(results: Results) -> dict[str, pd.DataFrame]:
     """Tables by file name; "candidates" and "cells" exist if candidate effects were calibrated."""
     assumptions = [
-        summary.identified_table(SPACES[model], sample.u, (*SETUP_QUANTITIES, *ARRIVAL_QUANTITIES)).assign(
-            model=model
-        )
+        summary.identified_table(SPACES[model], sample.u, (*SETUP_QUANTITIES, *ARRIVAL_QUANTITIES)).assign(model=model)
         for model, sample in results.samples.items()
     ]
     tables = {

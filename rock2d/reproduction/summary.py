@@ -125,9 +125,7 @@ def monte_carlo_error(outcomes: list[Outcome]) -> float:
     """Root mean square difference in points between the mean predictions of the two independent halves of the
     hypotheses, over 2: the Monte Carlo error of the mean of both."""
     half = len(outcomes[0].crossed) // 2
-    first, second = (
-        mean_percent([o.of_hypotheses(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:])
-    )
+    first, second = (mean_percent([o.of_hypotheses(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:]))
     return 0.5 * rms(first - second)
 
 
@@ -246,10 +244,7 @@ def held_out_cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)
-        outcome, filmed = (
-            run.without_candidate[b],
-            published.counts_by_last_line(published.EXPERIMENT, run.block),
-        )
+        outcome, filmed = (run.without_candidate[b], published.counts_by_last_line(published.EXPERIMENT, run.block))
         for i, line in enumerate(published.LINES):
             weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed))
             total = weight.sum() or np.nan

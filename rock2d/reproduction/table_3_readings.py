@@ -104,10 +104,7 @@ def _factors(reading: Reading, draws: Draws) -> list[Factor]:
         return probabilistic_outcome(table_3(values, reading.momentum_factor), block, own)
 
     model = Model(simulate, lambda *of: simulate(*of).crossed, reading.space)
-    return [
-        first_impacts_factor(model, BLOCK, draws),
-        cells_factor(model, BLOCK, draws, published.PROBABILISTIC),
-    ]
+    return [first_impacts_factor(model, BLOCK, draws), cells_factor(model, BLOCK, draws, published.PROBABILISTIC)]
 
 
 def readings_table(found: Mapping[str, Array], readings: Sequence[Reading] = READINGS) -> pd.DataFrame:

@@ -53,10 +53,7 @@ def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
         if ActingEffects.of(found, scenario).any_acts and found.soil != diagnosed.before.soil:
             models.append(found._replace(name=found.name.replace("after", "soil"), effects={}))
         models.append(found)
-    return [
-        Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
-        for found in models
-    ]
+    return [Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p) for found in models]
 
 
 def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:
@@ -85,9 +82,7 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
         counts = found.passing(job.cross_section)
         for k, row in enumerate(passing_rows(block.name, list(lines), number, float("nan"), counts)):
             which, ends = passed[:, k], lines[row[1]]
-            values = crossing_values(
-                found.crossings[which, k], ends, job.cross_section, group.masses()[which]
-            )
+            values = crossing_values(found.crossings[which, k], ends, job.cross_section, group.masses()[which])
             ranked = [np.sort(values[:, CROSSING_VALUES.index(name)]) for name in COLUMNS_OF_QUANTITY]
             estimates = [percentile_estimate(each, len(values), DESIGN_PERCENTILE) for each in ranked]
             named = dict(zip(PASSING_COLUMNS, row, strict=True))

@@ -157,8 +157,7 @@ class Conditions:
         measured = measured_states(self.scenario, self.seed, releases)
         counts = Counter(start.block for start in measured)
         conditions = {
-            block.name: cycle(self.of_releases(b, 0, counts[block.name] or 1))
-            for b, block in enumerate(self.blocks)
+            block.name: cycle(self.of_releases(b, 0, counts[block.name] or 1)) for b, block in enumerate(self.blocks)
         }
         found = []
         for start in measured:
@@ -227,10 +226,7 @@ class Conditions:
         zone that has one has no roughness."""
         if engine_named(self.engine).law != "probabilistic" or not self._roughness:
             return [self._roughness] * len(self.blocks)
-        laws = [
-            by_zone(self.scenario.rebound_parameters(b), list(self._roughness), "rebound")
-            for b in self.blocks
-        ]
+        laws = [by_zone(self.scenario.rebound_parameters(b), list(self._roughness), "rebound") for b in self.blocks]
         return [
             {
                 zone: rough

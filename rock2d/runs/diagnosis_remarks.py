@@ -118,9 +118,7 @@ def _pieces(acting: ActingEffects) -> str:
 def _interval_remarks(scenario: Scenario, diagnosed: DiagnosedModel) -> list[str]:
     if scenario.uncertainty is None:
         unknown = diagnosed.unknown()
-        return (
-            ["the fitted values are used; to use their intervals, add the key uncertainty"] if unknown else []
-        )
+        return ["the fitted values are used; to use their intervals, add the key uncertainty"] if unknown else []
     return [
         "the diagnosis gives no intervals for the parameters of the soil: they count as known unless uncertainty.site "
         "gives distributions"

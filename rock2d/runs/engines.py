@@ -89,9 +89,7 @@ def _batch_track(condition: Condition, start: IncidentState, gravity_m_s2: float
     )
 
 
-def _point_mass_track(
-    condition: Condition, start: IncidentState, gravity_m_s2: float, limit_s: float
-) -> Track:
+def _point_mass_track(condition: Condition, start: IncidentState, gravity_m_s2: float, limit_s: float) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
     return run_point_mass(
@@ -113,22 +111,8 @@ def _point_mass_ensemble(job: Job, group: Group) -> Outcome:
 
 
 _ALL = (
-    Engine(
-        "pymunk",
-        "deterministic",
-        _pymunk_track,
-        many_processes=True,
-        audits_energy=True,
-        writing_work=0.3,
-    ),
-    Engine(
-        "batch",
-        "deterministic",
-        _batch_track,
-        _batch_ensemble,
-        audits_energy=True,
-        keeps_samples=True,
-    ),
+    Engine("pymunk", "deterministic", _pymunk_track, many_processes=True, audits_energy=True, writing_work=0.3),
+    Engine("batch", "deterministic", _batch_track, _batch_ensemble, audits_energy=True, keeps_samples=True),
     Engine(
         "point_mass",
         "probabilistic",

@@ -49,9 +49,7 @@ def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: in
 
     Raises ValueError for measured incident states.
     """
-    return drawn_in_groups(
-        lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop
-    )
+    return drawn_in_groups(lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop)
 
 
 def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:

@@ -29,9 +29,7 @@ def releases_for(
     job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(
-            "needs measure_lines: the precision is that of passing frequencies",
-            "cross_section",
-            at="key",
+            "needs measure_lines: the precision is that of passing frequencies", "cross_section", at="key"
         )
     counts = np.zeros((len(job.blocks), len(job.cross_section.measure_lines)), int)
     most_counts, done, wanted = counts.copy(), 0, first

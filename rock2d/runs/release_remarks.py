@@ -28,9 +28,7 @@ REASONS = {
 def stop_counts(stops: pd.DataFrame) -> pd.DataFrame:
     """Numbers of releases by block (rows) and kind of stop (columns), from the table stops of a run or a campaign."""
     if "releases" in stops:
-        return stops.pivot_table(
-            index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
-        )
+        return stops.pivot_table(index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0)
     return stops.groupby(["block", "stop"]).size().unstack(fill_value=0)
 
 

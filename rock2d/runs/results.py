@@ -170,9 +170,7 @@ class RunResult(Simulation):
         options = {"slow_motion": slow_motion or outputs.slowed(longest), "titles": (self.title,), **options}
         with Bars(progress).stage("video", 0, "frames") as bar:
             filled = [[scene] for scene in scenes if scene]
-            render_video(
-                path, self.cross_section, self.blocks, filled, ("",), VideoOptions(**options), bar.reach
-            )
+            render_video(path, self.cross_section, self.blocks, filled, ("",), VideoOptions(**options), bar.reach)
 
     def _run_json(self) -> Mapping[str, Any]:
         from rock2d.version import __version__
@@ -188,10 +186,7 @@ class RunResult(Simulation):
 
         of_block = {track.release: track.block for track in self.tracks}
         return pd.DataFrame(
-            [
-                {"release": release, "block": of_block[release], **drawn}
-                for release, drawn in self.drawn.items()
-            ]
+            [{"release": release, "block": of_block[release], **drawn} for release, drawn in self.drawn.items()]
         )
 
     def _incident_states_table(self) -> pd.DataFrame:

@@ -51,10 +51,7 @@ def run(
     title = run_title(scenario, chosen.name)
     bars, processes = Bars.of(progress), workers or os.cpu_count() or 1
     shared = chosen.name, scenario.gravity_m_s2
-    with (
-        closing(_tracks(shared, jobs, processes)) as simulated,
-        bars.stage(title, len(jobs), "releases") as bar,
-    ):
+    with closing(_tracks(shared, jobs, processes)) as simulated, bars.stage(title, len(jobs), "releases") as bar:
         found = dict(bar.counted(simulated))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
@@ -131,9 +128,7 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _track(
-    engine: str, gravity_m_s2: float, start: IncidentState, condition: Condition, limit_s: float
-) -> Track:
+def _track(engine: str, gravity_m_s2: float, start: IncidentState, condition: Condition, limit_s: float) -> Track:
     track = ENGINES[engine].track(condition, start, gravity_m_s2, limit_s)
     track.shift_time(start.t_s)
     return track

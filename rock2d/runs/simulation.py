@@ -85,9 +85,7 @@ class Simulation:
         """
         if table not in self.table_names():
             known = ", ".join(self.table_names())
-            raise InputError(
-                f"unknown table {table!r}, expected one of {known}", code="unknown_name", name=table
-            )
+            raise InputError(f"unknown table {table!r}, expected one of {known}", code="unknown_name", name=table)
         if table not in self._tables:
             self._tables[table] = (
                 trajectories_table(self.tracks, self.recording, self.block_of)
@@ -136,9 +134,7 @@ class Simulation:
 
         stops = self.to_pandas("stops").groupby("block", sort=False)
         summary = stops.agg(releases=("release", "size"), runout_m=("runout_m", "median"))
-        summary["stops"] = stops["stop"].agg(
-            lambda stop: ", ".join(f"{n} {s}" for s, n in stop.value_counts().items())
-        )
+        summary["stops"] = stops["stop"].agg(lambda stop: ", ".join(f"{n} {s}" for s, n in stop.value_counts().items()))
         summary = summary.rename(columns={"runout_m": "median runout_m"})
         return notebook_table(summary.reset_index()) + notebook_figure(self.plot())
 
@@ -221,9 +217,7 @@ def simulate(
     law = contact_table(by_zone, cross_section.zone_names) if deterministic else by_zone
     condition = Condition(block, cross_section, law, {})
     tracks = [
-        chosen.track(
-            condition, IncidentState(release, block.name, 0.0, state, int(own_seed)), gravity_m_s2, limit
-        )
+        chosen.track(condition, IncidentState(release, block.name, 0.0, state, int(own_seed)), gravity_m_s2, limit)
         for release, (state, own_seed) in enumerate(zip(rows, seeds, strict=True))
     ]
     return Simulation(engine, cross_section, {block.name: block}, tracks, title=f"{block.name} ({engine})")

@@ -57,8 +57,7 @@ class Block:
             raise BlockError(self.name, f"inertia must be positive, got {self.inertia_kg_m2}", "inertia")
         if self.rounding_m and not 0 <= self.rounding_m <= self.largest_rounding_m * (1 + 1e-9):
             raise BlockError(
-                self.name,
-                f"corners can be rounded with up to {self.largest_rounding_m:g} m, got {self.rounding_m:g}",
+                self.name, f"corners can be rounded with up to {self.largest_rounding_m:g} m, got {self.rounding_m:g}"
             )
 
     @cached_property
@@ -172,9 +171,7 @@ def _rotated(point_m: Sequence[float] | Array, theta: Array) -> tuple[Array, Arr
     return c * ex - s * ey, s * ex + c * ey
 
 
-def make_block(
-    name: str, shape: str, mass_kg: float, inertia: str | float = "uniform", **sizes: Any
-) -> Block:
+def make_block(name: str, shape: str, mass_kg: float, inertia: str | float = "uniform", **sizes: Any) -> Block:
     """Make a block from the sizes of its shape.
 
     Parameters
@@ -223,6 +220,4 @@ def make_block(
     else:
         words = ", ".join(inertia_words())
         raise BlockError(name, f"inertia must be {words} or a number, got {inertia!r}", "inertia")
-    return Block(
-        name, shape, float(mass_kg), float(per_mass * mass_kg), profile.semi_axes_m, profile.corners_m
-    )
+    return Block(name, shape, float(mass_kg), float(per_mass * mass_kg), profile.semi_axes_m, profile.corners_m)

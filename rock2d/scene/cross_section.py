@@ -37,9 +37,7 @@ class CrossSectionError(ValueError):
     line : name of the measure line that is wrong, or None
     """
 
-    def __init__(
-        self, message: str, key: str = "", *, facet: int | None = None, line: str | None = None
-    ) -> None:
+    def __init__(self, message: str, key: str = "", *, facet: int | None = None, line: str | None = None) -> None:
         super().__init__(message)
         self.key, self.facet, self.line = key, facet, line
 
@@ -194,9 +192,7 @@ class CrossSection:
         import shapely
 
         outline = self.points_m
-        return shapely.make_valid(
-            shapely.Polygon([*outline, (outline[-1, 0], floor_m), (outline[0, 0], floor_m)])
-        )
+        return shapely.make_valid(shapely.Polygon([*outline, (outline[-1, 0], floor_m), (outline[0, 0], floor_m)]))
 
     def foot_and_head(self, line_m: Array) -> tuple[Array, Array]:
         """The ends of a measure line (2, 2): the one nearer to the surface (the first, if equal) and the other."""
@@ -332,13 +328,9 @@ def _highest_embankment(y: Array) -> Embankment | None:
         if height <= (LEAST_EMBANKMENT_RELIEF * np.ptp(y) if best is None else best.height_m):
             continue
         left = right = top  # move outwards while the ground is raised, and down to the foot of the flanks
-        while left > start and (
-            y[left] > base + LEVEL_GROUND_SHARE * height or base <= y[left - 1] < y[left]
-        ):
+        while left > start and (y[left] > base + LEVEL_GROUND_SHARE * height or base <= y[left - 1] < y[left]):
             left -= 1
-        while right < end and (
-            y[right] > base + LEVEL_GROUND_SHARE * height or base <= y[right + 1] < y[right]
-        ):
+        while right < end and (y[right] > base + LEVEL_GROUND_SHARE * height or base <= y[right + 1] < y[right]):
             right += 1
         crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - LEVEL_GROUND_SHARE * height)
         best = Embankment(left, int(crest[0]), int(crest[-1]), right, height)

@@ -120,10 +120,7 @@ def numbered(name: str, number: int | None) -> str:
 
 
 def with_earthworks(
-    ground: CrossSection,
-    embankment: EmbankmentSizes,
-    ditch: DitchSizes | None = None,
-    number: int | None = None,
+    ground: CrossSection, embankment: EmbankmentSizes, ditch: DitchSizes | None = None, number: int | None = None
 ) -> CrossSection:
     """The ground with an embankment, and a ditch before it.
 
@@ -152,9 +149,7 @@ def with_earthworks(
     back = _first_hit(surface, edge, -np.deg2rad(embankment.downhill_deg))
     if back is None:
         raise EarthworkError(
-            "the downhill face does not meet the ground within the cross-section",
-            "embankment",
-            "downhill_deg",
+            "the downhill face does not meet the ground within the cross-section", "embankment", "downhill_deg"
         )
     start, before = (foot, list[Array]()) if ditch is None else _ditch(surface, foot, embankment, ditch)
     _refuse_overlap(start[0], free_x, number, ("ditch", "width_m"))
@@ -212,9 +207,7 @@ def _first_hit(surface: object, start: Array, angle_rad: float) -> Array | None:
     return np.asarray(found[np.argmin(np.hypot(*(found - start).T))])
 
 
-def _ditch(
-    surface: object, foot: Array, embankment: EmbankmentSizes, ditch: DitchSizes
-) -> tuple[Array, list[Array]]:
+def _ditch(surface: object, foot: Array, embankment: EmbankmentSizes, ditch: DitchSizes) -> tuple[Array, list[Array]]:
     """The point where the ditch leaves the natural slope, and the corners of its bottom (one if it starts on level
     ground)."""
     right = foot - np.array([_run(ditch.depth_m, embankment.uphill_deg), ditch.depth_m])
@@ -244,9 +237,7 @@ def _replaced(
     return np.array(points), [*left, *zones, *right]
 
 
-def _feet_of_lines(
-    arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes
-) -> dict[str, Array]:
+def _feet_of_lines(arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes) -> dict[str, Array]:
     """Name -> foot of each measure line; `foot` is the foot of the facing."""
     feet = {ARRIVAL_LINE: arrival, CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:

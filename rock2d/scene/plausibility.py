@@ -77,8 +77,7 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
     if heaviest < low or lightest > high:
         density = heaviest if heaviest < low else lightest
         unit = next(
-            (f". Is the mass in {said}?" for times, said in UNITS.items() if low <= times * density <= high),
-            "",
+            (f". Is the mass in {said}?" for times, said in UNITS.items() if low <= times * density <= high), ""
         )
         text = (
             f"block {block.name} has a density of {density:.3g} kg/m³ ({block.mass_kg:g} kg, {block.size_m:.3g} m); "
@@ -101,8 +100,7 @@ def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
         ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_before(ground, bank)].sum())
         if 0.0 < ditch < block.size_m:
             yield Doubt(
-                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch{number}, {ditch:.3g} m wide",
-                key,
+                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch{number}, {ditch:.3g} m wide", key
             )
         if block.size_m > bank.height_m:
             text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment{number} of "
@@ -217,10 +215,7 @@ def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[s
                     f"the centroid of block {block.name} cannot cross measure line {name}: the whole line is closer to "
                     f"the ground than {block.inradius_m:.3g} m"
                 )
-            elif (
-                lowest > MOST_INRADII_ABOVE_FOOT * block.inradius_m
-                and foot.distance(surface) < block.inradius_m
-            ):
+            elif lowest > MOST_INRADII_ABOVE_FOOT * block.inradius_m and foot.distance(surface) < block.inradius_m:
                 remarks.append(
                     f"the centroid of block {block.name} can cross measure line {name} only {lowest:.3g} m or more "
                     f"above its foot: below, the line is closer to the ground than {block.inradius_m:.3g} m"

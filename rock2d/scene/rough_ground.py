@@ -42,9 +42,7 @@ def roughened(
     Raises CrossSectionError if the rough surface crosses itself.
     """
     length = np.hypot(*np.diff(cross_section.points_m, axis=0).T)
-    pieces = np.array(
-        [_pieces(n, roughness.get(zone)) for n, zone in zip(length, cross_section.zones, strict=True)]
-    )
+    pieces = np.array([_pieces(n, roughness.get(zone)) for n, zone in zip(length, cross_section.zones, strict=True)])
     if not pieces.any():
         return cross_section
     sd = np.array([roughness[zone].sd_rad if zone in roughness else 0.0 for zone in cross_section.zones])
@@ -75,9 +73,7 @@ def raised(cross_section: CrossSection, x_m: np.ndarray, height_m: np.ndarray) -
     Points above each other move alike, so that the surface cannot cross itself.
     """
     points, zones = list[np.ndarray](), list[str]()
-    for a, b, zone in zip(
-        cross_section.points_m[:-1], cross_section.points_m[1:], cross_section.zones, strict=True
-    ):
+    for a, b, zone in zip(cross_section.points_m[:-1], cross_section.points_m[1:], cross_section.zones, strict=True):
         left, right = min(a[0], b[0]), max(a[0], b[0])
         gap = LEAST_PIECE * (right - left)
         cuts = x_m[(x_m > left + gap) & (x_m < right - gap)][:: 1 if b[0] >= a[0] else -1]

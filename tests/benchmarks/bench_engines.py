@@ -109,9 +109,7 @@ def test_releases(benchmark, name, block_name):
     late = np.mean(run_batch(ensemble, few, **shared).stop == STOPS.index("time"))
     every = f"{threads} threads"
     rows = [
-        row(
-            f"batch, {every}, to rest or exit", 1 / cost["batch"], "releases/s", f"{late:.1%} ran out of time"
-        ),
+        row(f"batch, {every}, to rest or exit", 1 / cost["batch"], "releases/s", f"{late:.1%} ran out of time"),
         row(f"batch, {every}, until captured", 1 / cost["captured"], "releases/s"),
         row(f"point mass, {every}, to rest or exit", 1 / cost["point_mass"], "releases/s"),
         row("a release to rest: batch / point mass", cost["batch"] / cost["point_mass"]),
@@ -124,9 +122,7 @@ def test_releases(benchmark, name, block_name):
             row("the same releases, one core: pymunk / batch", cost["pymunk"] / cost["one thread"]),
         ]
     benchmark.extra_info["rows"] = rows
-    benchmark.extra_info["waits"] = [
-        wait(f"a descent to rest, {name}, {block_name}", cost["batch"], cost["kernel"])
-    ]
+    benchmark.extra_info["waits"] = [wait(f"a descent to rest, {name}, {block_name}", cost["batch"], cost["kernel"])]
 
 
 @pytest.mark.parametrize(("name", "block_name"), SETUP)

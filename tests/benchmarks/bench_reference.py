@@ -15,10 +15,7 @@ from tests.benchmarks.calibration import wait
 from tests.benchmarks.reference_kernel import compile_reference, compiler, run_reference
 
 COMPARED = 300  # releases a round
-AGREEING = {
-    "first": 0.999,
-    "passings": 0.98,
-}  # least shares of releases: roundings differ, and grow with every impact
+AGREEING = {"first": 0.999, "passings": 0.98}  # least shares of releases: roundings differ, and grow with every impact
 AGREES = 1e-9  # relative and absolute
 
 
@@ -79,6 +76,4 @@ def test_ratio_to_c(benchmark, one_thread, tmp_path, name, block_name):
         row("C, one thread, to rest or exit", COMPARED / seconds["reference"], "releases/s"),
     ]
     own, other = (seconds[name] / COMPARED for name in ("batch", "reference"))
-    benchmark.extra_info["waits"] = [
-        wait(f"a descent to rest, one thread, {name}, {block_name}", own, other, "C")
-    ]
+    benchmark.extra_info["waits"] = [wait(f"a descent to rest, one thread, {name}, {block_name}", own, other, "C")]

@@ -74,9 +74,7 @@ def test_compiling(benchmark, what, program, tmp_path):
 
     def processor_s():
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(
-            [sys.executable, "-c", FIRST + program], env=environment, check=True, capture_output=True
-        )
+        subprocess.run([sys.executable, "-c", FIRST + program], env=environment, check=True, capture_output=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -95,9 +93,7 @@ def timed(benchmark, what, arguments, rounds, environment=None):
     def run():
         subprocess.run(command, check=True, capture_output=True, env=environment)
 
-    benchmark.pedantic(
-        run, setup=lambda: kernels.append(kernel_s()), rounds=rounds, warmup_rounds=int(rounds > 1)
-    )
+    benchmark.pedantic(run, setup=lambda: kernels.append(kernel_s()), rounds=rounds, warmup_rounds=int(rounds > 1))
     seconds = benchmark.stats.stats.data
     benchmark.extra_info["waits"] = [wait(what, seconds, kernels[-rounds:])]
 

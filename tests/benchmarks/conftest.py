@@ -45,9 +45,7 @@ def print_waits(terminalreporter, waits, before):
     head = f"{'':<58}{'seconds':>10}{'n':>4}{'ratio':>11} {'to':<11}"
     terminalreporter.write_line(head + f"{'before':>10}{'now/before':>12}" * bool(before))
     for wait in waits:
-        line = (
-            f"{wait['what']:<58}{wait['seconds']:>10.3g}{wait['n']:>4}{wait['ratio']:>11.3g} {wait['of']:<11}"
-        )
+        line = f"{wait['what']:<58}{wait['seconds']:>10.3g}{wait['n']:>4}{wait['ratio']:>11.3g} {wait['of']:<11}"
         if then := before.get((wait["what"], wait["of"])):
             line += f"{then:>10.3g}{wait['ratio'] / then:>12.2f}"
         terminalreporter.write_line(line.rstrip())

@@ -55,9 +55,7 @@ def test_a_cause_of_the_motion_changes_what_follows_it_and_no_piece_is_lost(reco
     own = put_in(
         record,
         name,
-        **values_of_size(
-            catalogue()[name], 0.1 * largest_size(size_parameter(catalogue()[name], world())), world()
-        ),
+        **values_of_size(catalogue()[name], 0.1 * largest_size(size_parameter(catalogue()[name], world())), world()),
     )
     both = beside(own, record)
     moved = np.hypot(both.x_m - both.x_m_old, both.y_m - both.y_m_old)
@@ -115,9 +113,7 @@ def test_a_cause_of_the_motion_is_as_a_film_with_it(record, name, values):
     both = beside(put_in(record, name, **values), record).merge(
         with_it.trajectories, on=["release", "t_s"], suffixes=("", "_film")
     )
-    old, new = (
-        np.hypot(both.x_m_film - both["x_m" + end], both.y_m_film - both["y_m" + end]) for end in ("_old", "")
-    )
+    old, new = (np.hypot(both.x_m_film - both["x_m" + end], both.y_m_film - both["y_m" + end]) for end in ("_old", ""))
     moved = old > 1e-5
     assert moved.mean() > 0.1 and np.median(new[moved] / old[moved]) < 0.01
 
@@ -132,17 +128,12 @@ def test_a_fit_finds_the_cause_that_was_put_in():
         at, parameter = len(MODEL.start()), found.model.parameters[0][0]
         sd = np.sqrt(found.p_covariance[at, at])
         expected = with_cause(MODEL, MODEL.start(), effect, {parameter.name: value})[2][at]
-        assert abs(found.p[at] - expected) < 3.0 * sd < 1.5 * abs(expected), from_scale(
-            parameter, found.p[at]
-        )
+        assert abs(found.p[at] - expected) < 3.0 * sd < 1.5 * abs(expected), from_scale(parameter, found.p[at])
 
 
 def test_roughness_turns_impacts_and_depends_on_the_seed_alone(record):
     effect, values = catalogue()["surface_roughness"], {"sd_rad": 0.05}
-    films = [
-        injected(record, MODEL, MODEL.start(), effect, values, seed).experiment.trajectories
-        for seed in (1, 1, 2)
-    ]
+    films = [injected(record, MODEL, MODEL.start(), effect, values, seed).experiment.trajectories for seed in (1, 1, 2)]
     assert films[0].equals(films[1]) and not films[0].equals(films[2])
     both = beside(injected(record, MODEL, MODEL.start(), effect, values, 1), record)
     moved = np.hypot(both.x_m - both.x_m_old, both.y_m - both.y_m_old)

@@ -37,9 +37,7 @@ def _rectangle(length: float, height: float) -> np.ndarray:
 
 SPHERE = Block("sphere", 0.0125, None, 0.022, 0.4 * 0.022 * 0.0125**2)
 CUBE = Block("cube", 0.019 / math.sqrt(2), _rectangle(0.019, 0.019), 0.0233, 0.0233 * 0.019**2 / 6)
-SLAB = Block(
-    "slab", math.hypot(0.0175, 0.007), _rectangle(0.035, 0.014), 0.0231, 0.0231 * (0.035**2 + 0.014**2) / 12
-)
+SLAB = Block("slab", math.hypot(0.0175, 0.007), _rectangle(0.035, 0.014), 0.0231, 0.0231 * (0.035**2 + 0.014**2) / 12)
 BLOCKS = [SPHERE, CUBE, SLAB]
 LAW = Law(1.0e4, 6.0e4, 2.5e3, math.tan(math.radians(30)), 0.025)
 FLOOR = Setup(np.array([[-1.0, 0.0], [1.0, 0.0]]), ("floor",))
@@ -72,9 +70,7 @@ def _states(n: int, size: float = 0.02) -> np.ndarray:
 def _rebound(law: Law, speed: float, omega: float) -> np.ndarray:
     """Velocity after the sphere hits the floor with 2 m/s down, `speed` along and `omega`, without gravity."""
     times = np.arange(300) * 1e-4
-    poses = _simulate(FLOOR, [SPHERE], np.array([0, 0.02, 0, speed, -2, omega]), times, law=law, gravity=0.0)[
-        0
-    ]
+    poses = _simulate(FLOOR, [SPHERE], np.array([0, 0.02, 0, speed, -2, omega]), times, law=law, gravity=0.0)[0]
     return (poses[-1] - poses[-100]) / (99 * 1e-4)
 
 
@@ -100,9 +96,7 @@ def test_imports_nothing_of_the_toolkit() -> None:
 
 @pytest.mark.parametrize("k_ul", [1.5e4, 6e4, 2e5])
 def test_head_on_restitution(k_ul: float) -> None:
-    assert _rebound(replace(LAW, k_ul=k_ul), 0.0, 0.0)[1] / 2.0 == pytest.approx(
-        math.sqrt(LAW.k_l / k_ul), rel=0.01
-    )
+    assert _rebound(replace(LAW, k_ul=k_ul), 0.0, 0.0)[1] / 2.0 == pytest.approx(math.sqrt(LAW.k_l / k_ul), rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -170,12 +164,10 @@ def test_same_seed_same_bits_whatever_the_other_releases() -> None:
 def test_effects_follow_their_closed_forms() -> None:
     times = np.arange(200) * 5e-4
 
-    def after(
-        name: str, form: int, values: dict[str, float], state: list[float], law: Law = LAW
-    ) -> np.ndarray:
-        poses = _simulate(
-            FLOOR, [SPHERE], np.array(state), times, [Hidden(name, form, values)], law=law, gravity=0.0
-        )[0]
+    def after(name: str, form: int, values: dict[str, float], state: list[float], law: Law = LAW) -> np.ndarray:
+        poses = _simulate(FLOOR, [SPHERE], np.array(state), times, [Hidden(name, form, values)], law=law, gravity=0.0)[
+            0
+        ]
         return (poses[-1] - poses[-3]) / 1e-3
 
     t = times[-2]
@@ -200,9 +192,7 @@ def test_friction_falls_with_the_speed_at_which_a_contact_begins() -> None:
     times = np.arange(400) * 1e-4
     for speed, sliding in ((0.7, 20.0), (0.7, 5.0), (2.3, 20.0)):
         state = np.array([0.0, 0.0125 + 0.01 * speed, 0.0, sliding, -speed, 0.0])
-        poses = _simulate(
-            FLOOR, [SPHERE], state, times, [fall], law=replace(LAW, mu=0.3, k_r=0.0), gravity=0.0
-        )[0]
+        poses = _simulate(FLOOR, [SPHERE], state, times, [fall], law=replace(LAW, mu=0.3, k_r=0.0), gravity=0.0)[0]
         after = (poses[-1] - poses[-100]) / (99 * 1e-4)
         ratio = (sliding - after[0]) / (speed + after[1])
         assert ratio == pytest.approx(0.3 / (1.0 + 1.8 * speed), rel=0.01), (speed, sliding)
@@ -267,11 +257,7 @@ def test_every_cause_shows_and_vanishes_with_its_size(setup: Setup) -> None:
 def test_forms_of_an_effect_differ() -> None:
     for name, forms in FORMS.items():
         records = [
-            _filmed(
-                SETUP,
-                [draw_hidden(name, form, np.random.default_rng(4), World(SETUP, LAW, BLOCKS, G), 1.0)],
-                6,
-            )
+            _filmed(SETUP, [draw_hidden(name, form, np.random.default_rng(4), World(SETUP, LAW, BLOCKS, G), 1.0)], 6)
             for form in range(forms)
         ]
         assert forms >= 2
@@ -308,6 +294,4 @@ def test_field_scale() -> None:
     for name, form in CASES:
         if name in OUTSIDE or form == 1:
             hidden = draw_hidden(name, form, np.random.default_rng(1), World(setup, law, blocks, G), 0.5)
-            assert np.isfinite(_simulate(setup, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), (
-                name
-            )
+            assert np.isfinite(_simulate(setup, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), name

@@ -23,9 +23,7 @@ SEED = np.random.SeedSequence(5)
 @pytest.fixture(scope="module")
 def record():
     experiment = replace(film(world(), 12, seed=1), name="tests")
-    fitted = fit(
-        MODEL, FilmData.of(load_film(experiment), world()), MODEL.start(), convergence=Convergence(rounds=1)
-    )
+    fitted = fit(MODEL, FilmData.of(load_film(experiment), world()), MODEL.start(), convergence=Convergence(rounds=1))
     curves = {"scale_error": Curve(0.01, 3.0, "", 0.01, 1.0, False, 0.1)}
     return Record(experiment, world(), fitted, ["air_drag"], curves)
 

@@ -95,9 +95,7 @@ def test_many_cases_give_the_true_curve():
     rng = np.random.default_rng(1)
     sizes = 0.2 * np.exp(rng.normal(0.0, 0.6, 200))
     seen = rng.random(200) < 1.0 / (1.0 + (0.2 / sizes) ** 4.0)
-    found = corrected(CURVES, [("air_drag", s, bool(y)) for s, y in zip(sizes, seen, strict=True)])[
-        "air_drag"
-    ]
+    found = corrected(CURVES, [("air_drag", s, bool(y)) for s, y in zip(sizes, seen, strict=True)])["air_drag"]
     assert found.seen50 == pytest.approx(0.2, rel=0.15) and found.steepness == pytest.approx(4.0, rel=0.1)
 
 
@@ -133,9 +131,7 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     done = commanded(*words)
     assert done.exit_code == 0, done.output
     assert "1 of 1 known causes were seen" in done.output and "names that are false: 0" in done.output
-    truth, limits = (
-        json.loads((tmp_path / "study" / f"{name}.json").read_text()) for name in ("truth", "limits")
-    )
+    truth, limits = (json.loads((tmp_path / "study" / f"{name}.json").read_text()) for name in ("truth", "limits"))
     case = truth["cases"]["000"]
     assert case["effect"] == "camera_tilt" and case["expected"] == pytest.approx(case["size"], rel=1e-3)
     assert limits["camera_tilt"]["seen50"] < case["size"]

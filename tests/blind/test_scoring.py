@@ -240,10 +240,7 @@ def test_the_claimed_closure_of_predictions_is_compared_with_that_in_the_heldout
     assert found_closure(miss | {"diagnosed": 4.0, "floor": 4.5}) == 0.0  # there is no gap
     result = _result({}, 0.0) | {"heldout": miss}
     result["diagnosis"]["predicted"] = {"typical": {"closure": 0.75}}
-    cases = [
-        scored_case("0", trial_label(air_drag=20.0), result),
-        scored_case("1", trial_label(), _result({}, 0.0)),
-    ]
+    cases = [scored_case("0", trial_label(air_drag=20.0), result), scored_case("1", trial_label(), _result({}, 0.0))]
     found = predicted(cases)["all"]
     assert found["median_claimed_less_true"] == pytest.approx(0.25)
     assert _counts(found["within_15_points"]) == (0, 1) and _counts(found["claimed_too_much"]) == (1, 1)

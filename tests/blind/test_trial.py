@@ -98,10 +98,7 @@ def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():
     case.hidden = [reality.Hidden("camera_tilt", 0, case.hidden[0].values | {"turn_rad": 0.001})]
     two, _ = signals_to_noise(case)
     assert two == pytest.approx(2 * one, rel=0.1)  # while no block lands on another corner
-    noise = {
-        "position_noise_m": 3 * case.camera.position_noise_m,
-        "angle_noise_rad": 3 * case.camera.angle_noise_rad,
-    }
+    noise = {"position_noise_m": 3 * case.camera.position_noise_m, "angle_noise_rad": 3 * case.camera.angle_noise_rad}
     case.camera = replace(case.camera, **noise)
     assert signals_to_noise(case)[0] < two
 
@@ -139,9 +136,7 @@ def test_calibration_error_of_known_cases():
     assert auroc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0, 0, 1, 1])) == 0.75
 
 
-def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(
-    tmp_path, small, monkeypatch
-):
+def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(tmp_path, small, monkeypatch):
     from distributed import LocalCluster
 
     from rock2d.blind.running import run_trial

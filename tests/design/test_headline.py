@@ -18,8 +18,7 @@ GROUND = CrossSection(
     {"arrival": [[80.0, 1.5], [80.0, 9.0]], "crest": [[88.0, 4.5], [88.0, 9.0]]},
 )  # fmt: skip
 SITE = SimpleNamespace(
-    document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.5}}),
-    make_cross_section=lambda: GROUND,
+    document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.5}}), make_cross_section=lambda: GROUND
 )
 SHARES = st.floats(1e-5, 1.0)
 
@@ -60,13 +59,9 @@ def test_the_first_sentence_follows_the_verdict_and_its_bound(bounds, target, pe
 
 def test_the_sentence_says_the_height_and_where_the_range_ends():
     met = answer_sentence(answer([{"ball": 0.5}, {"ball": 0.004}]), SITE)
-    assert met.startswith(
-        "An embankment 3 m high at x = 86 m meets the target that at most 1 % of the released blocks"
-    )
+    assert met.startswith("An embankment 3 m high at x = 86 m meets the target that at most 1 % of the released blocks")
     assert "where the range begins" in answer_sentence(answer([{"ball": 0.004}, {"ball": 0.0}]), SITE)
-    assert "3 m high at x = 86 m, the largest of the range," in answer_sentence(
-        answer([{"ball": 0.5}] * 2), SITE
-    )
+    assert "3 m high at x = 86 m, the largest of the range," in answer_sentence(answer([{"ball": 0.5}] * 2), SITE)
 
 
 def test_releases_that_were_cut_short_are_named_where_they_decide():
@@ -75,9 +70,7 @@ def test_releases_that_were_cut_short_are_named_where_they_decide():
     cut = replace(found, judgements=tuple(replace(j, unresolved={"ball": 0.033}) for j in found.judgements))
     text = answer_sentence(cut, SITE)
     assert "3.3 % of the releases of ball were cut short or buried before crest" in text
-    assert text.endswith("count as passed; so no size can meet it.") and "cut short" not in answer_sentence(
-        found, SITE
-    )
+    assert text.endswith("count as passed; so no size can meet it.") and "cut short" not in answer_sentence(found, SITE)
 
 
 @pytest.mark.parametrize(
@@ -96,13 +89,7 @@ def content(found: Answer | None, height: float):
                             "low95": [0.0, 0.01], "high95": [0.05, 0.04]})  # fmt: skip
     tables = {"percentiles": values, "passing": passing}
     return SimpleNamespace(
-        answer=found,
-        scenario=SITE,
-        tables=tables,
-        design_values=values,
-        assessment=None,
-        uncertain=None,
-        remarks=[],
+        answer=found, scenario=SITE, tables=tables, design_values=values, assessment=None, uncertain=None, remarks=[]
     )
 
 
@@ -125,14 +112,10 @@ def test_there_is_no_norm_sentence_if_another_size_was_sought():
 
 def test_without_a_target_the_sentence_gives_the_frequency_with_its_interval_and_the_design_values():
     text = first_sentence(content(None, 3.0))
-    assert (
-        "blocks of ball" in text and "1.00 [0, 5.00] % pass crest" in text
-    )  # the highest bound, not the most passed
+    assert "blocks of ball" in text and "1.00 [0, 5.00] % pass crest" in text  # the highest bound, not the most passed
     assert "2000 [1900, 2100] kJ (UNI 11211-4, ball)" in text and "3.00 [2.80, 3.20] m" in text
 
 
 def test_the_worst_block_of_a_search_is_the_one_that_was_judged():
-    (worst,) = worst_blocks(
-        content(answer([{"ball": 0.5, "cube": 0.2}, {"ball": 0.002, "cube": 0.007}]), 3.0)
-    )
+    (worst,) = worst_blocks(content(answer([{"ball": 0.5, "cube": 0.2}, {"ball": 0.002, "cube": 0.007}]), 3.0))
     assert worst is not None and worst.block == "cube" and worst.frequency.high == 0.007

@@ -54,9 +54,7 @@ def test_a_range_without_an_answer_and_one_that_is_met_everywhere(tmp_path):
     met = least_size(search(scenario), judged)
     assert met.least == 1.0 and len(asked) == 2
     assert met.least_text == "at most 1 (the range begins there)"
-    assert "least embankment.height_m: at most 1 (the range begins there)" in answer_text(
-        met, search(scenario)
-    )
+    assert "least embankment.height_m: at most 1 (the range begins there)" in answer_text(met, search(scenario))
 
 
 def test_the_bound_holds_with_the_stated_confidence():
@@ -182,9 +180,7 @@ def test_a_search_whose_scheduler_does_not_answer_is_refused(tmp_path, monkeypat
     small_site(tmp_path)
     gone = Workers(scheduler="tcp://localhost:1")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        run_design(
-            tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "out", progress=False, workers=gone
-        )
+        run_design(tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "out", progress=False, workers=gone)
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):

@@ -36,9 +36,7 @@ def searched(tmp_path_factory):
     small_site(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(least_volume, "MOST_COMBINATIONS", 6)
-        answer = run_design(
-            folder / "small.yaml", PLACE, BOUNDS, TARGET, folder / "out", over=OVER, **OPTIONS
-        )
+        answer = run_design(folder / "small.yaml", PLACE, BOUNDS, TARGET, folder / "out", over=OVER, **OPTIONS)
     return folder, answer
 
 
@@ -85,9 +83,7 @@ def test_the_least_volume_is_found_inside_and_at_the_ends_of_ranges(best):
 
     def found(values):
         x, y = values["x"] / 10.0 - 1.0, (values["y"] + 5.0) / 2.0
-        volume = (
-            20.0 + 9.0 * (x - best[0]) ** 2 + 6.0 * (y - best[1]) ** 2 + 3.0 * (x - best[0]) * (y - best[1])
-        )
+        volume = 20.0 + 9.0 * (x - best[0]) ** 2 + 6.0 * (y - best[1]) ** 2 + 3.0 * (x - best[0]) * (y - best[1])
         meets = x + y > 0.4
         judged = Judgement(5.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": 0.0 if meets else 0.9}, meets)
         return Combination(values, Answer(PLACE, TARGET, 5.0 if meets else None, 0.1, (judged,)), volume, 0.0)
@@ -126,10 +122,7 @@ def test_a_least_volume_at_the_end_of_a_range_is_told(best, ends):
         ([("embankment.uphill_deg", 80.0, 60.0)], "must rise"),
         ([("embankment.widht", 1.0, 2.0)], "no number"),
         ([("blocks.ball.mass_kg", 1.0, 2.0)], "is not a number of the earthworks"),
-        (
-            [(f"embankment.{key}", 1, 2) for key in ("crest_m", "x_m", "uphill_deg", "downhill_deg")],
-            "too many",
-        ),
+        ([(f"embankment.{key}", 1, 2) for key in ("crest_m", "x_m", "uphill_deg", "downhill_deg")], "too many"),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_any_work(searched, over, said):

@@ -93,10 +93,7 @@ def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
     least, (run, other) = live(6 * RELEASES)
     assert 0.3 * len(paths) < len(json.dumps(run["paths"])) < 0.7 * len(paths)
     assert sum(run["paths"]["worst"]) == 2 and set(run["paths"]["release"]) > set(range(10))
-    assert (
-        f"{len(run['paths']['release'])} of {2 * RELEASES} paths, the first ones and the worst"
-        in run["notes"][0]
-    )
+    assert f"{len(run['paths']['release'])} of {2 * RELEASES} paths, the first ones and the worst" in run["notes"][0]
     assert f"the first {2 * RELEASES} of {6 * RELEASES} releases" in least["notes"][0]
     assert len(least["data"]) < live_slope.MOST_BYTES + 2000
 
@@ -109,9 +106,7 @@ def test_the_worst_have_the_largest_energies_of_their_block(result):
         energy = 0.5 * block.mass_kg * (vx**2 + vy**2) + 0.5 * block.inertia_kg_m2 * omega**2
         energies.setdefault(track.block, []).append((energy.max(), i))
     largest_J = live_slope.largest_energies(result)
-    assert sorted(live_slope.worst_releases(result, largest_J)) == sorted(
-        max(own)[1] for own in energies.values()
-    )
+    assert sorted(live_slope.worst_releases(result, largest_J)) == sorted(max(own)[1] for own in energies.values())
     assert [largest_J[i] for _, i in map(max, energies.values())] == pytest.approx(
         [max(own)[0] for own in energies.values()]
     )
@@ -199,9 +194,7 @@ def test_boxes_choose_blocks_stops_and_the_worst(page):
     assert f"{2 * RELEASES} of {2 * RELEASES} paths" in page.inner_text("#live-said")
     all_paths = picture(page, "#live-stage canvas")
     page.get_by_label("ball").uncheck()
-    assert list(shown_now(page)) == [NASTY] and f"{RELEASES} of {2 * RELEASES} paths" in page.inner_text(
-        "#live-said"
-    )
+    assert list(shown_now(page)) == [NASTY] and f"{RELEASES} of {2 * RELEASES} paths" in page.inner_text("#live-said")
     page.get_by_label("ball").check()
     page.get_by_label("only the worst").check()
     assert f"2 of {2 * RELEASES} paths" in page.inner_text("#live-said")
@@ -261,9 +254,7 @@ def test_another_run_is_shown_and_stands_beside(page, result, higher):
     page.locator("#live-beside").select_option("0")
     assert f"as in the file: {2 * RELEASES} of {2 * RELEASES}" in page.inner_text("#live-said")
     beside = page.locator("#live-tables table").first.locator("small").all_text_contents()
-    assert beside[0].startswith("as in the file: ") and beside[1:] == [
-        first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)
-    ]
+    assert beside[0].startswith("as in the file: ") and beside[1:] == [first[k] for k in (2, 3, 4, 6, 7, 8, 10, 11, 12)]
     one = picture(page, "#live-stage canvas")
     ask_for_release(page, OTHERS + 3)
     assert page.inner_text("#live-said").startswith(f"release {OTHERS + 3}, {NASTY}")
@@ -291,11 +282,7 @@ def contrast(one, other) -> float:
 
     def luminance(colour) -> float:
         share = colour / 255
-        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ (
-            0.2126,
-            0.7152,
-            0.0722,
-        )
+        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722)
 
     low, high = sorted((luminance(one), luminance(other)))
     return (high + 0.05) / (low + 0.05)
@@ -340,10 +327,7 @@ def test_the_worst_release_says_its_energy_and_where_it_started(page, result):
     page.get_by_role("button", name="the one with the largest energy").click()
     track = result.tracks[int(largest_J.argmax())]
     said = page.inner_text("#live-said")
-    assert (
-        said.startswith(f"release {track.release}, ")
-        and f"largest energy {1e-3 * largest_J.max():.3g} kJ" in said
-    )
+    assert said.startswith(f"release {track.release}, ") and f"largest energy {1e-3 * largest_J.max():.3g} kJ" in said
     start = [float(number) for number in re.findall(r"[xy] = ([-\d.]+) m", said)]
     assert start == pytest.approx(track.knots[0, 1:3], rel=6e-3)
 
@@ -382,9 +366,7 @@ def test_it_is_not_printed_and_every_control_has_a_name(page):
     assert_not_printed_and_all_named(page)
 
 
-def test_names_stay_text_and_nothing_is_loaded(
-    watched, report
-):  # the last test: all others have used the page
+def test_names_stay_text_and_nothing_is_loaded(watched, report):  # the last test: all others have used the page
     page, seen = watched
     assert page.locator("#live b").count() == 0 and page.get_by_role("checkbox", name=NASTY).count() == 1
     assert_nothing_else_was_run_or_loaded(page, seen, report)

@@ -2,14 +2,7 @@
 
 import pytest
 
-from rock2d.design.model_range import (
-    BASE,
-    other_models,
-    range_remarks,
-    range_table,
-    short_ranges,
-    shown_lines,
-)
+from rock2d.design.model_range import BASE, other_models, range_remarks, range_table, short_ranges, shown_lines
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.run import run
 from rock2d.scene.soils import SOIL_CLASSES
@@ -39,8 +32,7 @@ def test_one_thing_changes_at_a_time(scenario):
     assert found["probabilistic law"].engine == "point_mass"
     assert not found["smooth ground"].scenario.roughness and found["softer soil"].scenario.roughness
     restitution = [
-        SOIL_CLASSES[found[name].scenario.model.soils["default"]].restitution
-        for name in ("softer soil", "harder soil")
+        SOIL_CLASSES[found[name].scenario.model.soils["default"]].restitution for name in ("softer soil", "harder soil")
     ]
     assert restitution[0] < SOIL_CLASSES["covered_bedrock"].restitution < restitution[1]
     ball, cube = (own.make_blocks()["ball"] for own in (scenario, found["square blocks"].scenario))

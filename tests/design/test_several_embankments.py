@@ -22,9 +22,7 @@ from tests.scenarios_of_tests import SLOPE, scenario_file
 
 FIRST = "1: {x_m: 26, height_m: 0.8, crest_m: 1.0, uphill_deg: 60, downhill_deg: 34}"
 SECOND = "2: {x_m: 34, height_m: 0.6, crest_m: 0.8, uphill_deg: 60, downhill_deg: 34}"
-BOTH = (
-    f"{SLOPE}embankment: {{{FIRST}, {SECOND}}}\nditch: {{2: {{width_m: 1.5, depth_m: 0.2, uphill_deg: 45}}}}"
-)
+BOTH = f"{SLOPE}embankment: {{{FIRST}, {SECOND}}}\nditch: {{2: {{width_m: 1.5, depth_m: 0.2, uphill_deg: 45}}}}"
 RELEASES = 120
 
 
@@ -81,9 +79,7 @@ def test_a_higher_second_embankment_is_found_and_the_first_stays(site, tmp_path,
     assert medians == sorted(medians, reverse=True) and medians[0] > medians[-1]
     least = load_scenario(tmp_path / "design" / "least.yaml").embankment
     assert least["2"].height_m == facts["least"] and least["1"].height_m == 0.8
-    without_number = commanded(
-        "design", site, "--range", 1, 5, "--target", 50, "--quiet", "--out", tmp_path / "none"
-    )
+    without_number = commanded("design", site, "--range", 1, 5, "--target", 50, "--quiet", "--out", tmp_path / "none")
     assert "did you mean 'embankment.1.height_m'" in str(without_number.exception)
     assert not (tmp_path / "none").exists()
 
@@ -120,8 +116,7 @@ def test_a_block_is_compared_with_each_embankment(site):
 
     def told(diameter_m: float) -> list[str]:
         return [
-            doubt.text
-            for doubt in earthwork_doubts(make_block("it", "circle", 1e3, diameter_m=diameter_m), ground)
+            doubt.text for doubt in earthwork_doubts(make_block("it", "circle", 1e3, diameter_m=diameter_m), ground)
         ]
 
     assert told(0.5) == []

@@ -22,9 +22,7 @@ def found_alone_and_shared(scenario, place, sizes, monkeypatch):
     search = Search(scenario, place, BOUNDS, TARGET, "batch", 1)
     shared = np.array([judged(search, size) for size in sizes])
     monkeypatch.setattr(least_size, "shares_descents", lambda *given: False)
-    return np.array(
-        [judged(Search(scenario, place, BOUNDS, TARGET, "batch", 1), size) for size in sizes]
-    ), shared
+    return np.array([judged(Search(scenario, place, BOUNDS, TARGET, "batch", 1), size) for size in sizes]), shared
 
 
 @pytest.mark.parametrize("rough", ["", "roughness:\n  slope: {sd_deg: 3, length_m: 0.6}\n"])

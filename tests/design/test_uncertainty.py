@@ -104,9 +104,7 @@ def test_sobol_indices_of_a_linear_result():
     sites = saltelli(512, 3, 4)
     frequency = 0.5 + 0.3 * (sites.values[:, 0] - 0.5) + 0.1 * (sites.values[:, 1] - 0.5)
     passed = ((np.arange(4000) + 0.5) / 4000 < frequency[:, None])[:, None, None, :]
-    table = sensitivity_table(
-        sites, SiteResults(("ball",), ("crest",), passed, passed & False, passed, {}), 1
-    )
+    table = sensitivity_table(sites, SiteResults(("ball",), ("crest",), passed, passed & False, passed, {}), 1)
     for column in ("first_order", "total"):
         assert table.set_index("parameter")[column].to_numpy() == pytest.approx([0.9, 0.1, 0.0], abs=0.02)
 
@@ -117,13 +115,9 @@ def test_the_same_site_twice_has_the_same_releases(tmp_path, engine):
     same = variant(scenario, {})
     results = simulate_sites([same, same], engine, [3, 3], 30)
     assert results.passed.any() and np.array_equal(results.passed[0], results.passed[1])
-    assert np.array_equal(
-        results.crossings["kinetic_J"][0], results.crossings["kinetic_J"][1], equal_nan=True
-    )
+    assert np.array_equal(results.crossings["kinetic_J"][0], results.crossings["kinetic_J"][1], equal_nan=True)
     other = simulate_sites([same], engine, [4], 30)
-    assert not np.array_equal(
-        other.crossings["kinetic_J"], results.crossings["kinetic_J"][:1], equal_nan=True
-    )
+    assert not np.array_equal(other.crossings["kinetic_J"], results.crossings["kinetic_J"][:1], equal_nan=True)
 
 
 def test_drawn_sites_are_scenarios_with_these_values(tmp_path):

@@ -19,16 +19,7 @@ from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
-from tests.kinematics.synthetic_films import (
-    LAW,
-    base_fit,
-    data_of,
-    effects,
-    film,
-    series_order,
-    with_causes,
-    world,
-)
+from tests.kinematics.synthetic_films import LAW, base_fit, data_of, effects, film, series_order, with_causes, world
 
 RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
 # the whole catalogue takes minutes
@@ -79,11 +70,7 @@ def diagnosed(request):
 
 @pytest.mark.parametrize(
     ("name", "values"),
-    [
-        ("zone_contrast", [0.4, 1.0, 1.0, 0.0]),
-        ("soil_compaction", [0.04, 0.0, 0.0]),
-        ("frame_rate_error", [1.04]),
-    ],
+    [("zone_contrast", [0.4, 1.0, 1.0, 0.0]), ("soil_compaction", [0.04, 0.0, 0.0]), ("frame_rate_error", [1.04])],
 )
 def test_hidden_effect_is_named_and_measured(diagnosed, name, values):
     """A camera that is tilted is that of the tutorial, in `tests/docs/test_tutorials.py`."""

@@ -5,14 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.budget import (
-    TRUE_FLOOR_RATIO,
-    TRUE_FLOOR_SD,
-    Budget,
-    GapBootstrap,
-    ResidualSizes,
-    budget,
-)
+from rock2d.diagnosis.budget import TRUE_FLOOR_RATIO, TRUE_FLOOR_SD, Budget, GapBootstrap, ResidualSizes, budget
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.report.sections import budget_section
@@ -139,9 +132,7 @@ def test_the_page_says_which_effects_of_the_learnt_part_are_not_certain():
         "verdict": "unknown",
         "gap": {"base": 1.0, "noise_floor": 0.5},
         "floor": {"regression": 0.5, "replicates": 0.6, "used": 0.5},
-        "causes": [
-            closed | {"effect": "air_drag", "origin": "flight", "group": [], "parameters": parameters}
-        ],
+        "causes": [closed | {"effect": "air_drag", "origin": "flight", "group": [], "parameters": parameters}],
         "outside": {
             "share": 0.3,
             "learnt": {

@@ -21,15 +21,7 @@ from rock2d.effects.mirrored_axis import MIRROR_THETA
 from rock2d.effects.zone_contrast import FACE
 from rock2d.kinematics.setup_world import base_start
 from rock2d.processes import Processes
-from tests.kinematics.synthetic_films import (
-    base_fit,
-    data_of,
-    effects,
-    film,
-    series_order,
-    with_causes,
-    world,
-)
+from tests.kinematics.synthetic_films import base_fit, data_of, effects, film, series_order, with_causes, world
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
@@ -85,11 +77,7 @@ def test_an_effect_that_closes_a_part_only_beside_what_is_learnt_closes_it(two):
     """Neither alone nor in the set does it close anything here."""
     base, tilted = two.base, two.alone["camera_tilt"]
     search = SimpleNamespace(
-        data=two.data,
-        base=base,
-        best=base,
-        alone={"camera_tilt": base},
-        without=lambda _: {"camera_tilt": base},
+        data=two.data, base=base, best=base, alone={"camera_tilt": base}, without=lambda _: {"camera_tilt": base}
     )
     assert probability_of_no_closure(search, "camera_tilt", base, base) == 1.0
     assert probability_of_no_closure(search, "camera_tilt", tilted, base) < 0.01
@@ -118,9 +106,7 @@ def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
             model, two.data, extended(base, model), old=base, convergence=Convergence(rival_total=rival_total)
         ), len(simulated)
 
-    (alone, all_steps), (near, same), (far, fewer) = map(
-        fitted, (-np.inf, base.total() + 5.0, base.total() + 1e5)
-    )
+    (alone, all_steps), (near, same), (far, fewer) = map(fitted, (-np.inf, base.total() + 5.0, base.total() + 1e5))
     assert (near.p == alone.p).all() and same == all_steps
     assert fewer < all_steps
     assert base.total() <= far.total() <= alone.total()

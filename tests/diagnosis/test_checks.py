@@ -59,10 +59,7 @@ def failed(own: tuple[FilmData, Fit], left: Fit) -> dict[str, str]:
 def test_true_model_fails_as_often_as_stated(fitted, monkeypatch):
     monkeypatch.setattr(checks, "REPLICATES", 500)
     found = [predictive_checks(fitted[0], drawn(fitted, seed), seed) for seed in range(FILMS)]
-    for p in (
-        np.array([own.p for own in found]),
-        np.array([min(c.p_of_all for c in own.spreads) for own in found]),
-    ):
+    for p in (np.array([own.p for own in found]), np.array([min(c.p_of_all for c in own.spreads) for own in found])):
         assert (p < FALSE_ALARMS).mean() < 0.12
         assert 0.3 < np.median(p) < 0.7
 

@@ -183,10 +183,7 @@ def test_the_same_comparison_gives_the_same_files(compared, monkeypatch):
         ('{"name": 1}', "expected a diagnosis.json"),
         (json.dumps(diagnosis(group=3)), "group: expected a list, found 3"),
         (json.dumps(diagnosis(schema=0)), "schema"),
-        (
-            json.dumps(diagnosis(verdict="camera_tilt", probabilities={"none": 1.0})),
-            "probability of the verdict",
-        ),
+        (json.dumps(diagnosis(verdict="camera_tilt", probabilities={"none": 1.0})), "probability of the verdict"),
         (json.dumps(diagnosis(tilt=float("inf"))), "finite"),
         (json.dumps({k: v for k, v in diagnosis().items() if k != "gap"}), "missing key 'gap'"),
     ],

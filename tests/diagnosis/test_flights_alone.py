@@ -28,12 +28,7 @@ DRAG = {"heavy": 0.45, "light": 0.6, "foam": 0.3}  # drag coefficients
 
 
 def flights(
-    blocks: dict[str, Block],
-    drag: dict[str, float],
-    *,
-    throw_m_s: float = 0.0,
-    lift_1_m: float = 0.0,
-    drops: int = 4,
+    blocks: dict[str, Block], drag: dict[str, float], *, throw_m_s: float = 0.0, lift_1_m: float = 0.0, drops: int = 4
 ) -> Experiment:
     """Balls dropped or thrown from 30 m, filmed without marks; lift turns the path, as topspin does."""
     rng, rows = np.random.default_rng(np.random.SeedSequence(3)), []
@@ -52,9 +47,7 @@ def flights(
         rows.append(pd.DataFrame({"release": release, "block": name, "t_s": t, "x_m": x, "y_m": y}))
     table = pd.concat(rows, ignore_index=True).assign(theta_rad=np.nan)
     ground = CrossSection([[-60.0, 0.0], [60.0, 0.0]], ["ground"])
-    return Experiment(
-        "drops", G, 1.0 / (STEPS_PER_FRAME * STEP_S), NOISE_M, 0.05, ground, blocks, trajectories=table
-    )
+    return Experiment("drops", G, 1.0 / (STEPS_PER_FRAME * STEP_S), NOISE_M, 0.05, ground, blocks, trajectories=table)
 
 
 @pytest.fixture(scope="module")

@@ -90,9 +90,7 @@ def test_effect_is_found_in_a_table():
     tried = effects("inertia_error", "angle_offset", "surface_roughness")
     content = diagnosis_json(diagnose(impacts(world, 150, seed=3, noise=0.01), effects=tried))
     assert content["verdict"] == "inertia_error"
-    assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(
-        1.3, rel=0.06
-    )
+    assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(1.3, rel=0.06)
 
 
 def test_columns_the_wrong_way_round_are_said():

@@ -31,9 +31,7 @@ def other():
 
 def learnt(*changes: tuple[str, list[list[float]]]) -> dict:
     """The law of the synthetic films with constant changes: lever and coefficients."""
-    given = (
-        {"lever": lever, "depends_on": "nothing", "curves": [], "coefficients": c} for lever, c in changes
-    )
+    given = ({"lever": lever, "depends_on": "nothing", "curves": [], "coefficients": c} for lever, c in changes)
     return {**known(), "model": with_learnt(SOIL, *given)}
 
 
@@ -96,8 +94,7 @@ def test_blocks_come_to_rest_on_the_learnt_profile(other):
     learnt_profile = {**known(), "model": with_learnt(SOIL, change)}
     last = predict(other, known()).t_s.max()
     higher, stated = (
-        table[table.t_s == last].y_m.to_numpy()
-        for table in (predict(other, own) for own in (learnt_profile, known()))
+        table[table.t_s == last].y_m.to_numpy() for table in (predict(other, own) for own in (learnt_profile, known()))
     )
     assert np.median(higher - stated) == pytest.approx(rise_m, rel=0.1)
 

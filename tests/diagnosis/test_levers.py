@@ -27,10 +27,7 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
 @pytest.mark.parametrize(
     ("effect", "values", "name", "errors"),
     # compaction in films of other seeds: always found first, at 1.5 to 3.9 standard errors
-    [
-        ("soil_compaction", [0.15, 0.0, 0.0], "law of series", 1.0),
-        ("air_drag", [0.3], "flight of velocity", 3.0),
-    ],
+    [("soil_compaction", [0.15, 0.0, 0.0], "law of series", 1.0), ("air_drag", [0.3], "flight of velocity", 3.0)],
 )
 def test_a_dependence_is_found_where_it_is_and_gone_once_it_is_modelled(effect, values, name, errors):
     base, full, data = _fitted(effect, values)
@@ -57,8 +54,7 @@ def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothin
     none = np.zeros((*base.residuals.flights.shape, 3))
     gains = [
         linear.best_step(
-            Residuals(spread[:, None] * rng.normal(size=(*base.residuals.impacts.shape, 3)), none),
-            [np.full(3, 0.1)],
+            Residuals(spread[:, None] * rng.normal(size=(*base.residuals.impacts.shape, 3)), none), [np.full(3, 0.1)]
         ).gain.sum()
         for _ in range(20)
     ]

@@ -23,9 +23,7 @@ def impacts(soil, count=800, seed=5):
 
 
 def posterior(r, slope, soil):
-    return (
-        log_likelihood(r, residual_covariance(slope, soil)).sum() - 0.5 * ((soil / PRIOR_SCATTER) ** 2).sum()
-    )
+    return log_likelihood(r, residual_covariance(slope, soil)).sum() - 0.5 * ((soil / PRIOR_SCATTER) ** 2).sum()
 
 
 def test_the_scatter_is_found_where_it_was_drawn():

@@ -96,9 +96,7 @@ def cells(page, row: str) -> list[list[str]]:
 def of_models(result):
     """The models that can be ticked: causes -> fit with its held-out residuals."""
     everything = (*sorted(result.found.named), "learnt")
-    return {tuple(sorted(names)): own for names, own in result.found.sets.items()} | {
-        everything: result.found.learnt
-    }
+    return {tuple(sorted(names)): own for names, own in result.found.sets.items()} | {everything: result.found.learnt}
 
 
 def test_without_a_script_the_page_is_as_before_and_small(diagnosed, report):
@@ -129,9 +127,7 @@ def test_each_cause_has_its_share_of_the_budget_and_the_shares_in_the_first_and_
         alone, last = sets[frozenset({name})][1].closes, sets[both][1].closes - sets[both - {name}][1].closes
         assert share_closed(own.closes, own.ci95) in row
         assert f"alone {100 * alone:.0f} %, after all others {100 * last:.0f} %" in row
-        assert min(alone, last) == pytest.approx(own.range[0]) and max(alone, last) == pytest.approx(
-            own.range[1]
-        )
+        assert min(alone, last) == pytest.approx(own.range[0]) and max(alone, last) == pytest.approx(own.range[1])
 
 
 def test_what_was_learnt_needs_all_causes(page, diagnosed):
@@ -145,9 +141,7 @@ def test_what_was_learnt_needs_all_causes(page, diagnosed):
     assert page.inner_text("#live-model") == "Model: with inertia error"
 
 
-def test_misses_are_those_of_the_tiles_and_the_passing_frequencies_those_of_the_charts(
-    page, diagnosed, report
-):
+def test_misses_are_those_of_the_tiles_and_the_passing_frequencies_those_of_the_charts(page, diagnosed, report):
     physical = diagnosis_json(diagnosed)["physical"]
     for names, side in (((), "base"), (("learnt",), "augmented")):
         tick(page, *names)
@@ -171,9 +165,7 @@ def test_misses_are_those_of_the_tiles_and_the_passing_frequencies_those_of_the_
 def test_causes_that_were_not_computed_together_are_said(browser, report, tmp_path):
     text = report.read_text(encoding="utf-8")
     assert '"models":[[],[0],[1],' in text
-    (tmp_path / "less.html").write_text(
-        text.replace('"models":[[],[0],', '"models":[[],[9],'), encoding="utf-8"
-    )
+    (tmp_path / "less.html").write_text(text.replace('"models":[[],[0],', '"models":[[],[9],'), encoding="utf-8")
     page, _ = opened(browser, tmp_path / "less.html")
     cause(page, "learnt").uncheck()
     page.locator("input[name=cause]").nth(1).uncheck()
@@ -204,11 +196,7 @@ def test_median_misses_of_a_channel_are_those_of_the_residuals(page, diagnosed):
     rows = {row[0]: row[-1] for row in cells(page, "#live-channels tbody tr")}
     pose, rate = np.nanmedian(np.abs(residuals), axis=0).reshape(2, 3)
     for c, (name, unit, small, factor) in enumerate(
-        (
-            ("tangential", "m/s", "mm", 1e3),
-            ("normal", "m/s", "mm", 1e3),
-            ("spin", "rad/s", "°", np.rad2deg(1.0)),
-        )
+        (("tangential", "m/s", "mm", 1e3), ("normal", "m/s", "mm", 1e3), ("spin", "rad/s", "°", np.rad2deg(1.0)))
     ):
         expected = f"({rate[c]:.2g} {unit}, {factor * pose[c]:.2g} {small})".replace(" °", "°")
         assert rows[f"impact, {name}"].endswith(expected)
@@ -268,9 +256,7 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
     release = data.film.release_names[data.impacts.release[i]]
     for names, own in of_models(diagnosed).items():
         tick(page, *names)
-        name = next(
-            t for t in listed(page) if f"release {release}," in t and f"t = {at:.3f} s" in t and "impact" in t
-        )
+        name = next(t for t in listed(page) if f"release {release}," in t and f"t = {at:.3f} s" in t and "impact" in t)
         page.locator("#live-item").select_option(name)
         before, after, *simulated = cells(page, "#live-one tbody tr")
         assert before[0] == "before, measured" and float(before[2]) < 0.0 < float(after[2])
@@ -288,9 +274,7 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
 
 def test_a_click_on_the_section_chooses_what_lies_there(page, diagnosed):
     left, right, low, high = json.loads(page.inner_text("#live-data"))["limits"]
-    scale = min(
-        (page.locator("#live-stage").bounding_box()["width"] - 56) / (right - left), 440 / (high - low)
-    )
+    scale = min((page.locator("#live-stage").bounding_box()["width"] - 56) / (right - left), 440 / (high - low))
     places, data = touch_places(diagnosed, diagnosed.data), diagnosed.data
     page.locator("#live-phase").select_option("impacts")
     for i in range(0, len(places), 4):
@@ -318,9 +302,7 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
     rows, release = segments.frames[s], segments.release[s]
     t = data.film.t_s[rows[-1]] - data.film.t_s[np.searchsorted(data.film.release, release)]
     ask_for_release(page, data.film.release_names[release])
-    page.locator("#live-time").evaluate(
-        "(c, t) => { c.value = t; c.dispatchEvent(new Event('input')) }", t + 1e-5
-    )
+    page.locator("#live-time").evaluate("(c, t) => { c.value = t; c.dispatchEvent(new Event('input')) }", t + 1e-5)
     assert "segment 2 of" in frame_words(page)
     seen = set()
     for names, own in of_models(diagnosed).items():
@@ -466,10 +448,7 @@ def test_what_does_not_fit_is_left_out_and_said(diagnosed, monkeypatch):
     monkeypatch.setattr(live_gap, "MOST_BYTES", len(whole["data"]) // 2)
     less = live_gap.live_gap(diagnosed, content, [], {})
     assert len(less["data"]) < 0.55 * len(whole["data"])
-    held, every = (
-        json.loads(less["data"])["frames"]["release"],
-        json.loads(whole["data"])["frames"]["release"],
-    )
+    held, every = (json.loads(less["data"])["frames"]["release"], json.loads(whole["data"])["frames"]["release"])
     assert f"holds {len(held)} of {len(every)} releases" in less["notes"][0] and len(whole["notes"]) == 1
     sizes = impact_misses(diagnosed, found.base.held_out).sigma
     monkeypatch.setattr(live_gap, "MOST_NUMBERS", 8000)

@@ -14,13 +14,7 @@ from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import DiagnosisBars
 
 SURE, NEVER = 1e-6, 1.0  # probability of the gain by chance
-GAINS = {
-    "camera_tilt": 50.0,
-    "scale_error": 40.0,
-    "frame_rate_error": 35.0,
-    "adhesion": 30.0,
-    "air_drag": 20.0,
-}
+GAINS = {"camera_tilt": 50.0, "scale_error": 40.0, "frame_rate_error": 35.0, "adhesion": 30.0, "air_drag": 20.0}
 
 
 class Sets:

@@ -16,11 +16,7 @@ EFFECTS = effects("air_drag", "camera_tilt", "viscous_damping")
 
 @pytest.mark.parametrize(
     ("noise_m", "noise_rad", "said"),
-    [
-        (0.0, 0.0, ["in positions", "in angles"]),
-        (0.0, 0.02, ["in positions"]),
-        (3e-4, 0.0, ["in angles"]),
-    ],
+    [(0.0, 0.0, ["in positions", "in angles"]), (0.0, 0.02, ["in positions"]), (3e-4, 0.0, ["in angles"])],
 )
 def test_a_simulation_is_diagnosed_with_the_noise_of_a_camera(noise_m, noise_rad, said):
     """A film with both kinds of noise is in `test_attribution.py`."""

@@ -63,10 +63,7 @@ def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
     write_experiment(tmp_path / "film", tossed())
     law = {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03}
     (tmp_path / "d.json").write_text(json.dumps(none_found(base=law)), encoding="utf-8")
-    files, options = (
-        (tmp_path / "d.json", tmp_path / "p.csv"),
-        {"base_only": False, "report": lambda line: None},
-    )
+    files, options = ((tmp_path / "d.json", tmp_path / "p.csv"), {"base_only": False, "report": lambda line: None})
     said = "no block touches the ground after a flight"
     refusal(run_prediction, tmp_path / "film", *files, **options, said=said)
     assert not (tmp_path / "p.csv").exists()

@@ -25,8 +25,7 @@ def parabolas(speeds: np.ndarray, spin: float = 20.0) -> Releases:
     t = np.arange(170) / FPS
     t_s = np.tile(t, (len(speeds), 1))
     pose = np.stack(
-        [0.02 + speeds[:, None] * t, np.tile(0.03 + 1.6 * t - 0.5 * G * t**2, (len(speeds), 1)), spin * t_s],
-        axis=-1,
+        [0.02 + speeds[:, None] * t, np.tile(0.03 + 1.6 * t - 0.5 * G * t**2, (len(speeds), 1)), spin * t_s], axis=-1
     )
     zero = np.zeros(len(speeds), np.int64)
     return Releases(zero, np.arange(len(speeds)), zero, t_s, pose, zero + 10)
@@ -50,9 +49,7 @@ def test_passing_energy_height_and_runout_of_parabolas(experiment):
     speeds = np.linspace(0.2, 1.0, 20)
     releases = parabolas(speeds)
     lines, _ = practical_indicators.measure_lines(experiment, 0.3)
-    found = practical_indicators.film_quantities(
-        experiment, releases, {"measured": releases.pose[None]}, lines
-    )
+    found = practical_indicators.film_quantities(experiment, releases, {"measured": releases.pose[None]}, lines)
     sphere = experiment.blocks["sphere"]
     end_s = releases.t_s[0, -1]
     passing, energy = of(found, "Passing"), of(found, "Kinetic")
@@ -63,16 +60,12 @@ def test_passing_energy_height_and_runout_of_parabolas(experiment):
         passed = (t < end_s) & (y > line[0, 1])
         (estimate,) = passing[name]["measured"]
         assert estimate.value == pytest.approx(100 * passed.mean())
-        assert (estimate.low / 100, estimate.high / 100) == pytest.approx(
-            wilson_interval(int(passed.sum()), 20)
-        )
+        assert (estimate.low / 100, estimate.high / 100) == pytest.approx(wilson_interval(int(passed.sum()), 20))
         true = 0.5 * sphere.mass_kg * (speeds**2 + (1.6 - G * t) ** 2) + 0.5 * sphere.inertia_kg_m2 * 20.0**2
         if passed.sum() >= 8:
             values = [e.value for e in energy[name]["measured"]]
             np.testing.assert_allclose(
-                values,
-                1e3 * np.percentile(true[passed], practical_indicators.COMPARED_PERCENTILES),
-                rtol=0.02,
+                values, 1e3 * np.percentile(true[passed], practical_indicators.COMPARED_PERCENTILES), rtol=0.02
             )  # mJ
     (height,) = of(found, "Bounce").values()
     assert height["measured"][0].value <= 1e3 * (0.03 + 1.6**2 / (2 * G)) + 1e-6

@@ -40,9 +40,7 @@ def test_effect_shrinks_the_miss_on_other_releases(content):
     base, augmented = (predict(other, content, base_only=flag) for flag in (True, False))
     assert list(augmented.columns) == list(COLUMNS)
     assert not augmented.isna().any().any()
-    assert np.median(misses(augmented, other.trajectories)) < 0.5 * np.median(
-        misses(base, other.trajectories)
-    )
+    assert np.median(misses(augmented, other.trajectories)) < 0.5 * np.median(misses(base, other.trajectories))
     # most of the remaining distance is noise of the camera and scatter of the soil
     assert np.median(misses(augmented, other.trajectories)) < 4 * other.position_noise_m
 
@@ -133,9 +131,7 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
     path = tmp_path / "diagnosis.json"
     old = {**content, "law": {"rolling_in_crater": True}}
     path.write_text(json.dumps(old), encoding="utf-8")
-    with pytest.warns(
-        OldKeyWarning, match=r"json:1: .*'rolling_in_crater' is called 'rolling_in_indentation'"
-    ):
+    with pytest.warns(OldKeyWarning, match=r"json:1: .*'rolling_in_crater' is called 'rolling_in_indentation'"):
         read = read_for_prediction(path)
     assert read["law"] == {"rolling_in_indentation": True}
     path.write_text(json.dumps({**content, "law": {"rolling_in_indentation": True}}), encoding="utf-8")

@@ -135,12 +135,7 @@ def test_page_says_cause_place_and_closure(diagnosed, report):
     gap = content["gap"]
     assert share_closed(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
-    for words in (
-        "Where the simulation is wrong",
-        "Passing frequency",
-        "uphill face",
-        "Assumptions of this diagnosis",
-    ):
+    for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "Assumptions of this diagnosis"):
         assert words in page.text
     assert page.tags.count("img") == 8  # the cross-section, six impacts, the still of the video
     video = (folder / "side_by_side.webm").read_bytes()

@@ -32,8 +32,7 @@ def parameters(name: str, *values: float, half: float = 1e-6) -> dict:
     """Parameters of an effect as diagnosis.json has them, known to `half`."""
     known = catalogue()[name].parameters
     return {
-        p.name: {"value": v, "ci95": [v - half, v + half], "unit": p.unit}
-        for p, v in zip(known, values, strict=True)
+        p.name: {"value": v, "ci95": [v - half, v + half], "unit": p.unit} for p, v in zip(known, values, strict=True)
     }
 
 
@@ -58,11 +57,7 @@ def recorded(name: str, *values: float) -> tuple[np.ndarray, np.ndarray, str]:
     """True poses (n, 3), what a camera with the effect records of them, and the instruction."""
     rng = np.random.default_rng(3)
     true = np.column_stack([rng.uniform(-0.3, 0.5, 40), rng.uniform(0, 0.3, 40), rng.uniform(-2, 9, 40)])
-    return (
-        true,
-        catalogue()[name].apply(setup_world(EXPERIMENT), values).view.record(true),
-        said(name, *values),
-    )
+    return (true, catalogue()[name].apply(setup_world(EXPERIMENT), values).view.record(true), said(name, *values))
 
 
 @pytest.mark.parametrize("tilt", [-0.035, 0.06])
@@ -265,10 +260,7 @@ def test_an_effect_beside_the_verdict_is_corrected_after_it():
 
 def test_a_twin_beside_the_verdict_is_measured_before_it_is_corrected():
     both = content("air_drag")
-    fits = {
-        "air_drag": parameters("air_drag", 0.07),
-        "frame_rate_error": parameters("frame_rate_error", 0.98),
-    }
+    fits = {"air_drag": parameters("air_drag", 0.07), "frame_rate_error": parameters("frame_rate_error", 0.98)}
     both["beside"] = [{"effect": "frame_rate_error", "base": SOIL, "parameters": fits}]
     both["causes"] = [{"effect": "frame_rate_error", "group": ["scale_error"], "closes": 0.3}]
     said = what_to_do(both, EXPERIMENT)[2]

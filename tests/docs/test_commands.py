@@ -41,9 +41,7 @@ def test_command_line_exists(page, line):
         return
     command: click.Command = cli
     while isinstance(command, click.Group) and words:
-        assert words[0] in command.commands or words[0].isupper(), (
-            f"{page}: no command {words[0]} in {line!r}"
-        )
+        assert words[0] in command.commands or words[0].isupper(), f"{page}: no command {words[0]} in {line!r}"
         command = command.commands[words.pop(0)]
     if isinstance(command, click.Group) or not words or "--help" in words:
         return  # the name of a command alone

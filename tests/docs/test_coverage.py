@@ -61,9 +61,7 @@ def test_every_table_of_a_run_is_documented():
     page = generator().results_page()
     for name, columns in generator().result_columns().items():
         assert f"### {name}.csv" in page
-        assert f"`{name}.csv`" in page, (
-            f"docs/hooks/heads/formats_results.md does not say what {name}.csv holds"
-        )
+        assert f"`{name}.csv`" in page, f"docs/hooks/heads/formats_results.md does not say what {name}.csv holds"
         assert all(f"`{column}`" in page for column in columns)
 
 
@@ -97,9 +95,7 @@ def test_words_are_those_of_the_glossary():
         plain = ALLOWED.sub("", text)
         for word in FORBIDDEN:
             found = re.search(rf"\b{word}\b", plain, re.IGNORECASE)
-            assert not found, (
-                f"{path.relative_to(ROOT)}: {word!r}: {plain[max(0, found.start() - 40) :][:90]!r}"
-            )
+            assert not found, f"{path.relative_to(ROOT)}: {word!r}: {plain[max(0, found.start() - 40) :][:90]!r}"
 
 
 def test_readme_is_short():
@@ -146,13 +142,7 @@ def test_the_guide_says_who_states_each_number_of_a_norm():
     table = page.split("| verified or not |\n")[1].split("\n\n")[0].splitlines()[1:]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
     assert rows == [
-        [
-            n.norm,
-            n.name,
-            n.values,
-            *(*n.sources, "none", "none")[:2],
-            "verified" if n.verified else "not verified",
-        ]
+        [n.norm, n.name, n.values, *(*n.sources, "none", "none")[:2], "verified" if n.verified else "not verified"]
         for n in NORM_NUMBERS
     ]
 

@@ -90,9 +90,7 @@ def test_a_square_rounded_to_a_circle_moves_as_one(engine):
     for block in (square, circle):
         w = world(SETUP, (block,))
         if engine == "batch":
-            ends.append(
-                run(w, state[None], impact_limit=1, impact_room=1, step_fraction=0.03).impacts[0, 0, 1:17]
-            )
+            ends.append(run(w, state[None], impact_limit=1, impact_room=1, step_fraction=0.03).impacts[0, 0, 1:17])
         else:
             impact = run_pymunk(block, SETUP, LAW, state, impact_limit=1).impacts[0]
             ends.append([v for k, v in impact.items() if k != "zone"])
@@ -112,9 +110,7 @@ def test_rounding_leaves_faces_mass_and_inertia_and_cuts_corners():
 def test_a_radius_that_no_corner_has_room_for_is_refused():
     with pytest.raises(ValueError, match=r"rounded with up to 0\.0095"):
         replace(CUBE, rounding_m=0.0096)
-    assert with_effect(world(), "rounded_edges", [0.95]).blocks["cube"].rounding_m == pytest.approx(
-        0.95 * 0.007
-    )
+    assert with_effect(world(), "rounded_edges", [0.95]).blocks["cube"].rounding_m == pytest.approx(0.95 * 0.007)
 
 
 @pytest.mark.parametrize("name", BODIES)

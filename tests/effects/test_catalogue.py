@@ -225,20 +225,14 @@ def test_adding_an_effect_is_adding_a_file(tmp_path):
     """In a copy of the package with one more file what the engines call runs the new law, beside all the others, and a
     second process finds it compiled."""
     package = tmp_path / "rock2d"
-    shutil.copytree(
-        Path(rock2d.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__", "diagnosis")
-    )
+    shutil.copytree(Path(rock2d.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__", "diagnosis"))
     (package / "effects" / "a_stiffer_spring.py").write_text(NEW_EFFECT)
     env = {**os.environ, "PYTHONPATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
     env.pop("NUMBA_CACHE_DIR", None)
     for hits in (0, 1):
-        done = subprocess.run(
-            [sys.executable, "-c", USE], capture_output=True, text=True, env=env, cwd=tmp_path
-        )
+        done = subprocess.run([sys.executable, "-c", USE], capture_output=True, text=True, env=env, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        assert np.array(done.stdout.split(), float) == pytest.approx(
-            [40.0, 1.0, 0.0, 1.0, len(CATALOGUE) + 1, hits]
-        )
+        assert np.array(done.stdout.split(), float) == pytest.approx([40.0, 1.0, 0.0, 1.0, len(CATALOGUE) + 1, hits])
 
 
 def test_typical_values_lie_in_their_ranges():

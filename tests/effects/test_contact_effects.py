@@ -40,9 +40,7 @@ def taken_by_effects(result) -> float:
 
 def first_impact(w, state) -> dict:
     """The first impact, and the audit at its end, of the pymunk engine."""
-    track = run_pymunk(
-        SPHERE, w.cross_section, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, impact_limit=1
-    )
+    track = run_pymunk(SPHERE, w.cross_section, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, impact_limit=1)
     return track.impacts[0] | {"residual": track.energy_J["residual"]}
 
 
@@ -148,9 +146,7 @@ def test_friction_that_changes_with_speed(change):
 @pytest.mark.parametrize("ratio", [0.1, 0.5])
 def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     """Head-on against an upright wall of mass M: e_eff = (e M - m) / (M + m)."""
-    wall = CrossSection(
-        [[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"]
-    )
+    wall = CrossSection([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"])
     w = with_effect(world(wall, (SPHERE,), SMOOTH, gravity_m_s2=0.0), "embankment_yield", [ratio])
     mass = M / ratio
     e = np.sqrt(SMOOTH.k_l_N_m / SMOOTH.k_ul_N_m)
@@ -193,15 +189,9 @@ def test_an_effect_of_one_zone_stays_there():
     contact = w.contact.copy()
     contact[:, w.cross_section.zone_names.index("ditch"), column("viscous_Ns_m")] = 0.0
     state = np.array([[0.05, 0.05, 0, 0.1, -1.5, 0]])
-    fine = {
-        "impact_limit": 1,
-        "impact_room": 1,
-        "step_fraction": 0.03,
-    }  # steps are chosen by the stiffest zone
+    fine = {"impact_limit": 1, "impact_room": 1, "step_fraction": 0.03}  # steps are chosen by the stiffest zone
     here, plain = run(replace(w, contact=contact), state, **fine), run(base, state, **fine)
-    assert here.impacts[0, 0, VELOCITIES_AFTER] == pytest.approx(
-        plain.impacts[0, 0, VELOCITIES_AFTER], rel=1e-4
-    )
+    assert here.impacts[0, 0, VELOCITIES_AFTER] == pytest.approx(plain.impacts[0, 0, VELOCITIES_AFTER], rel=1e-4)
     assert taken_by_effects(here) == 0.0
 
 

@@ -53,8 +53,7 @@ def test_state_after_the_first_impact(name):
             seen.add(impact["zone"])
             scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
             error, again, least = (
-                np.abs((row[VELOCITIES_AFTER] - after(impact)) / scale).max()
-                for row in (first, halved, short)
+                np.abs((row[VELOCITIES_AFTER] - after(impact)) / scale).max() for row in (first, halved, short)
             )
             assert short[1] == pytest.approx(impact["t_s"], abs=1e-7)  # cubic root against a corner
             shortest.append(least)

@@ -35,9 +35,7 @@ def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
     cut = CrossSection(np.column_stack([x, -0.3 * x]), ["floor"] * 1000)
     start = np.array([[0, 0.02, 0, v, -0.2, 0] for v in np.linspace(0.3, 1.2, 6)])
     times = np.linspace(0.02, 0.3, 15)
-    one, many = (
-        run_batch(ensemble(SPHERE, ground), start, times_s=times, time_limit_s=0.3) for ground in (flat, cut)
-    )
+    one, many = (run_batch(ensemble(SPHERE, ground), start, times_s=times, time_limit_s=0.3) for ground in (flat, cut))
     assert one.samples[:, -1, 0].min() > 0.05
     apart = np.abs(one.samples[..., :2] - many.samples[..., :2]).max(axis=(1, 2))
     assert (apart < 2e-3 * one.samples[:, -1, 0]).all()  # relative to the way, as steps differ
@@ -48,16 +46,8 @@ def test_a_release_reaches_its_time_limit_with_an_event_of_the_law_just_before_i
     it."""
     corners, air = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), (0.0, 0.02738096468632578, 0.0)
     square = Block("square", "square", 0.05, 3e-5, (0.0, 0.0), corners, 0.011630520582158813, air=air)
-    law = [
-        54716.182531586390,
-        250234.49226259431,
-        132484.56541981432,
-        0.13211320232396273,
-        0.066174280355100465,
-    ]
-    one = Ensemble(
-        [square], [CrossSection([[-1.5, 0.0], [1.5, 0.0]], ["floor"])], np.array([[[*law, 0.0, 1.0]]])
-    )
+    law = [54716.182531586390, 250234.49226259431, 132484.56541981432, 0.13211320232396273, 0.066174280355100465]
+    one = Ensemble([square], [CrossSection([[-1.5, 0.0], [1.5, 0.0]], ["floor"])], np.array([[[*law, 0.0, 1.0]]]))
     start = [[-0.44681420229495333, 0.05930050683347525, -0.4717828192308264,
               -0.5448060311668418, -0.8280693394940675, 22.67508596582035]]  # fmt: skip
     event_s = 0.02979478011348169

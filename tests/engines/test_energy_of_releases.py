@@ -35,9 +35,7 @@ def test_elastic_ground_gives_back_no_more_than_it_took(friction_deg):
     assert not unclosed(result.energy_J).any()
     masses = Masses(SLAB.mass_kg, SLAB.inertia_kg_m2, GRAVITY_M_S2, 0.0)
     seen = result.impacts[np.isfinite(result.impacts[..., AFTER]).all(axis=-1)]
-    before, after = (
-        mechanical_energy(masses, seen[:, part].reshape(-1, N_STATE)) for part in (BEFORE, AFTER)
-    )
+    before, after = (mechanical_energy(masses, seen[:, part].reshape(-1, N_STATE)) for part in (BEFORE, AFTER))
     gain = (sum(after) - sum(before)) / before[0]
     assert len(gain) > 300
     assert gain.max() < 1e-6
@@ -105,10 +103,7 @@ def test_a_contact_that_begins_at_a_vertex_belongs_to_the_facet_before_it(names)
     """Whatever the order in which the zones are named, and whatever zone an earlier contact had."""
     zones = [names[1], names[0], names[1]]
     ridge = CrossSection([[-2.0, -1.0], [-1.0, -0.5], [0.0, 0.0], [1.0, -0.5]], zones)
-    laws = {
-        "soft": ContactParameters(1e3, 1e5, 0.0, 0.0, 0.0),
-        "hard": ContactParameters(1e5, 1e5, 0.0, 0.0, 0.0),
-    }
+    laws = {"soft": ContactParameters(1e3, 1e5, 0.0, 0.0, 0.0), "hard": ContactParameters(1e5, 1e5, 0.0, 0.0, 0.0)}
     # upright on the ridge: e = 1 on hard ground and 0.1 on soft ground
     result = run_batch(
         ensemble(SLAB, ridge, laws),

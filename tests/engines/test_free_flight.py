@@ -35,9 +35,7 @@ def bound(block, cross_section, q):
 def outline(block, q, t):
     c, s = np.cos(q[2] + q[5] * t), np.sin(q[2] + q[5] * t)
     shape = shapely.Point(0, 0).buffer(block.radius_m, 256) if block.shape == "circle" else None
-    points = (
-        np.array(shape.exterior.coords) if shape is not None else block.outline() - block.centre_of_mass_m
-    )
+    points = np.array(shape.exterior.coords) if shape is not None else block.outline() - block.centre_of_mass_m
     centre = [q[0] + q[3] * t, q[1] + q[4] * t - 0.5 * G * t * t]
     return shapely.Polygon(points @ np.array([[c, s], [-s, c]]) + centre)
 
@@ -70,10 +68,7 @@ def test_a_ball_above_a_plane_is_timed_exactly():
 def test_a_block_let_go_at_rest_finds_the_ground(block):
     """Without any speed, and inside the boxes of the tree: 0 / 0 once hid the ground, and the block fell through."""
     cross_section = rough_slope(3)
-    bounds = [
-        bound(block, cross_section, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0]))
-        for x in (4.0, 9.0, 14.0)
-    ]
+    bounds = [bound(block, cross_section, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0])) for x in (4.0, 9.0, 14.0)]
     falls = np.sqrt(2 * (1.5 + 0.3) / G)  # a little more than from the block's centre to the ground
     assert all(0 < tau < falls for tau in bounds)
 

@@ -18,9 +18,7 @@ LAW = ContactParameters(
 SLOPE = CrossSection([[-10.0, 8.0], [90.0, -72.0]], ["scree"], {"line": [[25.0, -20.0], [25.0, 0.0]]})
 ONE, TABLE = ensemble(BALL, SLOPE, LAW), contact_table(LAW, SLOPE.zone_names)
 END_S = 4.0
-STARTS = np.array(
-    [[0.0, 0.8 + 0.1 * i, 0.0, 4.0 + 0.5 * (i % 5), -3.0 - 0.5 * (i % 3), -10.0 - i] for i in range(12)]
-)
+STARTS = np.array([[0.0, 0.8 + 0.1 * i, 0.0, 4.0 + 0.5 * (i % 5), -3.0 - 0.5 * (i % 3), -10.0 - i] for i in range(12)])
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +29,7 @@ def fine():
 
 def test_a_hopping_ball_moves_as_in_the_pymunk_engine(fine):
     """A hop that leaves the ground loses its indentation: one that is missed shows in the way by decimetres."""
-    reference = np.array(
-        [run_pymunk(BALL, SLOPE, LAW, state, time_limit_s=END_S).knots[-1] for state in STARTS]
-    )
+    reference = np.array([run_pymunk(BALL, SLOPE, LAW, state, time_limit_s=END_S).knots[-1] for state in STARTS])
     assert (fine[:, 1] > 20.0).all()
     assert np.abs(fine[:, 1:3] - reference[:, 1:3]).max() < 0.03
 

@@ -73,9 +73,7 @@ def test_bounces_on_a_floor_follow_the_hyperbolic_restitution():
 
 def test_a_flight_knows_only_the_facets_in_its_way():
     # over a pit, and up against the ceiling of a cave from below
-    pit = CrossSection(
-        [[-1, 0], [0, 0], [0, -1], [1, -1], [1, 0], [2, 0]], ["left", "wall", "pit", "wall", "right"]
-    )
+    pit = CrossSection([[-1, 0], [0, 0], [0, -1], [1, -1], [1, 0], [2, 0]], ["left", "wall", "pit", "wall", "right"])
     assert run([-0.5, 0.1, 0, 8, 0, 0], pit).impacts[0]["zone"] == "wall"
     assert run([-0.5, 0.1, 0, 12, 0, 0], pit).impacts[0]["zone"] == "right"
     cave = CrossSection(
@@ -108,12 +106,7 @@ def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirr
     cross_section = SETUP.subdivided(pieces)
     if mirrored:
         cross_section = CrossSection(cross_section.points_m[::-1] * [-1, 1], cross_section.zones[::-1])
-    surface, rng, stack, hits = (
-        make_surface(cross_section),
-        np.random.default_rng(5),
-        np.empty(64, np.int64),
-        0,
-    )
+    surface, rng, stack, hits = (make_surface(cross_section), np.random.default_rng(5), np.empty(64, np.int64), 0)
     for _ in range(300):  # off a facet, hops of micrometres to flights of metres
         current = int(rng.integers(len(cross_section.zones)))
         x, y = (
@@ -121,8 +114,7 @@ def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirr
             + rng.uniform() * np.diff(cross_section.points_m[current : current + 2], axis=0)[0]
         )
         direction = (
-            rng.uniform(-1, 1) * cross_section.tangents[current]
-            + rng.uniform() * cross_section.normals[current]
+            rng.uniform(-1, 1) * cross_section.tangents[current] + rng.uniform() * cross_section.normals[current]
         )
         vx, vy = 10 ** rng.uniform(-2.5, 1) * direction
         each = [
@@ -165,9 +157,7 @@ def test_the_mirrored_release_is_the_mirror_of_the_release(law):
 def test_cutting_the_facets_changes_nothing(pieces):
     fine = SETUP.subdivided(pieces)
     for seed, state in enumerate(random_states(50, seed=2)):
-        coarse_track, fine_track = (
-            run(state, cross_section, RANDOM_LAW, seed) for cross_section in (SETUP, fine)
-        )
+        coarse_track, fine_track = (run(state, cross_section, RANDOM_LAW, seed) for cross_section in (SETUP, fine))
         assert [i["zone"] for i in coarse_track.impacts] == [i["zone"] for i in fine_track.impacts]
         np.testing.assert_allclose(fine_track.knots, coarse_track.knots, rtol=1e-9, atol=1e-9)
 
@@ -177,9 +167,7 @@ def test_cutting_the_facets_changes_nothing(pieces):
     half=st.floats(1e-4, 10),
     r_t=st.floats(0, 1),
     alpha=st.floats(0, 89),
-    state=st.tuples(
-        *(st.floats(*r) for r in [(-0.7, 0.5), (0.61, 1), (-3, 3), (-5, 5), (-5, 5), (-300, 300)])
-    ),
+    state=st.tuples(*(st.floats(*r) for r in [(-0.7, 0.5), (0.61, 1), (-3, 3), (-5, 5), (-5, 5), (-300, 300)])),
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=200, deadline=None)
@@ -229,9 +217,7 @@ def test_bounces_too_many_to_follow_end_at_rest():
     slope = CrossSection([[-10, 10], [10, -10]], ["slope"])
     track = run([0, 1, 0, 0, 0, 0], slope, {"default": ReboundParameters(0, 1e-12, 1.0)}, stop_speed_m_s=1e-6)
     assert track.stop == "rest"
-    assert (
-        np.hypot(*(track.knots[-1, 1:3] - [track.impacts[0]["x_m"], track.impacts[0]["y_m"]])) < SPHERE.size_m
-    )
+    assert np.hypot(*(track.knots[-1, 1:3] - [track.impacts[0]["x_m"], track.impacts[0]["y_m"]])) < SPHERE.size_m
 
 
 def test_a_block_does_not_come_to_rest_on_a_wall():

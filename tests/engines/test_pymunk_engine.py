@@ -14,19 +14,7 @@ from rock2d.records.columns import AUDIT_NAMES, TIME
 from rock2d.records.track import Track, ballistic
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.laboratory import (
-    BLOCKS,
-    CONTRAST,
-    CUBE,
-    FLOOR,
-    LAW,
-    SETUP,
-    SLAB,
-    SPHERE,
-    after,
-    random_state,
-    rough,
-)
+from tests.laboratory import BLOCKS, CONTRAST, CUBE, FLOOR, LAW, SETUP, SLAB, SPHERE, after, random_state, rough
 from tests.laws import closed_forms
 from tests.laws.test_contact import REFERENCE
 
@@ -82,9 +70,7 @@ def test_normal_restitution_and_sticking_follow_the_closed_forms_at_any_scale(ma
     k_l = mass * (speed / (depth * 0.5 * radius)) ** 2  # goes `depth` half radii deep
     law = ContactParameters(k_l, k_l * k, 0.25 * k_l, 90, 0)
     floor = CrossSection([[-100, 0], [100, 0]], ["floor"])
-    out = first_impact(
-        ball, floor, law, [0, radius, 0, v_t, -speed, 0], gravity_m_s2=0, time_limit_s=100 * radius
-    )
+    out = first_impact(ball, floor, law, [0, radius, 0, v_t, -speed, 0], gravity_m_s2=0, time_limit_s=100 * radius)
     assert out["vy_after_m_s"] == pytest.approx(closed_forms.restitution(law), rel=1e-5)
     assert out["penetration_m"] == pytest.approx(closed_forms.penetration_m(law, mass, speed), rel=1e-5)
     u = out["vx_after_m_s"] + radius * out["omega_after_rad_s"]
@@ -154,12 +140,7 @@ def test_the_mirror_image_of_a_release_moves_as_the_mirror_image(name):
     a = first_impact(block, SETUP, CONTRAST, state)
     b = first_impact(twin, mirror, CONTRAST, state * [-1, 1, -1, -1, 1, -1])
     assert b["zone"] == a["zone"]
-    for key, sign in [
-        ("vx_after_m_s", -1),
-        ("vy_after_m_s", 1),
-        ("omega_after_rad_s", -1),
-        ("x_after_m", -1),
-    ]:
+    for key, sign in [("vx_after_m_s", -1), ("vy_after_m_s", 1), ("omega_after_rad_s", -1), ("x_after_m", -1)]:
         assert b[key] == pytest.approx(sign * a[key], rel=1e-6), key
 
 

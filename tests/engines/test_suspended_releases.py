@@ -13,9 +13,7 @@ from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import ensemble
 
 GROUND = CrossSection(
-    [[-2, 20], [20, 5], [60, 1]],
-    ["slope", "run_out"],
-    {"gate": [[25, 0], [25, 20]], "far": [[40, 0], [40, 20]]},
+    [[-2, 20], [20, 5], [60, 1]], ["slope", "run_out"], {"gate": [[25, 0], [25, 20]], "far": [[40, 0], [40, 20]]}
 )
 SOIL = ContactParameters(4e6, 2.4e7, 1e6, 30.0, 4e3, rolling_cap=True)
 BLOCKS = {
@@ -57,12 +55,8 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     now, then = rest.crossings[:, 0].copy(), whole.crossings[on, 0]
     now[:, TIME] += first.ends[on, TIME]
     assert np.array_equal(np.isfinite(now[:, TIME]), np.isfinite(then[:, TIME]))
-    fine = run_batch(
-        ENSEMBLES[name], starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION
-    )
-    apart, of_a_step = (
-        np.abs(found[:, INSTANT_VX] - then[:, INSTANT_VX]) for found in (now, fine.crossings[on, 0])
-    )
+    fine = run_batch(ENSEMBLES[name], starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION)
+    apart, of_a_step = (np.abs(found[:, INSTANT_VX] - then[:, INSTANT_VX]) for found in (now, fine.crossings[on, 0]))
     most = np.nanpercentile(apart, 90)
     assert most < 1e-3 * np.nanmedian(then[:, INSTANT_VX])
     assert most < np.nanmedian(of_a_step)

@@ -28,9 +28,7 @@ def test_the_density_is_one_in_all():
     x = np.linspace(-100.0, likelihood.UNEXPLAINED_REACH_M, 60_001)
     density = np.exp(likelihood.log_density(x, np.array([60.0, 90.0, np.nan]), 5.0, 0.2))
     even = density[0]  # what nothing explains lies between 0 and UNEXPLAINED_REACH_M
-    assert np.trapezoid(density - even, x) + even * likelihood.UNEXPLAINED_REACH_M == pytest.approx(
-        1.0, abs=1e-3
-    )
+    assert np.trapezoid(density - even, x) + even * likelihood.UNEXPLAINED_REACH_M == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_block_that_is_caught_stops_anywhere_on_its_way():
@@ -113,9 +111,7 @@ def studied(field):
         own.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
         own.setattr(command, "SHAPE_SOILS", FEW_SOILS)
         own.setattr(candidates, "CHANGES", dict(list(candidates.CHANGES.items())[:1]))
-        tables = run_field_test(
-            scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append
-        )
+        tables = run_field_test(scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append)
     return field.parent / "out", tables, said
 
 
@@ -154,9 +150,7 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     found = []
     simulated = []
     monkeypatch.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
-    monkeypatch.setattr(
-        study, "simulate_soils", lambda *own: simulated.append(1) or likelihood.simulate_soils(*own)
-    )
+    monkeypatch.setattr(study, "simulate_soils", lambda *own: simulated.append(1) or likelihood.simulate_soils(*own))
     for name, cache in (("one.csv", "first"), ("two.csv", "second"), ("three.csv", "first")):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / cache))
         predict_releases(scenario, table, tmp_path / name, progress=False, effort=LEAST, report=str)
@@ -164,10 +158,7 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     assert found[0] == found[1] == found[2]
     assert len(simulated) == 2 * (1 + len(likelihood.ROUND_POWERS))
     predicted = pd.read_csv(tmp_path / "one.csv")
-    assert list(predicted.columns) == ["release", *QUANTILE_NAMES] and list(predicted["release"]) == [
-        "n1",
-        "n2",
-    ]
+    assert list(predicted.columns) == ["release", *QUANTILE_NAMES] and list(predicted["release"]) == ["n1", "n2"]
     quantiles = predicted[list(QUANTILE_NAMES)].to_numpy()
     assert (np.diff(quantiles, axis=1) >= 0).all() and (quantiles > 0).all()
     with pytest.raises(InputError, match="exists; --overwrite replaces it"):

@@ -97,9 +97,7 @@ def test_the_data_may_be_named_by_their_folder_or_one_above(tmp_path):
 def test_missing_data_are_said(tmp_path, monkeypatch):
     monkeypatch.delenv("ROCK2D_DATA", raising=False)
     file = write_field(tmp_path, STOPS)
-    with pytest.raises(
-        InputError, match=r"no data root: give the folder that contains .*small.* with --data"
-    ):
+    with pytest.raises(InputError, match=r"no data root: give the folder that contains .*small.* with --data"):
         load_scenario(file)
     with pytest.raises(InputError, match=r"no releases\.csv in"):
         load_scenario(file, tmp_path.parent / "nowhere")

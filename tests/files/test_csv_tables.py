@@ -19,25 +19,8 @@ def test_numbers_of_every_size(tmp_path):
     rng = np.random.default_rng(1)
     bits = rng.integers(0, 2**64, 30_000, dtype=np.uint64).view(np.float64)
     usual = rng.normal(size=30_000) * 10.0 ** rng.integers(-6, 19, 30_000)
-    powers = np.concatenate(
-        [s * np.nextafter(10.0 ** np.arange(-8, 24), to) for s in (1, -1) for to in (0, 1e30)]
-    )
-    named = [
-        0.0,
-        -0.0,
-        1.0,
-        -3.0,
-        1e-4,
-        9.999e-5,
-        1e15,
-        1e16,
-        2.0**53,
-        5e-324,
-        np.nan,
-        np.inf,
-        -np.inf,
-        0.1 + 0.2,
-    ]
+    powers = np.concatenate([s * np.nextafter(10.0 ** np.arange(-8, 24), to) for s in (1, -1) for to in (0, 1e30)])
+    named = [0.0, -0.0, 1.0, -3.0, 1e-4, 9.999e-5, 1e15, 1e16, 2.0**53, 5e-324, np.nan, np.inf, -np.inf, 0.1 + 0.2]
     values = np.concatenate([bits, usual, powers, named])
     own, of_pandas = written(tmp_path, pd.DataFrame({"value": values, "release": np.arange(len(values))}))
     assert own == of_pandas
@@ -64,18 +47,7 @@ def test_a_table_longer_than_one_part(tmp_path):
         pd.array([1, None, 3], dtype="Int64"),
         pd.Categorical(["a", "b", "a"]),
     ],
-    ids=[
-        "names",
-        "quoted",
-        "missing",
-        "blank",
-        "bool",
-        "mixed",
-        "float32",
-        "uint8",
-        "missing integer",
-        "category",
-    ],
+    ids=["names", "quoted", "missing", "blank", "bool", "mixed", "float32", "uint8", "missing integer", "category"],
 )
 def test_columns_of_every_kind(tmp_path, column):
     table = pd.DataFrame({"x_m": [1.0, 2.0, 3.0], "column": column})

@@ -33,10 +33,7 @@ def test_a_distribution_has_the_interval_of_the_diagnosis(own):
 
 
 def test_a_symmetric_interval_is_normal_and_that_of_a_factor_lognormal():
-    normal, factor = (
-        FittedValue(2.0, 1.0, 3.0).quantiles(SHARES),
-        FittedValue(0.5, 0.25, 1.0).quantiles(SHARES),
-    )
+    normal, factor = (FittedValue(2.0, 1.0, 3.0).quantiles(SHARES), FittedValue(0.5, 0.25, 1.0).quantiles(SHARES))
     assert normal == pytest.approx(stats.norm.ppf(SHARES, 2.0, 1.0 / 1.959964), rel=1e-6)
     assert factor == pytest.approx(stats.lognorm.ppf(SHARES, np.log(2.0) / 1.959964, scale=0.5), rel=1e-6)
 
@@ -69,16 +66,12 @@ def test_without_an_effect_only_the_soil_is_used(tmp_path, verdict):
 
 
 def test_a_group_is_a_choice_of_models(tmp_path):
-    given = content(
-        "air_drag", {"air_drag": AIR, "flight_damping": SPIN}, group=["air_drag", "flight_damping"]
-    )
+    given = content("air_drag", {"air_drag": AIR, "flight_damping": SPIN}, group=["air_drag", "flight_damping"])
     given["probabilities"] = {"air_drag": 0.6, "flight_damping": 0.2}
     scenario = diagnosed(tmp_path, given, more=UNCERTAIN)
     own = scenario.diagnosed
     assert not own.model.effects and [m.p for m in own.alternatives] == pytest.approx([0.75, 0.25])
-    other = variant(
-        scenario, {"diagnosis.cause": 1.0, "diagnosis.flight_damping.rate_1_s": 0.12}
-    ).diagnosed.model
+    other = variant(scenario, {"diagnosis.cause": 1.0, "diagnosis.flight_damping.rate_1_s": 0.12}).diagnosed.model
     assert other.values("flight_damping") == (0.12,) and other.soil.k_ul_N_m == SOIL["k_ul_N_m"]
 
 
@@ -100,9 +93,7 @@ def test_what_was_found_beside_the_verdict_acts_too(tmp_path):
 
 
 def test_numbers_of_the_file_come_before_the_diagnosis(tmp_path):
-    model = (
-        "{diagnosis: d.json, deterministic: {default: {friction_angle_deg: 12}, run_out: {k_t_N_m: 7.0e5}}}"
-    )
+    model = "{diagnosis: d.json, deterministic: {default: {friction_angle_deg: 12}, run_out: {k_t_N_m: 7.0e5}}}"
     scenario = diagnosed(tmp_path, content(), model=model)
     found = scenario.contact_parameters(scenario.make_blocks()["ball"])
     assert found["default"].friction_angle_deg == 12 and found["default"].k_l_N_m == SOIL["k_l_N_m"]
@@ -118,9 +109,7 @@ def test_a_zone_with_a_soil_class_of_its_own_keeps_it(tmp_path):
 
 
 def test_two_soils_for_all_zones_are_refused(tmp_path):
-    with pytest.raises(
-        InputError, match=r"diagnosed.yaml:13:\d+: model.soils.default: the diagnosis gives the soil"
-    ):
+    with pytest.raises(InputError, match=r"diagnosed.yaml:13:\d+: model.soils.default: the diagnosis gives the soil"):
         diagnosed(tmp_path, content(), model="{diagnosis: d.json, soils: {default: bedrock}}")
 
 
@@ -158,8 +147,7 @@ def test_a_bad_diagnosis_is_refused_with_its_place(tmp_path, change, place, mess
 
 
 @pytest.mark.parametrize(
-    "given, code",
-    [("../d.json", "outside_folder"), ("/d.json", "outside_folder"), ("other.json", "missing_file")],
+    "given, code", [("../d.json", "outside_folder"), ("/d.json", "outside_folder"), ("other.json", "missing_file")]
 )
 def test_a_bad_path_is_refused_in_the_scenario(tmp_path, given, code):
     inside = tmp_path / "inside"

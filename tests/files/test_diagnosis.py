@@ -72,9 +72,7 @@ def test_a_change_that_its_lever_cannot_follow_is_refused_with_its_place(tmp_pat
         given = learnt("law", constant, np.zeros((5, 1)))
         given["model"]["learnt"]["changes"][0] |= change
         (tmp_path / "d.json").write_text(json.dumps(given, indent=1))
-        error = refusal(
-            read_for_prediction, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: "
-        )
+        error = refusal(read_for_prediction, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: ")
         assert place in (tmp_path / "d.json").read_text().split("\n")[error.line - 1]
 
 

@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from rock2d.errors import InputError
-from rock2d.files.experiment import (
-    REQUIRED_IMPACT_COLUMNS,
-    Experiment,
-    FromGravity,
-    load_experiment,
-    write_experiment,
-)
+from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, FromGravity, load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -239,11 +233,7 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
     assert (back.cross_section.measure_lines["no"] == cross_section.measure_lines["no"]).all()
     for name, block in given.blocks.items():
         other = back.blocks[name]
-        assert (other.shape, other.mass_kg, other.semi_axes_m) == (
-            block.shape,
-            block.mass_kg,
-            block.semi_axes_m,
-        )
+        assert (other.shape, other.mass_kg, other.semi_axes_m) == (block.shape, block.mass_kg, block.semi_axes_m)
         assert other.inertia_kg_m2 == block.inertia_kg_m2 and (other.corners_m == block.corners_m).all()
     shutil.rmtree(folder)
 
@@ -290,9 +280,7 @@ def test_the_folder_above_experiments_names_them(tmp_path, folder):
         load_experiment(tmp_path / "empty")
 
 
-@pytest.mark.parametrize(
-    "command", ["diagnose {} --out {}/o", "predict {} --diagnosis {}/d.json --out {}/p.csv"]
-)
+@pytest.mark.parametrize("command", ["diagnose {} --out {}/o", "predict {} --diagnosis {}/d.json --out {}/p.csv"])
 def test_commands_name_the_experiments_below_a_folder(tmp_path, folder, command):
     error = commanded(*command.replace("{}", str(tmp_path)).split()).exception
     assert isinstance(error, InputError) and "'seen'" in str(error)

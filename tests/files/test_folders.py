@@ -8,14 +8,7 @@ import sys
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.files.folders import (
-    RESULT_MARKER,
-    atomic_file,
-    atomic_folder,
-    check_file,
-    check_folder,
-    write_whole,
-)
+from rock2d.files.folders import RESULT_MARKER, atomic_file, atomic_folder, check_file, check_folder, write_whole
 
 
 def full_disk(path=None):

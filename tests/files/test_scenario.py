@@ -133,11 +133,7 @@ def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, wor
 
 
 def test_long_and_unprintable_names_are_shortened_on_one_line(write):
-    for old, new in (
-        ("engine:", f"{'k' * 1000}:"),
-        ("engine:", '"a\\n\\e[31mb":'),
-        ("  sphere:", f"  {'s' * 1000}:"),
-    ):
+    for old, new in (("engine:", f"{'k' * 1000}:"), ("engine:", '"a\\n\\e[31mb":'), ("  sphere:", f"  {'s' * 1000}:")):
         message = refused(write(SMALL.replace(old, new)))
         assert len(message) < 450 and message.isprintable(), message
     message = refused(write(SMALL.replace("cube", "c" * 1000)))
@@ -151,9 +147,7 @@ def test_aliases_that_repeat_each_other_are_refused_before_they_are_repeated(wri
     begin = time.perf_counter()
     assert "aliases repeat more than" in refused(write(bomb))
     assert time.perf_counter() - begin < 1.0
-    once = SMALL.replace("half_kg_m_s: 0.025", "half_kg_m_s: &m 0.025").replace(
-        "half_kg_m_s: 0.04", "half_kg_m_s: *m"
-    )
+    once = SMALL.replace("half_kg_m_s: 0.025", "half_kg_m_s: &m 0.025").replace("half_kg_m_s: 0.04", "half_kg_m_s: *m")
     scenario = load_scenario(write(once))
     law = scenario.rebound_parameters(scenario.make_blocks()["cube"])
     assert law["ditch"].momentum_half_kg_m_s == 0.025
@@ -244,11 +238,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
     assert load_scenario(file).gravity_m_s2 == 9.7
     other = "escape.yaml"
-    for escape in (
-        "../data/set-up/drops",
-        str(tmp_path / "data/set-up/drops"),
-        "set-up/../../data/set-up/drops",
-    ):
+    for escape in ("../data/set-up/drops", str(tmp_path / "data/set-up/drops"), "set-up/../../data/set-up/drops"):
         assert "inside" in refused(write(FILMED.replace("set-up/drops", escape), other))
     (tmp_path / "root").mkdir()
     (tmp_path / "root" / "set-up").symlink_to(tmp_path / "data" / "set-up")
@@ -308,9 +298,7 @@ def test_several_embankments_are_read_by_their_numbers_and_written_again(write):
     higher = variant(scenario, {"embankment.2.height_m": 0.07})
     again = load_scenario(write(scenario_text(higher)))
     assert again.embankment["2"].height_m == 0.07 and again.model_dump() == higher.model_dump()
-    error = refusal(
-        variant, scenario, {"embankment.height_m": 0.07}, said="did you mean 'embankment.1.height_m'"
-    )
+    error = refusal(variant, scenario, {"embankment.height_m": 0.07}, said="did you mean 'embankment.1.height_m'")
     assert error.line
 
 

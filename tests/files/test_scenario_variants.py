@@ -26,9 +26,7 @@ def test_the_text_of_a_variant_is_a_scenario_that_is_the_same(tmp_path):
     (tmp_path / "other.yaml").write_text(scenario_text(other))
     again = load_scenario(tmp_path / "other.yaml")
     assert again.model_dump() == other.model_dump()
-    assert list(again.model_dump()["model"]["deterministic"]) == list(
-        other.model_dump()["model"]["deterministic"]
-    )
+    assert list(again.model_dump()["model"]["deterministic"]) == list(other.model_dump()["model"]["deterministic"])
 
 
 @pytest.mark.parametrize(

@@ -105,9 +105,7 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
 
     assert profile() == pytest.approx(POINTS)
     assert profile(layer="axis") == pytest.approx(np.array([[0, 9], [5, 2], [15, 1]]))
-    with pytest.raises(
-        InputError, match="no polyline on layer 'road'; layers with lines: axis, frame, terrain"
-    ):
+    with pytest.raises(InputError, match="no polyline on layer 'road'; layers with lines: axis, frame, terrain"):
         profile(layer="road")
     (tmp_path / "p.dxf").write_text("no drawing")
     with pytest.raises(InputError, match="no DXF drawing"):
@@ -122,14 +120,7 @@ def grid(folder, kind: str):
     path = folder / f"g.{kind}"
     transform = rasterio.Affine(5, 0, 1000, 0, -5, 2150)
     driver = {"tif": "GTiff", "asc": "AAIGrid"}[kind]
-    profile = {
-        "driver": "GTiff",
-        "width": 40,
-        "height": 30,
-        "count": 1,
-        "dtype": "float32",
-        "nodata": -9999.0,
-    }
+    profile = {"driver": "GTiff", "width": 40, "height": 30, "count": 1, "dtype": "float32", "nodata": -9999.0}
     with rasterio.open(folder / "g.tif", "w", transform=transform, crs="EPSG:2056", **profile) as made:
         made.write(heights[::-1].astype("float32"), 1)
     if driver == "AAIGrid":
@@ -168,9 +159,7 @@ def test_lines_that_meet_make_a_row_and_a_damaged_drawing_is_recovered(tmp_path)
     assert read_drawing(tmp_path / "lines.dxf").points_m == pytest.approx(POINTS)
     text = (tmp_path / "lines.dxf").read_text()
     head = text.index("ENTITIES")
-    (tmp_path / "damaged.dxf").write_text(
-        text[:head] + text[head:].replace("\nLINE\n  5\n", "\nLINE\n  5\nX", 1)
-    )
+    (tmp_path / "damaged.dxf").write_text(text[:head] + text[head:].replace("\nLINE\n  5\n", "\nLINE\n  5\nX", 1))
     found = read_drawing(tmp_path / "damaged.dxf")
     assert "damaged" in found.remarks[0]
 
@@ -273,9 +262,7 @@ def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, ris
     stations = 500.0 + (80.0 - POINTS[::-1, 0] if rising else POINTS[:, 0])
     (tmp_path / "p.csv").write_text("\n".join(f"{x},{y}" for x, y in zip(stations, heights, strict=True)))
     foot, cliff = ((500, 530), (550, 580)) if rising else ((550, 580), (500, 530))
-    (tmp_path / "zones.csv").write_text(
-        f"name;start;end\nno;{foot[0]};{foot[1]}\nrock wall;{cliff[0]};{cliff[1]}\n"
-    )
+    (tmp_path / "zones.csv").write_text(f"name;start;end\nno;{foot[0]};{foot[1]}\nrock wall;{cliff[0]};{cliff[1]}\n")
     lines: list[str] = []
     options = ProfileOptions(zones=tmp_path / "zones.csv", release=cliff)
     write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", options, report=lines.append)
@@ -295,9 +282,7 @@ def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, ris
         ("x;y;z;zone\n0;0;40;rock\n0;20;25;rock\n0;50;4;rock\n0;80;0;rock\n", ("slope",) * 3),  # on a map
     ],
 )
-def test_a_column_names_the_zone_up_to_the_next_point_and_columns_that_are_not_read_are_told(
-    tmp_path, table, zones
-):
+def test_a_column_names_the_zone_up_to_the_next_point_and_columns_that_are_not_read_are_told(tmp_path, table, zones):
     (tmp_path / "p.csv").write_text(table)
     lines: list[str] = []
     write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lines.append)
@@ -321,18 +306,8 @@ CLIFF = np.array([[0, 62], [14, 60.5], [20, 37], [30, 30], [52, 15], [55, 11], [
         (CLIFF, 14.0, 17.0, "upper half of x = 14 to 20 m, 76° .* x = 52 to 55 m, 53°"),
         (CLIFF - [0, 3], 14.0, 17.0, "highest stretch"),
         (np.vstack([CLIFF[:2], [[14, 37]], CLIFF[3:]]), 14.0, 14.4, "90°"),  # just beyond a vertical edge
-        (
-            np.array([[0, 30], [40, 28], [80, 4], [100, 3]], float),
-            40.0,
-            60.0,
-            "steepest .* no ground is as steep",
-        ),
-        (
-            np.array([[0, 30], [10, 10], [40, 0]], float),
-            0.5,
-            5.0,
-            "upper half",
-        ),  # not over the end of the survey
+        (np.array([[0, 30], [40, 28], [80, 4], [100, 3]], float), 40.0, 60.0, "steepest .* no ground is as steep"),
+        (np.array([[0, 30], [10, 10], [40, 0]], float), 0.5, 5.0, "upper half"),  # not over the end of the survey
     ],
 )
 def test_blocks_start_on_the_upper_half_of_the_highest_steep_face(points, low, high, said):

@@ -60,10 +60,7 @@ def test_another_process_draws_the_same_and_each_file_once(tmp_path):
 
 
 def test_an_error_of_another_process_is_raised_here(tmp_path):
-    with (
-        pytest.raises(InputError, match="no figure from another process"),
-        figures_in_second_process() as figures,
-    ):
+    with pytest.raises(InputError, match="no figure from another process"), figures_in_second_process() as figures:
         figures.save(tmp_path / "a.png", refused_after_mark, tmp_path / "mark")
         assert begun_elsewhere(tmp_path / "mark")
         figures.finish()
@@ -91,9 +88,7 @@ def test_without_figures_there_are_the_same_tables_and_a_page_without_pictures(t
     for name, words in (("with", ()), ("without", ("--no-figures",))):
         done = ran(tmp_path / name, "--report", *words)
         assert done.exit_code == 0, done.output
-    drawn, bare = (
-        {p.name: p for p in (tmp_path / n / "flat_floor_point_mass").iterdir()} for n in ("with", "without")
-    )
+    drawn, bare = ({p.name: p for p in (tmp_path / n / "flat_floor_point_mass").iterdir()} for n in ("with", "without"))
     assert {"trajectories.png", "stops.png"} <= {name for name in drawn if name not in bare}
     assert all(name.endswith(".png") for name in drawn if name not in bare)
     assert not any(name.endswith((".png", ".webm")) for name in bare)

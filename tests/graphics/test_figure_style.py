@@ -36,11 +36,7 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path):
         overlay_figure(floor, {name: block}, rows_of(track), [track], title="$x^$"),
         residuals_figure(rows_of(track).assign(dx_m=0.1, dy_m=0.0, dtheta_rad=0.0), "$x^$"),
         section_figure(
-            floor,
-            {name: block, "$^_$": block},
-            [way],
-            Misses(way, np.zeros(2, int), np.ones(2)),
-            {"a$_{b$": 1.0},
+            floor, {name: block, "$^_$": block}, [way], Misses(way, np.zeros(2, int), np.ones(2)), {"a$_{b$": 1.0}
         ),
     )
     for k, figure in enumerate(figures):

@@ -192,9 +192,7 @@ def test_what_cannot_be_shown_is_named(tmp_path):
 
 def test_short_gaps_are_bridged_and_long_ones_hide_the_block():
     t = np.delete(np.arange(40) * 1e-3, [10, 11, *range(20, 35)])
-    rows = pd.DataFrame(
-        {"release": 3, "block": "ball", "t_s": t, "x_m": 2 * t, "y_m": 0.2, "theta_rad": 5 * t}
-    )
+    rows = pd.DataFrame({"release": 3, "block": "ball", "t_s": t, "x_m": 2 * t, "y_m": 0.2, "theta_rad": 5 * t})
     rows.loc[4, "x_m"] = np.nan  # an empty cell is a lost frame too
     shown = clip_from_measured(rows)
     for time_s in (0.004, 0.0105):
@@ -216,9 +214,7 @@ def test_orientation_recorded_modulo_a_turn_does_not_spin_back():
 
 
 def test_clip_of_a_track_follows_the_parabola_and_stays_where_it_stopped():
-    knots = np.array(
-        [[0, 0, 1, 0, 2, 0, 3], [0.4, 0.8, 1 - 0.5 * 9.81 * 0.16, 1.2, 2, -9.81 * 0.4, 3]], float
-    )
+    knots = np.array([[0, 0, 1, 0, 2, 0, 3], [0.4, 0.8, 1 - 0.5 * 9.81 * 0.16, 1.2, 2, -9.81 * 0.4, 3]], float)
     shown = clip_from_track(Track(0, "ball", knots, np.array([True, True]), [], "exit", 9.81))
     t = 0.23456
     assert shown.pose(t) == pytest.approx((2 * t, 1 - 0.5 * 9.81 * t**2, 3 * t), abs=2e-6)

@@ -182,17 +182,11 @@ def _divided(rng: np.random.Generator, points: Array, u: float) -> Array:
 
 def _soil(rng: np.random.Generator, block: Block, speed: float) -> ContactParameters:
     """Soil from hard to so soft that a block sinks in by its own size."""
-    depth = block.radius_m * float(
-        np.exp(rng.uniform(np.log(0.002), np.log(0.4 if rng.random() < 0.85 else 2.0)))
-    )
+    depth = block.radius_m * float(np.exp(rng.uniform(np.log(0.002), np.log(0.4 if rng.random() < 0.85 else 2.0))))
     k_l = block.mass_kg * speed**2 / depth**2
     k_ul = k_l * float(rng.choice([1.0, np.exp(rng.uniform(0.0, np.log(40.0)))], p=[0.1, 0.9]))
     k_t = k_l * float(rng.choice([0.0, 0.25, rng.uniform(0.05, 1.2)]))
-    k_r = (
-        k_l
-        * block.radius_m**2
-        * float(rng.choice([0.0, 0.0, np.exp(rng.uniform(np.log(1e-3), np.log(0.3)))]))
-    )
+    k_r = k_l * block.radius_m**2 * float(rng.choice([0.0, 0.0, np.exp(rng.uniform(np.log(1e-3), np.log(0.3)))]))
     phi = float(rng.choice([rng.uniform(5.0, 60.0), 0.0, 90.0], p=[0.9, 0.05, 0.05]))
     cap, indentation = (bool(rng.random() < 0.4) for _ in range(2))
     return ContactParameters(k_l, k_ul, k_t, phi, k_r, cap, indentation)

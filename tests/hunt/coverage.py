@@ -84,10 +84,7 @@ def studied(job: tuple[int, int]) -> list[Held]:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     with tempfile.TemporaryDirectory() as folder:
         scenario = load_scenario(write_yaml(Path(folder) / "site.yaml", random_site(rng)))
-        values = {
-            place: float(quantile(np.array([rng.random()]))[0])
-            for place, quantile in scenario.unknown().items()
-        }
+        values = {place: float(quantile(np.array([rng.random()]))[0]) for place, quantile in scenario.unknown().items()}
         true_site = variant(scenario, values)
         seeds = [int(own) for own in rng.integers(1 << 30, size=3)]
         truth = simulate_sites([true_site], scenario.engine, [seeds[0]], TRUE_RELEASES)
@@ -124,10 +121,7 @@ def true_shares(truth: SiteResults, line: str) -> dict[str, float]:
     """Passing frequency of the released and of the arriving blocks; NaN where any interval would hold it."""
     k = truth.lines.index(line)
     passed, arrived = truth.passed[0, 0, k], truth.arrived[0, 0, k]
-    shares = {
-        "frequency": passed.mean(),
-        "per_arriving": passed[arrived].mean() if arrived.sum() > 500 else np.nan,
-    }
+    shares = {"frequency": passed.mean(), "per_arriving": passed[arrived].mean() if arrived.sum() > 500 else np.nan}
     return {key: float(p) if RAREST < p < 1.0 - RAREST else np.nan for key, p in shares.items()}
 
 

@@ -125,9 +125,7 @@ def make_inputs(here: Path) -> None:
     camera = {"scale": "{metres_per_pixel: 1.0}", "origin_px": "[0.0, 0.0]", "origin_m": "[0.0, 0.0]"}
     lines = (here / "film.yaml").read_text(encoding="utf-8").splitlines()
     keys = [line.strip().split(":")[0] for line in lines]
-    metres = [
-        f"  {key}: {camera[key]}" if key in camera else line for key, line in zip(keys, lines, strict=True)
-    ]
+    metres = [f"  {key}: {camera[key]}" if key in camera else line for key, line in zip(keys, lines, strict=True)]
     (here / "metres.yaml").write_text("\n".join(metres), encoding="utf-8")  # the tracks are in metres
     if not (here / "trial").is_dir():
         rock2d("blind", "make", "--cases", "2", "--seed", "1", "--quiet", "--out", str(here / "long_trial"))

@@ -120,9 +120,7 @@ class Started:
 
 
 @contextmanager
-def started(
-    command: Command, inputs: Path, out: Path, before: Callable[[], None] | None = None
-) -> Iterator[Started]:
+def started(command: Command, inputs: Path, out: Path, before: Callable[[], None] | None = None) -> Iterator[Started]:
     """The command in a process group of its own, with the mark in its environment; its processes end with the block."""
     mark = secrets.token_hex(8)
 
@@ -293,12 +291,7 @@ def into_read_only(command: Command, inputs: Path, out: Path, whole: Whole) -> T
 
 
 def _refused(
-    command: Command,
-    inputs: Path,
-    out: Path,
-    whole: Whole,
-    code: int,
-    before: Callable[[], None] | None = None,
+    command: Command, inputs: Path, out: Path, whole: Whole, code: int, before: Callable[[], None] | None = None
 ) -> Trial:
     trial, begin = Trial(), time.monotonic()
     with started(command, inputs, out, before) as running:

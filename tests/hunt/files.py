@@ -73,11 +73,7 @@ def hunt(kind: str, count: int, seed: int, read_only: bool) -> Counter[str]:
         if outcome.what in FAILURES:
             show(Failure(name, *_smallest(reader, damaged, outcome, use)), sources)
         # a diagnosis that is accepted would be fitted, which takes minutes
-        elif (
-            not read_only
-            and number % COMMAND_EVERY[kind] == 0
-            and (kind != "experiment" or outcome.what == REFUSED)
-        ):
+        elif not read_only and number % COMMAND_EVERY[kind] == 0 and (kind != "experiment" or outcome.what == REFUSED):
             outcome = commanded(kind, damaged.files(sources))
             counts[f"command: {outcome.what}"] += 1
             if outcome.what in FAILURES:
@@ -105,9 +101,7 @@ def show(failure: Failure, sources: Sequence[Files]) -> None:
     before, after = sources[damaged.source][damaged.file], damaged.files(sources)[damaged.file]
     old = set(before.splitlines())
     lines = [line[:300] for line in after.splitlines() if line not in old][:5]
-    print(
-        f"\n{name}: {outcome.what}; {damaged.file} (set {damaged.source}), {damaged.how}, {damaged.changes}"
-    )
+    print(f"\n{name}: {outcome.what}; {damaged.file} (set {damaged.source}), {damaged.how}, {damaged.changes}")
     print(*(f"  | {line!r}" for line in lines), outcome.text.rstrip()[-1500:], sep="\n", flush=True)
 
 
@@ -123,9 +117,7 @@ def repeat(name: str) -> Outcome:
 
 def main() -> None:
     """Hunt, print the failures and a table; exit code 1 if there is a failure."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for option in ("scenarios", "experiments", "diagnoses"):
         parser.add_argument(f"--{option}", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
@@ -141,10 +133,7 @@ def main() -> None:
         begin = perf_counter()
         counts = hunt(kind, count, given.seed, given.read_only)
         rows.append((kind, count, f"{count / (perf_counter() - begin):.0f}/s", counts))
-    print(
-        "\n"
-        + "\n".join(f"{kind:12} {count:6} {rate:>6}  {dict(counts)}" for kind, count, rate, counts in rows)
-    )
+    print("\n" + "\n".join(f"{kind:12} {count:6} {rate:>6}  {dict(counts)}" for kind, count, rate, counts in rows))
     failed = any(FAILED in outcome or HANG in outcome for *_, counts in rows for outcome in counts)
     sys.exit(failed)
 

@@ -74,9 +74,7 @@ def outcome_row(outcome: Outcome) -> Array:
     return row
 
 
-def compared_impacts(
-    count: int, seed: int, fraction: float, pymunk_every: int = 0
-) -> tuple[list[Compared], Counter]:
+def compared_impacts(count: int, seed: int, fraction: float, pymunk_every: int = 0) -> tuple[list[Compared], Counter]:
     """`count` impacts of random releases, all shapes in turn, and why others were left out."""
     rng, done, left_out = np.random.default_rng(seed), [], Counter()
     while len(done) < count:
@@ -141,9 +139,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--impacts", type=int, default=200)
     parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument(
-        "--fraction", type=float, default=BATCH_STEP_FRACTION, help="step of the batch engine"
-    )
+    parser.add_argument("--fraction", type=float, default=BATCH_STEP_FRACTION, help="step of the batch engine")
     given = parser.parse_args(arguments)
     print_table(*compared_impacts(given.impacts, given.seed, given.fraction, PYMUNK_EVERY))
     return 0

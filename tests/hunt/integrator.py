@@ -15,13 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rock2d.laws.contact import (
-    ContactParameters,
-    normal_force,
-    residual_indentation,
-    rolling_moment,
-    tangential_force,
-)
+from rock2d.laws.contact import ContactParameters, normal_force, residual_indentation, rolling_moment, tangential_force
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from tests.hunt.cases import GRAVITY_M_S2, Site
@@ -229,9 +223,7 @@ class Impact:
     def _follow(self, y: Array) -> tuple[dict[object, tuple[Feature, float]], bool]:
         """Features that no contact has, by key, and whether every contact has the feature found for it."""
         fresh, features = self._found(y)
-        return fresh, all(
-            f is not None and f[1] == c.feature for f, c in zip(features, self.contacts, strict=True)
-        )
+        return fresh, all(f is not None and f[1] == c.feature for f, c in zip(features, self.contacts, strict=True))
 
     def _found(self, y: Array) -> tuple[dict, list[tuple[object, Feature] | None]]:
         pose = y[:3].tolist()

@@ -73,14 +73,10 @@ def page_faults(folder: Path) -> list[str]:
             "per arriving": (7, own.per_arriving, own.per_arriving_low95, own.per_arriving_high95),
         }
         for what, (cell, *values) in shares.items():
-            numbers = (
-                [float(word) for word in re.findall(r"[\d.e+-]*\d[\d.e+-]*", said[0][cell])] if said else []
-            )
+            numbers = [float(word) for word in re.findall(r"[\d.e+-]*\d[\d.e+-]*", said[0][cell])] if said else []
             stated = [100.0 * value for value in values if np.isfinite(value)]
             if not said or not _alike(numbers, stated):
-                faults.append(
-                    f"{what} of {own.block} at {own.line}: {stated} in the table, {numbers} on the page"
-                )
+                faults.append(f"{what} of {own.block} at {own.line}: {stated} in the table, {numbers} on the page")
     return faults
 
 
@@ -97,16 +93,10 @@ def diagnosis_page_faults(folder: Path) -> list[str]:
     if "probabilities.csv" in tables:
         said = dict(zip(*(tables["probabilities.csv"].iloc[:, i] for i in (0, 1)), strict=True))
         for name, p in content["probabilities"].items():
-            if not np.isclose(
-                said.get(name, said.get(name.replace("_", " "), np.nan)), p, rtol=1e-4, atol=1e-9
-            ):
+            if not np.isclose(said.get(name, said.get(name.replace("_", " "), np.nan)), p, rtol=1e-4, atol=1e-9):
                 faults.append(f"probability of {name}: {p} in the file, {said.get(name)} on the page")
     verdict = content["probabilities"].get(content["verdict"])
-    if (
-        verdict is not None
-        and not content["sanity"]["faults"]
-        and f"{100 * verdict:.0f} %" not in _words(page)
-    ):
+    if verdict is not None and not content["sanity"]["faults"] and f"{100 * verdict:.0f} %" not in _words(page):
         faults.append(f"the page does not say the verdict's {100 * verdict:.0f} %")
     return faults
 

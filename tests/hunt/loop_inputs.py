@@ -133,9 +133,7 @@ def foreign_files(kind: str, film: Experiment, block: str, folder: Path) -> tupl
     rows = film.trajectories
     assert rows is not None
     rows = rows[rows["block"] == block].dropna(subset=["x_m", "y_m"])
-    arm = film.blocks[block].radius_m * np.column_stack(
-        [np.cos(rows["theta_rad"]), np.sin(rows["theta_rad"])]
-    )
+    arm = film.blocks[block].radius_m * np.column_stack([np.cos(rows["theta_rad"]), np.sin(rows["theta_rad"])])
     rows = rows.assign(frame=np.rint(rows["t_s"] * film.fps).astype(int), u=rows["x_m"] + arm[:, 0],
                        v=rows["y_m"] + arm[:, 1])  # fmt: skip
     marked = not rows["u"].isna().any()
@@ -201,9 +199,7 @@ def write_survey(kind: str, folder: Path, seed: int) -> tuple[Path, list[str]]:
     widths, slopes = rng.uniform(8.0, 20.0, 5), np.sort(rng.uniform(0.05, 1.2, 5))[::-1]
     widths[-1], slopes[-1] = 30.0, min(slopes[-1], 0.2)  # room for an embankment
     x = np.concatenate([[0.0], np.cumsum(widths)])
-    y = np.concatenate([[0.0], np.cumsum(widths * slopes)])[-1] - np.concatenate(
-        [[0.0], np.cumsum(widths * slopes)]
-    )
+    y = np.concatenate([[0.0], np.cumsum(widths * slopes)])[-1] - np.concatenate([[0.0], np.cumsum(widths * slopes)])
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "table":
         path = folder / "survey.csv"

@@ -207,9 +207,7 @@ def film_loop(chain: Chain) -> None:
     tracked = chain.folder / "tracked"
     chain("track", avi, "--config", avi.with_suffix(".yaml"), "--out", tracked, "--quiet")
     impacts = pd.read_csv(film / "impacts.csv")
-    chain.film = film_of(
-        tracked, _renumbered(impacts[impacts["release"] < FILM_RELEASES]), keys["outputs"]["fps"]
-    )
+    chain.film = film_of(tracked, _renumbered(impacts[impacts["release"] < FILM_RELEASES]), keys["outputs"]["fps"])
     diagnosis = diagnosed(chain, tracked, "diagnosis")
     predicted(chain, tracked, diagnosis, "same")
 
@@ -223,9 +221,7 @@ def profile_loop(chain: Chain) -> None:
     path = chain.folder / "slope.yaml"
     chain("profile", survey, *options, "--out", path)
     common = ("--engine", loop.engine, "--quiet", "--seed", loop.seed)
-    chain(
-        "run", path, *common, "--workers", 1, "--releases", loop.releases, "--out", chain.folder, "--report"
-    )
+    chain("run", path, *common, "--workers", 1, "--releases", loop.releases, "--out", chain.folder, "--report")
     keys = yaml.safe_load(path.read_text(encoding="utf-8"))
     foot = keys["cross_section"]["points_m"][-2]
     keys |= {

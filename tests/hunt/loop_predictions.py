@@ -44,9 +44,7 @@ def prediction_faults(
         yield "a prediction that differs although nothing was found", str(base.compare(found).head(3))
     if experiment.trajectories is None or found.empty:
         return
-    measured = found[KEYS[:1] + KEYS[3:]].merge(
-        _rounded(experiment.trajectories), how="left", on=["release", "t_s"]
-    )
+    measured = found[KEYS[:1] + KEYS[3:]].merge(_rounded(experiment.trajectories), how="left", on=["release", "t_s"])
     yield from _pushed(experiment, base, found, measured)
     yield from _sunk(experiment, base, found, measured)
     yield from _tail(experiment, base, found, measured)
@@ -62,9 +60,7 @@ def _rounded(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(t_s=[float(f"{t:.6g}") for t in rows["t_s"]])[["release", "t_s", *POSE]]
 
 
-def _pushed(
-    experiment: Experiment, base: pd.DataFrame, found: pd.DataFrame, measured: pd.DataFrame
-) -> Faults:
+def _pushed(experiment: Experiment, base: pd.DataFrame, found: pd.DataFrame, measured: pd.DataFrame) -> Faults:
     """Blocks at rest, in the film and by the base law, that the diagnosis moves in the second half of that time."""
     worst = (0.0, "")
     for (release, segment), rows in found.groupby(["release", "segment"]).indices.items():
@@ -110,9 +106,7 @@ def _sunk(experiment: Experiment, base: pd.DataFrame, found: pd.DataFrame, measu
     allowed = max(deepest[0].max(), deepest[1].max()) + DEEPER_RADII
     if deepest[2].max() > allowed:
         row = found.iloc[int(deepest[2].argmax())]
-        facts = (
-            f"release {row['release']} at {row['t_s']} s: {deepest[2].max():.2f} radii, allowed {allowed:.2f}"
-        )
+        facts = f"release {row['release']} at {row['t_s']} s: {deepest[2].max():.2f} radii, allowed {allowed:.2f}"
         yield "an outline deep in the ground", facts
 
 
@@ -134,9 +128,7 @@ def _depth_radii(experiment: Experiment, block: pd.Series, poses: pd.DataFrame) 
 
 def _tail(experiment: Experiment, base: pd.DataFrame, found: pd.DataFrame, measured: pd.DataFrame) -> Faults:
     """More segments than chance gives beyond twice the 95th percentile of the base law's misses."""
-    radius = (
-        found["block"].map({name: own.radius_m for name, own in experiment.blocks.items()}).to_numpy(float)
-    )
+    radius = found["block"].map({name: own.radius_m for name, own in experiment.blocks.items()}).to_numpy(float)
     noise = np.array([_noise(experiment, r) for r in radius])
     misses = []
     for table in (base, found):
@@ -149,10 +141,7 @@ def _tail(experiment: Experiment, base: pd.DataFrame, found: pd.DataFrame, measu
     beyond, count = int((misses[1] > limit).sum()), len(misses[1])
     by_chance = stats.binom.sf(beyond - 1, count, 1.0 - TAIL_PERCENTILE / 100.0)
     if by_chance < LEAST_CHANCE:
-        yield (
-            "a tail worse than twice the base law's",
-            f"{beyond} of {count} segments beyond {limit:.3g} sigma",
-        )
+        yield ("a tail worse than twice the base law's", f"{beyond} of {count} segments beyond {limit:.3g} sigma")
 
 
 def _noise(experiment: Experiment, radius_m: float) -> Array:

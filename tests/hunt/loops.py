@@ -118,9 +118,7 @@ def shortest(loop: Loop, outcome: Outcome, cause: str, worker: Answering) -> tup
 
 def show(loop: Loop, outcome: Outcome, fault: Fault) -> None:
     """Print a fault with the commands that lead to it."""
-    print(
-        f"\n{loop.name}: {fault.cause}", *(f"  $ {c}" for c in outcome.commands[: fault.commands]), sep="\n"
-    )
+    print(f"\n{loop.name}: {fault.cause}", *(f"  $ {c}" for c in outcome.commands[: fault.commands]), sep="\n")
     print(*(f"  | {line}" for line in fault.facts.splitlines()), sep="\n", flush=True)
 
 
@@ -155,9 +153,7 @@ def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
     return sum(counts[kind, BROKEN] for kind in kinds)
 
 
-def _least(
-    cause: str, found: Sequence[tuple[Loop, Outcome]], worker: Answering
-) -> tuple[Loop, Outcome, Fault]:
+def _least(cause: str, found: Sequence[tuple[Loop, Outcome]], worker: Answering) -> tuple[Loop, Outcome, Fault]:
     """The smallest loop that breaks for this cause, of those found and of smaller ones."""
 
     def size(one: tuple[Loop, Outcome]) -> tuple[int, int]:
@@ -185,9 +181,7 @@ def repeat(name: str, folder: Path | None) -> int:
 def main() -> None:
     """Hunt; exit code 1 if a loop breaks."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--loops", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)

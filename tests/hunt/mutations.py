@@ -96,9 +96,7 @@ def changed_bytes(raw: bytes, rng: random.Random) -> bytes:
 
 def change_table(rows: list[list[str]], rng: random.Random) -> None:
     """One change of the cells of a CSV with a header: of a cell, a row or a whole column."""
-    action = rng.choice(
-        ("cell", "column", "scale", "constant", "lost", "drop_row", "repeat_row", "order", "header")
-    )
+    action = rng.choice(("cell", "column", "scale", "constant", "lost", "drop_row", "repeat_row", "order", "header"))
     i, k = rng.randrange(1, max(len(rows), 2)), rng.randrange(len(rows[0]))
     if len(rows) < 3 or any(len(row) != len(rows[0]) for row in rows):
         return

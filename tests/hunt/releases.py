@@ -122,9 +122,7 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
 def impact_gains(site: Site, impacts: Array) -> Array:
     """(releases,) the largest share of its kinetic energy that an impact gained, beyond GAIN."""
     masses = Masses(site.block.mass_kg, site.block.inertia_kg_m2, GRAVITY_M_S2, 0.0)
-    before, after = (
-        impacts[..., part].reshape(-1, columns.N_STATE) for part in (columns.BEFORE, columns.AFTER)
-    )
+    before, after = (impacts[..., part].reshape(-1, columns.N_STATE) for part in (columns.BEFORE, columns.AFTER))
     (kinetic, low), (left, high) = mechanical_energy(masses, before), mechanical_energy(masses, after)
     with np.errstate(invalid="ignore", divide="ignore"):
         gain = (left + high - kinetic - low) / kinetic - GAIN
@@ -142,9 +140,7 @@ def depth_in_ground(site: Site, x: Array, y: Array) -> Array:
     return np.where(out > 1e-6, out, 0.0)
 
 
-def random_releases(
-    seed: int, chunk: int, shape: str | None, count: int = SITES
-) -> tuple[list[Site], list[Array]]:
+def random_releases(seed: int, chunk: int, shape: str | None, count: int = SITES) -> tuple[list[Site], list[Array]]:
     """`count` random sites of one shape, or of all in turn, and SITE_RELEASES releases (k, 6) on each."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(chunk,)))
     sites = [random_site(rng, shape or SHAPES[k % len(SHAPES)]) for k in range(count)]
@@ -247,14 +243,10 @@ def print_table(chunks: list[Chunk]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--releases", type=int, default=6000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument(
-        "--first", type=int, default=0, help="number of the first chunk, to go on with a hunt"
-    )
+    parser.add_argument("--first", type=int, default=0, help="number of the first chunk, to go on with a hunt")
     parser.add_argument("--shape", choices=SHAPES)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--save", type=Path, help="folder for scenario files of the worst of each kind")

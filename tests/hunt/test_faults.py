@@ -15,9 +15,7 @@ def whole(tmp_path_factory) -> Whole:
     return undisturbed(RUN, tmp_path_factory.getbasetemp() / "inputs", tmp_path_factory.mktemp("whole"))
 
 
-@pytest.mark.parametrize(
-    "fault", ["kill", "interrupt", "terminate", "full disk", "file too large", "read-only"]
-)
+@pytest.mark.parametrize("fault", ["kill", "interrupt", "terminate", "full disk", "file too large", "read-only"])
 def test_a_disturbed_run_leaves_nothing_half_written(tmp_path, tmp_path_factory, whole, fault):
     trial = disturbed(RUN, fault, tmp_path_factory.getbasetemp() / "inputs", tmp_path, whole, 0.6)
     assert not trial.faults

@@ -25,8 +25,7 @@ def test_contact_of_a_fast_spinning_ellipse_begins_at_the_surface():
     0.03 radii deep."""
     block = make_block("rock", "ellipse", 350.0, inertia=12.5, length_m=0.616, height_m=0.436)
     ground = CrossSection(
-        [[0.0, -0.4], [1.53922, -0.87064], [2.39217, -1.16254], [3.58597, -1.14784], [6.26655, -1.5364]],
-        ["soil"] * 4,
+        [[0.0, -0.4], [1.53922, -0.87064], [2.39217, -1.16254], [3.58597, -1.14784], [6.26655, -1.5364]], ["soil"] * 4
     )
     law = ContactParameters(254e3, 377e3, 158e3, 32.3, 0.0)
     before = np.array([3.5868471, -0.92983521, 15.74988555, 5.11246814, -5.02829369, 54.99262645])

@@ -57,11 +57,7 @@ def diagnoses() -> list[Files]:
 
 def _parameters(name: str, known: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        p.name: {
-            "value": p.choices[-1] if p.choices else 0.3 * p.high,
-            "ci95": [p.low, p.high],
-            "unit": p.unit,
-        }
+        p.name: {"value": p.choices[-1] if p.choices else 0.3 * p.high, "ci95": [p.low, p.high], "unit": p.unit}
         for p in known[name].parameters
     }
 
@@ -91,9 +87,7 @@ def _impacts() -> Experiment:
 def _first_releases(experiment: Experiment) -> Experiment:
     rows = experiment.trajectories
     assert rows is not None
-    return replace(
-        experiment, trajectories=rows[rows["release"].isin(sorted(set(rows["release"]))[:FEW_RELEASES])]
-    )
+    return replace(experiment, trajectories=rows[rows["release"].isin(sorted(set(rows["release"]))[:FEW_RELEASES])])
 
 
 def _files(experiment: Experiment) -> Files:

@@ -61,9 +61,7 @@ def test_an_offset_that_grows_with_the_speed_does_not_average_out():
     films = [flights(rng, 15, 30.0, (1, 4), 5e-4, smear=1e-3) for _ in range(150)]
 
     def pulls(smear_offset_s: float) -> float:
-        found = [
-            flight_gravity(replace(f, smear_offset_s=smear_offset_s), own, STATED_M_S2) for f, own in films
-        ]
+        found = [flight_gravity(replace(f, smear_offset_s=smear_offset_s), own, STATED_M_S2) for f, own in films]
         own = [((g.gravity_m_s2.value - TRUE_M_S2) / g.gravity_m_s2.error) for g in found if g]
         assert len(own) > 140
         return float(np.std(own))

@@ -87,18 +87,14 @@ def test_gravity_of_zero_is_a_fault(plain):
 
 def test_a_constant_angle_of_a_circle_is_remarked(plain):
     t = plain.trajectories
-    found = check_film(
-        still := changed(plain, theta_rad=t.theta_rad.where(t.block != "sphere", 0.0)), load_film(still)
-    )
+    found = check_film(still := changed(plain, theta_rad=t.theta_rad.where(t.block != "sphere", 0.0)), load_film(still))
     assert not found.faults and "angle of block sphere never changes" in found.remarks[0]
 
 
 def test_a_film_a_little_too_high_is_remarked(plain):
     high = changed(plain, y_m=plain.trajectories.y_m + 0.05)
     found = check_film(high, load_film(high))
-    assert any(
-        "comes no closer to the ground than" in text for text in [*found.remarks, *map(str, found.faults)]
-    )
+    assert any("comes no closer to the ground than" in text for text in [*found.remarks, *map(str, found.faults)])
 
 
 @pytest.mark.parametrize(("side_m", "said"), [(0.05, "sinks"), (0.007, "comes no closer")])
@@ -170,9 +166,7 @@ def test_a_fault_that_an_effect_could_have_made_is_not_surely_unknown(plain):
 def test_mirrored_axis_is_seen_and_named(plain, column):
     mirrored = changed(plain, **{column: -plain.trajectories[column]})
     assert check_film(mirrored, load_film(mirrored)).mirror == column[0]
-    content = diagnosis_json(
-        diagnose(mirrored, effects=NOTHING | {"mirrored_axis": catalogue()["mirrored_axis"]})
-    )
+    content = diagnosis_json(diagnose(mirrored, effects=NOTHING | {"mirrored_axis": catalogue()["mirrored_axis"]}))
     assert content["verdict"] == "mirrored_axis"
     assert content["effects"]["mirrored_axis"]["parameters"]["axis"]["value"] == "xy".index(column[0]) + 1
     assert content["gap"]["closure"] > 0.9

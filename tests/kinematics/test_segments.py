@@ -26,19 +26,13 @@ def test_partition_finds_flight_contact_and_rest():
     rng = np.random.default_rng(1)
     t = np.arange(160) / 1000
     up = t[60:110] - t[60]
-    y = np.concatenate(
-        [0.1 - 2.0 * t[:50] - 4.905 * t[:50] ** 2, np.zeros(10), 0.8 * up - 4.905 * up**2, np.zeros(50)]
-    )
-    y[50:60] = np.interp(np.arange(50, 60), [49, 54, 60], [y[49], -0.02, 0.0]) + 0.003 * np.sin(
-        np.arange(10) * 2.5
-    )
+    y = np.concatenate([0.1 - 2.0 * t[:50] - 4.905 * t[:50] ** 2, np.zeros(10), 0.8 * up - 4.905 * up**2, np.zeros(50)])
+    y[50:60] = np.interp(np.arange(50, 60), [49, 54, 60], [y[49], -0.02, 0.0]) + 0.003 * np.sin(np.arange(10) * 2.5)
     y[110:] = 0.05
     pose = np.column_stack([np.where(t < 0.11, 1.0 * t, 0.11), y, np.where(t < 0.11, -30 * t, -3.3)])
     noise = np.array([3e-4, 3e-4, 0.02])
     data = (pose + rng.normal(size=pose.shape) * noise) / noise
-    kinds, numbers = partition(
-        t, data, np.array([0, -4.905, 0]) / noise, np.array([0.75, 0.75, 1000.0]) / noise, 8
-    )
+    kinds, numbers = partition(t, data, np.array([0, -4.905, 0]) / noise, np.array([0.75, 0.75, 1000.0]) / noise, 8)
     assert (kinds[2:48] == FLIGHT).all() and (kinds[62:108] == FLIGHT).all()
     assert (kinds[112:] == REST).all()
     assert (kinds[52:58] == CONTACT).any()
@@ -86,9 +80,7 @@ def test_states_are_unbiased_and_as_sure_as_they_say(view):
 def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
     """Raised by a third of a block's size, the film has about the flights that it has where it lies."""
     experiment = film(world(), 8, seed=3, fps=240.0, duration_s=0.8)
-    raised = replace(
-        experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
-    )
+    raised = replace(experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007))
     setup = setup_world(experiment)
     count = [len(FilmData.of(load_film(e), setup).flights) for e in (experiment, raised)]
     assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
@@ -103,8 +95,7 @@ def test_flight_of_the_parabola_is_reversible():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("magnus_lift", 0.03), ("magnus_lift", -0.03), ("air_drag", 1.0), ("flight_damping", 2.0)],
+    ("name", "value"), [("magnus_lift", 0.03), ("magnus_lift", -0.03), ("air_drag", 1.0), ("flight_damping", 2.0)]
 )
 def test_a_flight_through_strong_air_is_fitted_exactly(name, value):
     """A lift of this size turns the path by 100° in 0.5 s: the slope along one axis depends on the speed along both."""

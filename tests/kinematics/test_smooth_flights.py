@@ -26,9 +26,7 @@ def ball_film(
         if k % every == 0:
             path.append(state[:2] * (1.0 + perspective_1_s * k * STEP_S))
         velocity = state[2:]
-        state = state + STEP_S * np.append(
-            velocity, -drag_1_m * np.hypot(*velocity) * velocity - np.array([0.0, G])
-        )
+        state = state + STEP_S * np.append(velocity, -drag_1_m * np.hypot(*velocity) * velocity - np.array([0.0, G]))
         if state[1] < floor_m + 0.02 and state[3] < 0.0:
             state[3] *= -RESTITUTION
             bounces += 1
@@ -70,9 +68,7 @@ def segments(experiment: Experiment) -> FilmSegments:
 
 
 @pytest.mark.parametrize("drag", [0.06, 0.15, 0.3])
-@pytest.mark.parametrize(
-    ("fps", "noise"), [(30.0, 3e-4), (60.0, 1e-4), (240.0, 3e-4), (500.0, 2e-5), (1000.0, 3e-4)]
-)
+@pytest.mark.parametrize(("fps", "noise"), [(30.0, 3e-4), (60.0, 1e-4), (240.0, 3e-4), (500.0, 2e-5), (1000.0, 3e-4)])
 def test_a_light_ball_that_air_holds_back_makes_one_flight(fps, noise, drag):
     data = segments(ball_film(fps, noise, drag_1_m=drag)[0])
     assert len(data.flights) == 1 and len(data.impacts) == 0

@@ -44,8 +44,6 @@ def gross_slip_change_m_s(p: ContactParameters, normal_speed_m_s: float, u_m_s: 
     return float(-mu * (1 + restitution(p)) * normal_speed_m_s * np.sign(u_m_s))
 
 
-def rolling_spin_rad_s(
-    p: ContactParameters, mass_kg: float, inertia_kg_m2: float, omega_rad_s: float
-) -> float:
+def rolling_spin_rad_s(p: ContactParameters, mass_kg: float, inertia_kg_m2: float, omega_rad_s: float) -> float:
     """Spin after a contact without friction: ω cos(√(k_r/I) t_c)."""
     return float(omega_rad_s * np.cos(np.sqrt(p.k_r_Nm_rad / inertia_kg_m2) * contact_time_s(p, mass_kg)))

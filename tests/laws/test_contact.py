@@ -102,9 +102,7 @@ def test_a_contact_that_never_slips_turns_its_slip_velocity_by_the_tangential_ph
     expected = closed_forms.stick_slip_velocity_m_s(p, MASS, INERTIA, RADIUS, u)
     assert after == pytest.approx(expected, rel=1e-7, abs=1e-9)
     # the moment of momentum about the contact point is kept
-    assert MASS * RADIUS * v - INERTIA * spin == pytest.approx(
-        MASS * RADIUS * v_t - INERTIA * omega, abs=1e-12
-    )
+    assert MASS * RADIUS * v - INERTIA * spin == pytest.approx(MASS * RADIUS * v_t - INERTIA * omega, abs=1e-12)
 
 
 @given(st.floats(1, 40), ratio, st.sampled_from([-1.0, 1.0]))
@@ -142,9 +140,7 @@ def test_work_done_into_the_ground_is_what_it_stores_and_what_plasticity_took(pa
             assert f1 >= 0.0  # soil does not pull
     row = law(k_l_N_m=k_l, k_ul_N_m=k_ul).row()
     stored = elastic_energy(f1, 0.0, row)
-    assert work == pytest.approx(
-        stored + plastic_work(peak, k_l, k_ul), rel=1e-6, abs=1e-9 * k_l * (peak + 1e-6) ** 2
-    )
+    assert work == pytest.approx(stored + plastic_work(peak, k_l, k_ul), rel=1e-6, abs=1e-9 * k_l * (peak + 1e-6) ** 2)
 
 
 @given(stiffness, ratio, st.floats(1e-6, 1.0), st.floats(0.0, 1.0))
@@ -191,9 +187,7 @@ def test_sliding_into_another_zone_never_raises_the_stored_energy(old, new, forc
     assert peak <= depth * (1 + 1e-12)  # no soil is pressed in deeper than the contact point lies
 
 
-@given(
-    zone, st.floats(1e-5, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(-1, 1), st.floats(-1, 1)
-)
+@given(zone, st.floats(1e-5, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(-1, 1), st.floats(-1, 1))
 @MANY
 def test_another_feature_never_raises_the_stored_energy(law, peak, pressed, offset, share, jump):
     """Deeper ground leaves the penetration as it is, less deep ground unloads it."""
@@ -212,8 +206,7 @@ def test_another_feature_never_raises_the_stored_energy(law, peak, pressed, offs
 
 
 @pytest.mark.parametrize(
-    "bad",
-    [{"k_ul_N_m": 9e3}, {"k_l_N_m": 0.0}, {"friction_angle_deg": 91}, {"k_t_N_m": -1}, {"k_r_Nm_rad": -1}],
+    "bad", [{"k_ul_N_m": 9e3}, {"k_l_N_m": 0.0}, {"friction_angle_deg": 91}, {"k_t_N_m": -1}, {"k_r_Nm_rad": -1}]
 )
 def test_parameters_for_which_the_law_creates_energy_or_has_no_sense_are_refused(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):

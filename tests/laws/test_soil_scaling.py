@@ -9,12 +9,7 @@ from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass
 from rock2d.laws.contact import contact_table
 from rock2d.laws.rebound import normal_restitution
-from rock2d.laws.soil_scaling import (
-    SOIL_GRAVITY_M_S2,
-    reference_speed_m_s,
-    soil_contact,
-    soil_rebound,
-)
+from rock2d.laws.soil_scaling import SOIL_GRAVITY_M_S2, reference_speed_m_s, soil_contact, soil_rebound
 from rock2d.records.columns import STOPS
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
@@ -96,8 +91,7 @@ def test_the_point_mass_engine_moves_blocks_of_two_sizes_alike(soil):
         block = scaled("ball", ratio)
         law = {"default": soil_rebound(soil, block.mass_kg, block.size_m)}
         tracks = [
-            run_point_mass(block, floor(ratio), law, state, time_limit_s=60.0, seed=1)
-            for state in released(ratio)
+            run_point_mass(block, floor(ratio), law, state, time_limit_s=60.0, seed=1) for state in released(ratio)
         ]
         speed = np.sqrt(ratio)
         unit = np.array([ratio / speed, ratio, ratio, 1.0, speed, speed, speed / ratio])
@@ -116,8 +110,7 @@ def test_roughness_keeps_a_point_mass_bouncing_down_a_talus(rough):
     block = scaled("ball", 2.0)
     law = {"default": soil_rebound(soil, block.mass_kg, block.size_m)}
     stops = [
-        run_point_mass(block, slope, law, [1, 2, 0, 2, 0, 0], time_limit_s=120.0, seed=seed).stop
-        for seed in range(10)
+        run_point_mass(block, slope, law, [1, 2, 0, 2, 0, 0], time_limit_s=120.0, seed=seed).stop for seed in range(10)
     ]
     assert stops == ["exit" if rough else "rest"] * 10
 

@@ -6,25 +6,13 @@ import pytest
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.reproduction import calibrations, published
 from rock2d.reproduction.arrival_results import comparison_table
-from rock2d.reproduction.hypotheses import (
-    DETERMINISTIC_SPACE,
-    PROBABILISTIC_SPACE,
-    contact_table,
-    table_4,
-)
-from rock2d.reproduction.missing_effects import (
-    LARGEST_SLOPE_REDUCTION_DEG,
-    SIZES,
-    held_out_score,
-    probabilistic_with,
-)
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, contact_table, table_4
+from rock2d.reproduction.missing_effects import LARGEST_SLOPE_REDUCTION_DEG, SIZES, held_out_score, probabilistic_with
 from rock2d.reproduction.outcomes import Outcome
 
 
 def test_table_4_replaces_the_law_and_nothing_else():
-    values = DETERMINISTIC_SPACE.values(
-        prior_draws(8, len(DETERMINISTIC_SPACE.quantities), np.random.default_rng(1))
-    )
+    values = DETERMINISTIC_SPACE.values(prior_draws(8, len(DETERMINISTIC_SPACE.quantities), np.random.default_rng(1)))
     paper = table_4(values)
     assert contact_table(paper)[:, 0, :5] == pytest.approx(
         np.tile([1e4, 6e4, 2.5e3, np.tan(np.radians(30.0)), 0.025], (8, 1))
@@ -58,9 +46,7 @@ def test_a_candidate_is_chosen_by_its_value():
     assert chosen.tolist() == list(range(len(calibrations.CANDIDATES)))
 
 
-@pytest.mark.parametrize(
-    ("block", "out_of_round"), [("sphere", 0.0), ("cube", 1.0), ("parallelepiped", 4.086)]
-)
+@pytest.mark.parametrize(("block", "out_of_round"), [("sphere", 0.0), ("cube", 1.0), ("parallelepiped", 4.086)])
 def test_the_shape_of_a_point_mass_grows_with_how_far_the_block_is_from_round(block, out_of_round):
     """In units of a cube's; a parallelepiped of 3.5 by 1.4 cm: (√(3.5² + 1.4²) / 1.4 - 1) / (√2 - 1) = 4.086."""
     values = PROBABILISTIC_SPACE.values(np.full((1, len(PROBABILISTIC_SPACE.quantities)), 0.5))

@@ -79,16 +79,8 @@ def test_lines_are_passed_beyond_the_slope_only(model, values, block):
 def test_a_release_that_can_reach_no_further_line_still_has_a_first_impact():
     """A cube that leaves the slope near its toe may be too slow for line 1; it lands in the ditch all the same."""
     values = {key: v[:1].copy() for key, v in VALUES.items()}
-    values |= {
-        "drop_up_slope_m": np.array([0.05]),
-        "cube.speed_along": np.array([0.9]),
-        "ditch_m": np.array([0.2]),
-    }
-    values |= {
-        "cube.speed_across": np.array([0.5]),
-        "cube.roll": np.zeros(1),
-        "cube.speed_spread": np.array([0.01]),
-    }
+    values |= {"drop_up_slope_m": np.array([0.05]), "cube.speed_along": np.array([0.9]), "ditch_m": np.array([0.2])}
+    values |= {"cube.speed_across": np.array([0.5]), "cube.roll": np.zeros(1), "cube.speed_spread": np.array([0.01])}
     values |= {"line_tilt_deg": np.zeros(1)}
     found = deterministic_outcome(values, "cube", DRAWS)
     assert found.possible[0] and (found.first_zone == DITCH_ZONE).all()
@@ -96,8 +88,7 @@ def test_a_release_that_can_reach_no_further_line_still_has_a_first_impact():
 
 def test_landing_is_the_first_impact_of_falling():
     whole, landed = (
-        model(VALUES, "parallelepiped", DRAWS)
-        for model in (deterministic_outcome, deterministic_first_impacts)
+        model(VALUES, "parallelepiped", DRAWS) for model in (deterministic_outcome, deterministic_first_impacts)
     )
     assert (whole.first_zone == landed.first_zone).all() and (whole.possible == landed.possible).all()
     assert landed.off_normal_deg == pytest.approx(whole.off_normal_deg, nan_ok=True)
@@ -148,10 +139,7 @@ def test_the_scenario_of_a_hypothesis_is_its_set_up_and_arrivals_with_the_publis
     path.write_text(scenario_text(VALUES, found, 2), encoding="utf-8")
     scenario = load_scenario(path)
     assert "deterministic 9 of 9; probabilistic 0 of 9 (not sphere line 1" in scenario.assumed[1]
-    assert (
-        "sphere line_3, probabilistic: 40 % in the paper, 0 to 70 % over all hypotheses"
-        in scenario.assumed[1]
-    )
+    assert "sphere line_3, probabilistic: 40 % in the paper, 0 to 70 % over all hypotheses" in scenario.assumed[1]
     ground, shown = hypothesis_cross_section(VALUES, 3), scenario.make_cross_section()
     assert shown.points_m == pytest.approx(ground.points_m, abs=6e-5)
     for line, ends in ground.measure_lines.items():

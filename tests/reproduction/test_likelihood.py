@@ -73,9 +73,7 @@ def test_many_simulated_releases_give_the_multinomial():
 
 def test_no_simulated_counts_make_the_filmed_ones_likelier_than_their_own_frequencies():
     for counts in (np.array([1, 4, 3, 2]), np.array([0, 7, 22, 21])):
-        assert highest_log_counts(counts) == pytest.approx(
-            log_counts(1e6 * counts[None], counts)[0], abs=1e-3
-        )
+        assert highest_log_counts(counts) == pytest.approx(log_counts(1e6 * counts[None], counts)[0], abs=1e-3)
         every = np.array([c for c in product(range(0, 41, 2), repeat=4) if sum(c) == 40])
         assert log_counts(every, counts).max() < highest_log_counts(counts)
 
@@ -129,9 +127,7 @@ def test_a_predictive_p_of_one_frequency_is_the_binomial_s():
 
 
 def test_few_simulated_releases_exclude_little():
-    assert (
-        summary.predictive_p(43, crossing([1.0], 10), 0) > 0.05 > summary.predictive_p(43, crossing([1.0]), 0)
-    )
+    assert summary.predictive_p(43, crossing([1.0], 10), 0) > 0.05 > summary.predictive_p(43, crossing([1.0]), 0)
 
 
 def test_the_likelier_candidate_gets_the_odds_of_its_likelihood():

@@ -43,9 +43,7 @@ def test_exact_intervals_are_those_of_the_binomial_test():
 
     for passed, releases in ((0, 50), (1, 50), (23, 50), (50, 50), (960, 2000)):
         own = binomtest(passed, releases).proportion_ci(0.95, method="exact")
-        assert summary.clopper_pearson_interval(passed, releases) == pytest.approx(
-            (100 * own.low, 100 * own.high)
-        )
+        assert summary.clopper_pearson_interval(passed, releases) == pytest.approx((100 * own.low, 100 * own.high))
 
 
 def test_the_shipped_set_up_meets_the_cells_that_it_says():

@@ -98,9 +98,7 @@ def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
         return alpha
 
     monkeypatch.setattr(calibrations, "probabilistic_outcome", outcome)
-    monkeypatch.setattr(
-        calibrations, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2)
-    )
+    monkeypatch.setattr(calibrations, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2))
     u = np.full((5, len(calibrations.PROBABILISTIC_SPACE.quantities)), 0.5)
     found = calibrations.calibrate_slope_reductions(u, SMALL, np.random.SeedSequence(1), lambda share: None)
     assert found["sphere"].tolist() == [0.0] * 5

@@ -28,9 +28,7 @@ SHORT = "time_limit_s: 1.6"  # long enough for the first impact
 
 
 def drag(value: float, **more):
-    return content(
-        "air_drag", {"air_drag": effect(drag_per_mass_1_m=(value, 0.9 * value, 1.1 * value))}, **more
-    )
+    return content("air_drag", {"air_drag": effect(drag_per_mass_1_m=(value, 0.9 * value, 1.1 * value))}, **more)
 
 
 def knots(scenario, **options):
@@ -81,9 +79,7 @@ def test_the_reading_of_the_rolling_resistance_comes_along(tmp_path):
 def test_both_engines_meet_the_same_effects(tmp_path):
     given = content("adhesion", {"adhesion": effect(pull_per_weight=(1.0, 0.5, 1.5))})
     scenario = diagnosed(tmp_path, given, more=SHORT)
-    first = {
-        engine: rock2d.run(scenario, engine=engine, releases=1, workers=1) for engine in ("batch", "pymunk")
-    }
+    first = {engine: rock2d.run(scenario, engine=engine, releases=1, workers=1) for engine in ("batch", "pymunk")}
     after = {k: v.to_pandas("impacts").groupby("release")["vy_after_m_s"].first() for k, v in first.items()}
     without = rock2d.run(undiagnosed(tmp_path, numbers(JOINT), more=SHORT), releases=1).to_pandas("impacts")
     assert after["batch"].to_numpy() == pytest.approx(after["pymunk"].to_numpy(), rel=1e-3, abs=1e-3)
@@ -104,9 +100,7 @@ def test_a_contrast_of_soils_is_that_of_the_embankment(tmp_path):
 def test_an_effect_without_its_object_says_so(tmp_path):
     scenario = diagnosed(tmp_path, content("soil_compaction", {"soil_compaction": effect(
         rate=(0.05, 0.04, 0.06), excess=(0.0, -0.01, 0.01))}))  # fmt: skip
-    assert any(
-        "soil_compaction changes nothing: each release is the first" in r for r in diagnosis_remarks(scenario)
-    )
+    assert any("soil_compaction changes nothing: each release is the first" in r for r in diagnosis_remarks(scenario))
     assert same(knots(scenario), knots(undiagnosed(tmp_path, numbers(JOINT))))
 
 
@@ -146,15 +140,12 @@ def test_roughness_of_impacts_becomes_a_rough_surface(tmp_path):
 
 
 def test_a_centre_of_mass_beside_the_centroid_starts_where_the_centroid_does(tmp_path):
-    given = content(
-        "mass_eccentricity", {"mass_eccentricity": effect(along=(0.1, 0.1, 0.1), across=(0.0, 0.0, 0.0))}
-    )
+    given = content("mass_eccentricity", {"mass_eccentricity": effect(along=(0.1, 0.1, 0.1), across=(0.0, 0.0, 0.0))})
     scenario = diagnosed(tmp_path, given)
     plain = undiagnosed(tmp_path, numbers(JOINT))
     result = rock2d.run(scenario, releases=2)
     found, stated = (
-        own.to_pandas("trajectories").groupby("release").first()
-        for own in (result, rock2d.run(plain, releases=2))
+        own.to_pandas("trajectories").groupby("release").first() for own in (result, rock2d.run(plain, releases=2))
     )
     assert found[["x_m", "y_m", "theta_rad"]].to_numpy() == pytest.approx(
         stated[["x_m", "y_m", "theta_rad"]].to_numpy()
@@ -167,14 +158,10 @@ def test_a_scattered_soil_has_the_effects_too(tmp_path):
     model = "{diagnosis: d.json, deterministic: {default: {friction_angle_deg: 30}}}"
     more = "scatter: {model.deterministic.default.friction_angle_deg: {uniform: {low: 25, high: 35}}}"
     given = content("out_of_plane", {"out_of_plane": effect(angle_rad=(0.2, 0.1, 0.3))})
-    own = [
-        met for _, met in starts(Conditions(diagnosed(tmp_path, given, model=model, more=more), "batch", 1))
-    ]
+    own = [met for _, met in starts(Conditions(diagnosed(tmp_path, given, model=model, more=more), "batch", 1))]
     angles = np.rad2deg(np.arctan([met.parameters[0, 3] for met in own]))
     assert all((met.parameters[:, column("out_of_plane_rad")] == 0.2).all() for met in own)
-    assert angles == pytest.approx(
-        [met.drawn["model.deterministic.default.friction_angle_deg"] for met in own]
-    )
+    assert angles == pytest.approx([met.drawn["model.deterministic.default.friction_angle_deg"] for met in own])
 
 
 def test_the_point_mass_engine_is_refused(tmp_path):
@@ -192,9 +179,7 @@ def test_before_and_after_share_their_releases(tmp_path):
     after = table[table["model"] == "after"].set_index(["block", "line"])
     passing = result.to_pandas("passing").set_index(["block", "line"])
     assert after["frequency"].equals(passing["frequency"])
-    before = (
-        rock2d.run(undiagnosed(tmp_path, numbers(SOIL))).to_pandas("passing").set_index(["block", "line"])
-    )
+    before = rock2d.run(undiagnosed(tmp_path, numbers(SOIL))).to_pandas("passing").set_index(["block", "line"])
     assert table[table["model"] == "before"].set_index(["block", "line"])["passed"].equals(before["passed"])
     assert before["passed"].sum() > after["passed"].sum()  # or the comparison says nothing
     assert "before and after" in model_text(table, "before and after the diagnosis")
@@ -252,9 +237,7 @@ def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
      ({"a": {"mass_kg": 400.0, "size_m": 0.6}}, "")],
 )  # fmt: skip
 def test_another_scale_is_warned_of(tmp_path, blocks, said):
-    warned = [
-        r for r in diagnosis_remarks(diagnosed(tmp_path, content(blocks=blocks))) if r.startswith("warning")
-    ]
+    warned = [r for r in diagnosis_remarks(diagnosed(tmp_path, content(blocks=blocks))) if r.startswith("warning")]
     assert bool(warned) == bool(said) and all(said in line for line in warned)
 
 

@@ -42,12 +42,8 @@ def site(
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])
 def test_a_campaign_meets_the_conditions_of_a_run(tmp_path, engine):
-    scenario = site(
-        tmp_path, POPULATION, STIFFNESS if engine == "batch" else "", ROUGH, engine=engine, releases=12
-    )
-    run_campaign(
-        scenario, tmp_path / "campaign", CampaignOptions(chunk_releases=5), progress=False, report=str
-    )
+    scenario = site(tmp_path, POPULATION, STIFFNESS if engine == "batch" else "", ROUGH, engine=engine, releases=12)
+    run_campaign(scenario, tmp_path / "campaign", CampaignOptions(chunk_releases=5), progress=False, report=str)
     chunks = sorted((tmp_path / "campaign" / "chunks" / "crossings").glob("*.parquet"))
     other = pd.concat([pd.read_parquet(path) for path in chunks]).set_index("release")["t_s"]
     own = rock2d.run(scenario).to_pandas("crossings").set_index("release")["t_s"]
@@ -84,15 +80,12 @@ def test_a_crossing_has_the_energy_of_the_drawn_mass(tmp_path):
     assert np.std(mass) == pytest.approx(20, rel=0.5)
     assert rows["translational_J"].to_numpy() == pytest.approx(0.5 * mass * rows["speed_m_s"].to_numpy() ** 2)
     inertia = 0.4 * mass * 0.3**2
-    assert rows["rotational_J"].to_numpy() == pytest.approx(
-        0.5 * inertia * rows["omega_rad_s"].to_numpy() ** 2
-    )
+    assert rows["rotational_J"].to_numpy() == pytest.approx(0.5 * inertia * rows["omega_rad_s"].to_numpy() ** 2)
 
 
 def test_blocks_of_a_population_have_the_volume_of_a_ball_and_the_shares_of_their_families(tmp_path):
     blocks = [
-        met.block
-        for met in Conditions(site(tmp_path, POPULATION, blocks=""), "batch", 3).of_releases(0, 0, 2000)
+        met.block for met in Conditions(site(tmp_path, POPULATION, blocks=""), "batch", 3).of_releases(0, 0, 2000)
     ]
     size = np.array([block.size_m for block in blocks])
     density = np.array([block.mass_kg for block in blocks]) / (np.pi / 6 * size**3)
@@ -101,9 +94,7 @@ def test_blocks_of_a_population_have_the_volume_of_a_ball_and_the_shares_of_thei
     assert density.min() >= 2500 and density.max() <= 2700
     round_ones = [block for block in blocks if block.shape == "circle"]
     assert len(round_ones) / len(blocks) == pytest.approx(0.25, abs=0.04)
-    aspects = [
-        np.ptp(block.corners_m[:, 0]) / np.ptp(block.corners_m[:, 1]) for block in blocks if not block.smooth
-    ]
+    aspects = [np.ptp(block.corners_m[:, 0]) / np.ptp(block.corners_m[:, 1]) for block in blocks if not block.smooth]
     assert 1 <= min(aspects) < 1.05 and 1.95 < max(aspects) <= 2
 
 

@@ -70,9 +70,7 @@ def test_the_command_says_whether_a_run_is_resolved(site, tmp_path):
 
 
 def test_blocks_that_sank_are_told_with_the_zones_that_are_too_soft():
-    ends = pd.DataFrame(
-        {"block": "ball", "stop": ["buried", "buried", "rest"], "zone": ["face", "ditch", "foot"]}
-    )
+    ends = pd.DataFrame({"block": "ball", "stop": ["buried", "buried", "rest"], "zone": ["face", "ditch", "foot"]})
     (said,) = unresolved_remarks({"stops": ends}, 1.0)
     assert "of 3 releases of ball 2 sank into the ground of ditch, face (too soft" in said
     counts = ends.assign(releases=[3, 4, 5])  # as a campaign counts them
@@ -97,9 +95,7 @@ def test_a_campaign_counts_what_was_cut_short_as_a_run_does(site, tmp_path, engi
     """Where only crossings are kept, a release that has not the energy for another line is resolved."""
     scenario = load_scenario(site("time_limit_s: 7", 40))
     options = CampaignOptions(engine=engine, keep=keep, chunk_releases=15)
-    tables = run_campaign(
-        scenario, tmp_path / "c", options, Workers(), progress=False, report=lambda line: None
-    )
+    tables = run_campaign(scenario, tmp_path / "c", options, Workers(), progress=False, report=lambda line: None)
     same = run(scenario, engine=engine).to_pandas("passing")
     assert same["unresolved"].any()
     if keep and engine == "batch":

@@ -65,10 +65,7 @@ def test_a_mistake_is_one_line_with_its_place_and_exit_code_2_and_a_former_key_i
 
 
 def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
-    block, cross_section = (
-        make_block("cube", "square", 0.05, side_m=0.06),
-        CrossSection([[-1, 0], [1, 0]], ["floor"]),
-    )
+    block, cross_section = (make_block("cube", "square", 0.05, side_m=0.06), CrossSection([[-1, 0], [1, 0]], ["floor"]))
     t = np.arange(60) / 250
     truth = np.array([0.1, 0.15, 0.3, -0.4, 0.2, 5.0])
     q = truth[:3] + np.outer(t, truth[3:])

@@ -37,8 +37,7 @@ def test_the_paper_s_blocks_have_the_moments_of_inertia_of_table_1():
 
 
 @pytest.mark.parametrize(
-    "shape, size",
-    [*SIZES, ("polygon", {"vertices_m": VERTICES}), ("polygon", {"vertices_m": VERTICES[::-1]})],
+    "shape, size", [*SIZES, ("polygon", {"vertices_m": VERTICES}), ("polygon", {"vertices_m": VERTICES[::-1]})]
 )
 def test_uniform_inertia_area_and_reach_agree_with_the_outline(shape, size):
     block = make_block("b", shape, 2.0, **size)

@@ -118,9 +118,7 @@ def test_several_embankments_carry_their_numbers_from_uphill_to_downhill():
         f"{line}_{number}" for number in (1, 2) for line in ("arrival", "crest", "facing_1_3", "facing_2_3")
     ]
     first, second = ground.embankments
-    assert ground.points_m[second.left] == pytest.approx([110.0, 6.0]) and second.height_m == pytest.approx(
-        3.0
-    )
+    assert ground.points_m[second.left] == pytest.approx([110.0, 6.0]) and second.height_m == pytest.approx(3.0)
     assert ground.zones[first.left : first.right] == ("uphill_face_1", "crest_1", "downhill_face_1")
     assert first.crest_end == first.crest + 1 and first.right < second.left
     named = np.array(ground.zones)[embankment_facets(ground)]
@@ -133,9 +131,7 @@ def test_uphill_of_a_further_embankment_nothing_changes():
     plain = with_earthworks(SLOPE, sizes(), DITCH)
     assert (alone.points_m == plain.points_m).all()
     end = both.embankments[0].right + 1
-    assert (both.points_m[:end] == alone.points_m[:end]).all() and both.zones[: end - 1] == alone.zones[
-        : end - 1
-    ]
+    assert (both.points_m[:end] == alone.points_m[:end]).all() and both.zones[: end - 1] == alone.zones[: end - 1]
     for name, ends in alone.measure_lines.items():
         assert (both.measure_lines[name] == ends).all()
 
@@ -150,12 +146,5 @@ def test_the_arrival_line_of_a_near_embankment_stands_behind_the_one_before():
 
 
 def test_measure_lines_know_their_embankment():
-    known = {
-        "crest_2": 2,
-        "facing_1_3_2": 2,
-        "arrival_12": 12,
-        "crest": None,
-        "facing_1_3": None,
-        "forest_2": None,
-    }
+    known = {"crest_2": 2, "facing_1_3_2": 2, "arrival_12": 12, "crest": None, "facing_1_3": None, "forest_2": None}
     assert {name: number_of_line(name) for name in known} == known

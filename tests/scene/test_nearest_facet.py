@@ -17,9 +17,7 @@ def test_no_facet_is_nearer_than_the_one_that_is_found(points):
     facets = shapely.linestrings([points[i : i + 2] for i in range(len(points) - 1)])
     distances = shapely.distance(facets[None], shapely.points(at)[:, None])
     found = nearest_facets(at, points)
-    np.testing.assert_allclose(
-        distances[range(len(at)), found], distances.min(axis=1), rtol=1e-12, atol=1e-12
-    )
+    np.testing.assert_allclose(distances[range(len(at)), found], distances.min(axis=1), rtol=1e-12, atol=1e-12)
     assert len(np.unique(found)) == len(facets)
 
 

@@ -11,13 +11,7 @@ import rock2d
 from rock2d.errors import UnusualWarning
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.scene.plausibility import (
-    contact_doubts,
-    density_kg_m3,
-    highest_speed_m_s,
-    line_remarks,
-    start_doubts,
-)
+from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, line_remarks, start_doubts
 from tests.programs import commanded, refusal
 from tests.scenarios_of_tests import SHIPPED
 
@@ -46,9 +40,7 @@ def changed(folder: Path, old: str, new: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    "name", ["slope_embankment", "design_site", "paper_setup", "rough_slope", "flat_floor"]
-)
+@pytest.mark.parametrize("name", ["slope_embankment", "design_site", "paper_setup", "rough_slope", "flat_floor"])
 def test_the_shipped_scenarios_are_plausible(name):
     assert said(SLOPE.with_stem(name)) == []
 
@@ -132,13 +124,9 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
     assert re.search(rf"site.yaml:7:1: roughness: .*{words}", found)
     path.write_text(ROUGH.replace("ROCK", "bedrock"))
     assert said(path) == []
-    path.write_text(
-        ROUGH.replace("ROCK", "{like: bedrock, slope_reduction_deg: 0}").replace("point_mass", "batch")
-    )
+    path.write_text(ROUGH.replace("ROCK", "{like: bedrock, slope_reduction_deg: 0}").replace("point_mass", "batch"))
     assert said(path) == []  # the contact law has no slope reduction
-    run = commanded(
-        "run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out"
-    )
+    run = commanded("run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out")
     assert re.search(f"warning: point_mass: .*{words}", run.output)
 
 

@@ -17,15 +17,9 @@ from tests.laboratory import CUBE, SLAB, SPHERE
 
 SIZE_PX = (640, 400)
 CAMERA = PixelMap(6e-4, (100.0, 320.0))
-CROSS_SECTION = CrossSection(
-    [[-0.3, 0.0], [0.18, 0.0], [0.22, 0.06], [0.6, 0.06]], ["ditch", "uphill_face", "crest"]
-)
+CROSS_SECTION = CrossSection([[-0.3, 0.0], [0.18, 0.0], [0.22, 0.06], [0.6, 0.06]], ["ditch", "uphill_face", "crest"])
 BLOCKS = {"sphere": SPHERE, "cube": CUBE, "slab": replace(SLAB, name="slab")}
-STATES = [
-    [0.0, 0.10, 0.3, 0.9, -1.6, -40.0],
-    [0.0, 0.11, 1.0, 0.8, -1.5, -30.0],
-    [0.0, 0.12, -0.4, 0.8, -1.4, 25.0],
-]
+STATES = [[0.0, 0.10, 0.3, 0.9, -1.6, -40.0], [0.0, 0.11, 1.0, 0.8, -1.5, -30.0], [0.0, 0.12, -0.4, 0.8, -1.4, 25.0]]
 SYMMETRY = {"sphere": 2 * np.pi, "cube": np.pi / 2, "slab": np.pi}
 
 

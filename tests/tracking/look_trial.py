@@ -106,9 +106,7 @@ def main() -> None:
     parser.add_argument("--looks", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--severities", nargs="+", default=list(real_looks.LOOK_SEVERITIES))
-    parser.add_argument(
-        "--films", type=int, default=0, help="films of each kind that users make; no looks then"
-    )
+    parser.add_argument("--films", type=int, default=0, help="films of each kind that users make; no looks then")
     parser.add_argument("--kinds", nargs="+", default=list(FILM_KINDS))
     chosen = parser.parse_args()
     if chosen.films:
@@ -120,10 +118,7 @@ def main() -> None:
             look = real_looks.drawn_look(index, severity, chosen.seed)
             found = tracked(look, list(real_looks.real_film(look, SIZE_PX, FRAMES)))
             outcomes.append(found)
-            print(
-                _line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]),
-                flush=True,
-            )
+            print(_line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]), flush=True)
         print(_line(f"{severity}: all", outcomes), flush=True)
 
 
@@ -151,11 +146,7 @@ def _line(name: str, outcomes: list[Outcome]) -> str:
     rms = np.sqrt((off**2).mean()) if len(off) else np.nan
     honest = np.sqrt(np.median(ratios**2) / 0.4549) if len(off) else np.nan
     spread = np.sqrt((ratios**2).mean()) if len(off) else np.nan
-    sizes = (
-        ", ".join(f"{o.kind} {o.size * o.look.stated_size:.3f}" for o in outcomes)
-        if len(outcomes) == 1
-        else ""
-    )
+    sizes = ", ".join(f"{o.kind} {o.size * o.look.stated_size:.3f}" for o in outcomes) if len(outcomes) == 1 else ""
     return (
         f"{name:42s} trusted {found:5d}/{free:5d} = {found / max(free, 1):.3f}  rms {rms:.3f} px  "
         f"wrong {wrong} of {len(off)}  error/se {honest:.2f} (median) {spread:.2f} (rms)  {sizes}"

@@ -150,9 +150,7 @@ def instants_of(look: RealLook, frames: int) -> Array:
     """(frames,) instants of the frames in units of the usual frame interval. As with a phone in changing light, the
     frame rate varies slowly, frames are late, and some are left out."""
     rng = np.random.default_rng(np.random.SeedSequence([look.seed, 3]))
-    slower = look.uneven * (
-        0.5 + 0.5 * np.sin(2 * np.pi * (np.arange(frames) / SLOWER_FRAMES + rng.random()))
-    )
+    slower = look.uneven * (0.5 + 0.5 * np.sin(2 * np.pi * (np.arange(frames) / SLOWER_FRAMES + rng.random())))
     late = LATE_SHARE * look.uneven * rng.standard_normal(frames)
     left_out = (look.uneven > 0) * (rng.random(frames) < LEFT_OUT_SHARE)
     steps = (1.0 + slower + np.clip(late, -0.3, 0.3)) * (1 + left_out)
@@ -176,12 +174,7 @@ def flights_of(look: RealLook, size_px: tuple[int, int]) -> list[Bounce]:
     """The beginning of each flight: the release first, then the bounces."""
     throw = look.throw
     if throw is None:
-        throw = (
-            0.12 * size_px[0] + look.radius_px,
-            0.35 * size_px[1],
-            0.6 * look.step_px,
-            -0.6 * look.step_px,
-        )
+        throw = (0.12 * size_px[0] + look.radius_px, 0.35 * size_px[1], 0.6 * look.step_px, -0.6 * look.step_px)
     _, v, _, pace = throw
     floor, begins = floor_px(look, size_px), [Bounce(0.0, v, pace)]
     for _ in range(MOST_BOUNCES):
@@ -245,9 +238,7 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
             if cover.size:
                 light[box] += look.opacity * cover[..., None] / count * (colour - wall[box])
         touched = look.hand and _draw_hand(light, look, i, poses)
-        light = cv2.GaussianBlur(
-            through_camera(light, look.lens, camera_shift(look, i)), (0, 0), look.blur_px
-        )
+        light = cv2.GaussianBlur(through_camera(light, look.lens, camera_shift(look, i)), (0, 0), look.blur_px)
         image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
         image += look.noise * rng.standard_normal(image.shape, np.float32)
         reach = 1.5 * look.radius_px
@@ -300,25 +291,12 @@ def _furnish(wall: Array, look: RealLook, size_px: tuple[int, int], rng: np.rand
         if kind == 0:
             cv2.rectangle(wall, (u, v), (u + int(rng.integers(20, 90)), foot), colour, -1, cv2.LINE_AA)
         elif kind == 1:
-            cv2.line(
-                wall,
-                (u, v),
-                (u + int(rng.integers(-20, 20)), foot),
-                colour,
-                int(rng.integers(2, 9)),
-                cv2.LINE_AA,
-            )
+            cv2.line(wall, (u, v), (u + int(rng.integers(-20, 20)), foot), colour, int(rng.integers(2, 9)), cv2.LINE_AA)
         else:
             cv2.circle(wall, (u, v), int(rng.integers(6, 30)), colour, -1, cv2.LINE_AA)
     wall[foot:] *= (1.0 + look.room * rng.uniform(-0.5, 0.5, 3)).astype(np.float32)
     for u in range(0, width, 37):
-        cv2.line(
-            wall,
-            (u, foot),
-            (int(width / 2 + 1.6 * (u - width / 2)), height),
-            (look.background * 0.6).tolist(),
-            1,
-        )
+        cv2.line(wall, (u, foot), (int(width / 2 + 1.6 * (u - width / 2)), height), (look.background * 0.6).tolist(), 1)
 
 
 def _draw_floor_shadow(light: Array, look: RealLook, pose: Array, size_px: tuple[int, int]) -> None:

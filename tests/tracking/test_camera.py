@@ -82,9 +82,7 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
     height, width = board.shape
     seen = np.float32([[0, 0], [width, 40], [width, height - 40], [0, height]])
     slant = cv2.getPerspectiveTransform(np.float32([[0, 0], [width, 0], [width, height], [0, height]]), seen)
-    cv2.imwrite(
-        str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255)
-    )
+    cv2.imwrite(str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255))
     with pytest.raises(InputError, match="slant"):
         setup(tmp_path, BOARD)
 

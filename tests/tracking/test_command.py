@@ -17,9 +17,7 @@ from tests.tracking.falls import CAMERA, SIZE_PX, falls
 
 
 def run(*arguments: object) -> str:
-    result = CliRunner().invoke(
-        cli, [str(a) for a in arguments], catch_exceptions=False, standalone_mode=False
-    )
+    result = CliRunner().invoke(cli, [str(a) for a in arguments], catch_exceptions=False, standalone_mode=False)
     return result.output
 
 

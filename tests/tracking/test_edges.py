@@ -30,9 +30,9 @@ def picture(name: str, pose: tuple[float, float, float], size: float) -> tuple[n
         np.hypot(u - pose[0] - 3, v - pose[1] - 6) < 3
     )
     image = wall + cover * (own - wall)
-    return cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32), cv2.GaussianBlur(
-        wall, (0, 0), 0.8
-    ).astype(np.float32)
+    return cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32), cv2.GaussianBlur(wall, (0, 0), 0.8).astype(
+        np.float32
+    )
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -63,20 +63,12 @@ def test_where_nothing_stands_out_there_is_no_edge():
 @pytest.mark.parametrize("smear_px", [(0.0, 12.0), (8.0, -8.0)])
 def test_a_ball_that_smears_is_found_in_the_middle_of_its_smear(smear_px):
     outline = outline_of(SHAPES["ball"], 1.0, -1)
-    poses = [
-        (60.0 + share * smear_px[0], 60.0 + share * smear_px[1], 0.0) for share in np.linspace(-0.5, 0.5, 25)
-    ]
+    poses = [(60.0 + share * smear_px[0], 60.0 + share * smear_px[1], 0.0) for share in np.linspace(-0.5, 0.5, 25)]
     image = np.mean([picture("ball", pose, 1.0)[0] for pose in poses], axis=0).astype(np.float32)
     wall = picture("ball", poses[0], 1.0)[1]
     start, visible = np.array([62.0, 58.0, 0.0]), np.ones(wall.shape, np.uint8)
     sharp, smeared = (
-        fit_edges(
-            Patch(image, wall, visible, 1.0),
-            edge_points(outline),
-            start,
-            symmetric=True,
-            smear_px=np.array(own),
-        )
+        fit_edges(Patch(image, wall, visible, 1.0), edge_points(outline), start, symmetric=True, smear_px=np.array(own))
         for own in ((0.0, 0.0), smear_px)
     )
     assert smeared is not None and smeared.seen > 0.95

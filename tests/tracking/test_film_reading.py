@@ -17,9 +17,7 @@ HEIGHT, WIDTH = 96, 128
 GREYS = np.tile(np.linspace(0, 250, WIDTH).astype(np.uint8), (HEIGHT, 1))
 
 
-def written(
-    path: Path, pictures: Sequence[np.ndarray], ticks_ms: Sequence[int], *, full: bool = False
-) -> Path:
+def written(path: Path, pictures: Sequence[np.ndarray], ticks_ms: Sequence[int], *, full: bool = False) -> Path:
     """A film of H.264 without loss, a picture at each of these instants."""
     with av.open(str(path), "w") as film:
         stream = film.add_stream("libx264", rate=30, options={"qp": "0", "preset": "ultrafast"})
@@ -65,9 +63,7 @@ def test_frames_that_follow_one_another_need_no_remark(tmp_path):
 
 def test_frames_that_are_missing_by_their_time_stamps_keep_their_numbers(tmp_path):
     filmed = [0, 1, 2, 3, 5, 6, 7, 10, 11, 12, 13]
-    frames = FilmFile(
-        written(tmp_path / "a.mp4", grey(len(filmed)), [round(k * 1000 / 30) for k in filmed])
-    ).frames()
+    frames = FilmFile(written(tmp_path / "a.mp4", grey(len(filmed)), [round(k * 1000 / 30) for k in filmed])).frames()
     list(frames)
     np.testing.assert_array_equal(frames.stamps(30.0).numbers, filmed)
     assert "3 frames missing" in frames.stamps(30.0).remark

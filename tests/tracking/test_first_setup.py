@@ -103,9 +103,7 @@ def test_gravity_gives_the_frame_rate_or_the_scale(thrown, tmp_path, asked, key)
 def test_a_block_that_is_followed_but_not_trusted_is_told_with_numbers(thrown, tmp_path, monkeypatch):
     monkeypatch.setattr(tracked_film, "LARGEST_STATED_ERROR_PX", 0.0)
     monkeypatch.setattr(tracked_film, "LARGEST_STATED_ERROR_RADII", 0.0)
-    with pytest.raises(
-        InputError, match=r"followed from frame \d+ to \d+, .*known to .* px .*'unsure'.*camera\.scale"
-    ):
+    with pytest.raises(InputError, match=r"followed from frame \d+ to \d+, .*known to .* px .*'unsure'.*camera\.scale"):
         track(thrown[0], FilmScale(SCALE, FPS), tmp_path / "out", TrackSettings())
     left = {p.name for p in (tmp_path / "out_explained").iterdir()}
     assert left >= {"candidates.png", "candidates.webm", "setup.yaml", "overlay.webm", "explanation.txt"}

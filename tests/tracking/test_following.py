@@ -72,9 +72,7 @@ def tracked(tmp_path_factory):
 
     def make(faults: Faults) -> Tracked:
         if faults not in known:
-            shots = list(
-                film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40))
-            )
+            shots = list(film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40)))
             releases = followed([s.image for s in shots], setup, SIZE_PX).releases
             pictures = [[s.frame for s in r.sights] for r in releases]
             known[faults] = Tracked(experiment, shots, pictures, releases, film_in(releases, setup), setup)
@@ -170,9 +168,7 @@ def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
     a, b = calm.film.experiment, noisy.film.experiment
     assert 0 < a.position_noise_m < b.position_noise_m < 0.05 * CAMERA.metres_per_pixel
     far, _ = noisy.misses("cube")
-    assert np.sqrt((far**2).mean() / 2) * CAMERA.metres_per_pixel == pytest.approx(
-        b.position_noise_m, rel=0.8
-    )
+    assert np.sqrt((far**2).mean() / 2) * CAMERA.metres_per_pixel == pytest.approx(b.position_noise_m, rel=0.8)
 
 
 def test_what_never_moves_is_no_release(tracked):
@@ -183,9 +179,7 @@ def test_what_never_moves_is_no_release(tracked):
     assert any("never moved" in remark for remark in again.remarks)
 
 
-@pytest.mark.parametrize(
-    ("shadow", "confidence", "kept"), [(True, 0.8, 0), (True, 0.97, 12), (False, 0.8, 12)]
-)
+@pytest.mark.parametrize(("shadow", "confidence", "kept"), [(True, 0.8, 0), (True, 0.97, 12), (False, 0.8, 12)])
 def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
     """A hand holds the ball, and its shadow on the wall has the outline of a ball, but no sharp one."""
     follower = object.__new__(Follower)

@@ -90,8 +90,6 @@ def test_the_ground_lies_under_the_lowest_bounce_unless_the_ball_was_seen_below(
     film = drawn_user_film("phone", 1, seed=1)
     release, _, _ = followed(0.2, 0.2)
     fall_px = FilmScale(film.camera.metres_per_pixel, film.camera.fps).fall_px
-    assert ground_of([release], fall_px) == pytest.approx(
-        floor_px(film.look, film.size_px) + RADIUS_PX, abs=2.5
-    )
+    assert ground_of([release], fall_px) == pytest.approx(floor_px(film.look, film.size_px) + RADIUS_PX, abs=2.5)
     release.sights[-1].pose = release.sights[-1].pose + np.array([0.0, 80.0, 0.0])
     assert ground_of([release], fall_px) is None

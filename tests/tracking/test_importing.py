@@ -80,9 +80,7 @@ def test_releases_are_parted_by_long_gaps_or_by_files(put, tmp_path):
 
 
 def test_a_turn_is_not_lost_between_releases(put):
-    path = put(
-        "pt1_X,pt1_Y,pt2_X,pt2_Y\n0,0,-1,0.1\n0,0,-1,-0.1\n" + "NaN,NaN,NaN,NaN\n" * 9 + "0,0,-1,-0.1\n"
-    )
+    path = put("pt1_X,pt1_Y,pt2_X,pt2_Y\n0,0,-1,0.1\n0,0,-1,-0.1\n" + "NaN,NaN,NaN,NaN\n" * 9 + "0,0,-1,-0.1\n")
     seen = imported(path, "dltdv", **SCALE, block=CUBE, marks=("pt1", "pt2"), gap_frames=3)
     assert seen["release"].tolist() == [0, 0, 1]
     assert np.diff(seen["theta_rad"])[0] == pytest.approx(2 * np.arctan(0.1))  # on through half a turn

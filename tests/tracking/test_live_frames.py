@@ -19,9 +19,7 @@ from tests.tracking.falls import CAMERA, SIZE_PX, falls
 from tests.tracking.test_command import tracked
 
 REST, FRAMES = 40, 140
-COVERED = range(
-    2 * REST + FRAMES + 100, 2 * REST + FRAMES + 103
-)  # frames of the second release without its block
+COVERED = range(2 * REST + FRAMES + 100, 2 * REST + FRAMES + 103)  # frames of the second release without its block
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +57,7 @@ def page(watched):
 
 
 def go(page, release: int, frame: int) -> None:
-    page.evaluate(
-        f"() => {{ location.hash = `#release={release}&frame={frame}&visit=${{performance.now()}}` }}"
-    )
+    page.evaluate(f"() => {{ location.hash = `#release={release}&frame={frame}&visit=${{performance.now()}}` }}")
     until(page, lambda: page.input_value("#live-release") == str(release) and shown(page) >= frame)
 
 
@@ -107,9 +103,7 @@ def test_a_frame_says_its_flight_and_its_impact(page, folder, frames):
     page.get_by_role("button", name="next impact").click()
     said = facts(page)
     assert own["t_s"] == pytest.approx(float(said["frame, time"].split(", ")[1].split(" s")[0]), abs=0.02)
-    assert said["impact"].startswith(
-        f"1: at {own['t_s']:.4g} s on ditch, restitution {own['restitution']:.3f} ± "
-    )
+    assert said["impact"].startswith(f"1: at {own['t_s']:.4g} s on ditch, restitution {own['restitution']:.3f} ± ")
     flight = flights[flights["release"] == 1].iloc[0]
     go(page, 1, int(frames[frames["release"] == 1]["frame"].iloc[0]) + 5)
     assert facts(page)["flight"].startswith(f"1 of 2: {flight['begin_s']:.4g} to {flight['end_s']:.4g} s, ")
@@ -128,9 +122,7 @@ def test_frames_belong_to_the_impact_between_two_flights():
 def test_the_outline_lies_on_the_block(page, frames):
     own = frames[(frames["release"] == 1) & (frames["reason"] == "")].iloc[30]
     go(page, 1, own["frame"])
-    corners = np.array(
-        [p.split(",") for p in page.get_attribute("#live-near polygon", "points").split()], float
-    )
+    corners = np.array([p.split(",") for p in page.get_attribute("#live-near polygon", "points").split()], float)
     assert corners.mean(axis=0) == pytest.approx((own["u_px"], own["v_px"]), abs=1e-3)
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
     assert side == pytest.approx(np.full(4, 0.019 / CAMERA.metres_per_pixel), rel=0.02)
@@ -260,9 +252,7 @@ def test_pictures_that_do_not_fit_are_left_out_but_not_the_important_ones():
     size = sum(map(len, all_of_them.images))
     some = frame_pictures(film, numbers, places, np.full(64, 5.0), important, size // 3)
     assert some.stride == 4 and {3, 21} <= set(some.rows) and sum(map(len, some.images)) < size // 3
-    assert (
-        shown_rows(np.full(64, True), 4 * IMPORTANT_RATIO).sum() == 16
-    )  # also of important ones some are left out
+    assert shown_rows(np.full(64, True), 4 * IMPORTANT_RATIO).sum() == 16  # also of important ones some are left out
 
 
 def test_the_guide_explains_every_reason():

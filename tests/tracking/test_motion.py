@@ -17,9 +17,7 @@ def fallen(
     frames: range, u0: float, v0: float, pace: tuple[float, float], fall: float
 ) -> dict[int, tuple[float, float]]:
     t = np.array(frames) - frames[0]
-    return {
-        f: (u0 + pace[0] * k, v0 + pace[1] * k + 0.5 * fall * k**2) for f, k in zip(frames, t, strict=True)
-    }
+    return {f: (u0 + pace[0] * k, v0 + pace[1] * k + 0.5 * fall * k**2) for f, k in zip(frames, t, strict=True)}
 
 
 def with_clutter(path: dict[int, tuple[float, float]], frames: int, seed: int) -> list[np.ndarray]:

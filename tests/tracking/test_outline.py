@@ -48,14 +48,11 @@ def test_slopes_of_the_covered_share_are_its_derivatives(shape):
             ahead = cover(x + dx, y + dy, outline.edges, a, b, 1.3 + ds, none)
             behind = cover(x - dx, y - dy, outline.edges, a, b, 1.3 - ds, none)
             # the distance to an ellipse is a first-order approximation, and so is its slope
-            assert slope[k] == pytest.approx(
-                (ahead - behind) / 2e-5, abs=0.05 if shape == "ellipse" else 1e-6
-            )
+            assert slope[k] == pytest.approx((ahead - behind) / 2e-5, abs=0.05 if shape == "ellipse" else 1e-6)
 
 
 @pytest.mark.parametrize(
-    ("shape", "turn"),
-    [("circle", 0.0), ("square", math.pi / 2), ("rectangle", math.pi), ("ellipse", math.pi)],
+    ("shape", "turn"), [("circle", 0.0), ("square", math.pi / 2), ("rectangle", math.pi), ("ellipse", math.pi)]
 )
 def test_symmetries(shape, turn):
     assert outline_of(BLOCKS[shape], PIXEL_M, -1).symmetry_rad == pytest.approx(turn)

@@ -30,28 +30,19 @@ BLOCKS = {
     "cube": make_block("cube", "square", 0.02, side_m=19 * MM),
     "slab": make_block("slab", "rectangle", 0.02, length_m=35 * MM, height_m=14 * MM),
     "egg": make_block("egg", "ellipse", 0.02, length_m=30 * MM, height_m=20 * MM),
-    "stone": make_block(
-        "stone", "polygon", 0.02, vertices_m=np.array([[0, 0], [20, -4], [30, 10], [12, 20]]) * MM
-    ),
+    "stone": make_block("stone", "polygon", 0.02, vertices_m=np.array([[0, 0], [20, -4], [30, 10], [12, 20]]) * MM),
 }
 FLOOR = CrossSection([[-1, -10 * MM], [1, -10 * MM]], ["floor"])
 ABYSS = CrossSection([[-1, -1], [1, -1]], ["floor"])  # out of the picture
 EVEN = Look(gradient_grey=0.0, texture_grey=0.0, rough_px=0.0, marked=())
-POSES = [
-    (0.0, 0.0, 0.0),
-    (0.13 * MM, -0.21 * MM, 0.4),
-    (-0.35 * MM, 0.05 * MM, 1.3),
-    (0.42 * MM, 0.42 * MM, -2.5),
-]
+POSES = [(0.0, 0.0, 0.0), (0.13 * MM, -0.21 * MM, 0.4), (-0.35 * MM, 0.05 * MM, 1.3), (0.42 * MM, 0.42 * MM, -2.5)]
 
 
 def trajectories(table: pd.DataFrame, cross_section: CrossSection, blocks: dict[str, Block]) -> Experiment:
     return Experiment("setup", 9.81, 1000.0, 0.0, 0.0, cross_section, blocks, trajectories=table)
 
 
-def filmed(
-    block: str, poses: Any, cross_section: CrossSection = ABYSS, blocks: Any = BLOCKS, **how: Any
-) -> list[Shot]:
+def filmed(block: str, poses: Any, cross_section: CrossSection = ABYSS, blocks: Any = BLOCKS, **how: Any) -> list[Shot]:
     """Shots of one release, a pose a frame, without rest frames."""
     table = pd.DataFrame(np.array(poses, float), columns=["x_m", "y_m", "theta_rad"])
     table = table.assign(release=0, block=block, t_s=np.arange(len(table)) / 1000.0)

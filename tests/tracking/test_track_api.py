@@ -37,15 +37,10 @@ def test_a_track_has_frames_flights_impacts_and_an_experiment(found):
     frames = found.to_pandas()
     trusted = frames["reason"] == ""
     assert trusted.sum() > 38 and frames.loc[~trusted, ["x_m", "y_m"]].isna().all(axis=None)
-    for axis, column, sign in (
-        ("x_m", "u_px", 1),
-        ("y_m", "v_px", -1),
-    ):  # pixels times the scale, from some origin
+    for axis, column, sign in (("x_m", "u_px", 1), ("y_m", "v_px", -1)):  # pixels times the scale, from some origin
         metres = frames.loc[trusted, axis] - sign * SCALE * frames.loc[trusted, column]
         np.testing.assert_allclose(metres, metres.iloc[0], atol=1e-9)
-    pd.testing.assert_series_equal(
-        frames.loc[trusted, "x_m"], found.experiment.trajectories["x_m"], check_index=False
-    )
+    pd.testing.assert_series_equal(frames.loc[trusted, "x_m"], found.experiment.trajectories["x_m"], check_index=False)
     assert found.impacts["restitution"].iloc[0] == pytest.approx(RESTITUTION, abs=0.03)
     assert found.flights["gravity_m_s2"].mean() == pytest.approx(9.81, rel=0.01)
     assert any(text.startswith("g = ") for text in found.remarks)
@@ -95,9 +90,7 @@ def test_what_cannot_be_tracked_is_refused_and_explained(film, tmp_path):
     assert count.message == "expected frames > 0, found 'gravity'"
     both = refusal(rock2d.track, film, metres_per_pixel="gravity", fps="gravity")
     assert "not both" in str(both)
-    assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {
-        "key": "metres_per_pixel"
-    }
+    assert refusal(rock2d.track, film, metres_per_pixel="soon", fps=30.0).fields == {"key": "metres_per_pixel"}
 
 
 def test_gravity_gives_the_frame_rate(film):

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from tests.tracking.real_looks import camera_shift, flights_of, hand_shake, path_of, real_film
-from tests.tracking.user_films import (
-    FILM_KINDS,
-    GRAVITY_M_S2,
-    HIDDEN_FRAMES,
-    drawn_user_film,
-    write_user_film,
-)
+from tests.tracking.user_films import FILM_KINDS, GRAVITY_M_S2, HIDDEN_FRAMES, drawn_user_film, write_user_film
 
 
 @pytest.mark.parametrize("kind", FILM_KINDS)

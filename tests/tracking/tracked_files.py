@@ -82,17 +82,7 @@ def values(points, track):
 
 
 def imported(
-    path,
-    kind,
-    *,
-    block,
-    metres_per_unit,
-    fps,
-    y,
-    origin=(0.0, 0.0),
-    origin_m=(0.0, 0.0),
-    report=print,
-    **options,
+    path, kind, *, block, metres_per_unit, fps, y, origin=(0.0, 0.0), origin_m=(0.0, 0.0), report=print, **options
 ) -> pd.DataFrame:
     """`import_tracks` of one file or several films, with its records made from flat names."""
     paths = path if isinstance(path, list) else [path]

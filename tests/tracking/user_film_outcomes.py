@@ -96,9 +96,7 @@ def tracked_by_command(film: UserFilm, folder: Path) -> FilmOutcome:
 
 def _tracked(path: Path, metres_per_pixel: float, fps: float | str, out: Path) -> str:
     words = ["track", path, "--metres-per-pixel", metres_per_pixel, "--fps", fps, "--out", out, "--quiet"]
-    return (
-        CliRunner().invoke(cli, [str(w) for w in words], catch_exceptions=False, standalone_mode=False).output
-    )
+    return CliRunner().invoke(cli, [str(w) for w in words], catch_exceptions=False, standalone_mode=False).output
 
 
 def _measurable(film: UserFilm) -> int:

@@ -113,11 +113,7 @@ def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] =
     like = own.looks[int(rng.integers(len(own.looks)))]
     width, height = size_px
     base = drawn_look(0, "moderate", int(rng.integers(2**31)))
-    wall = (
-        rng.uniform(0.25, 0.55)
-        if like in ("shiny black", "shiny red", "coloured")
-        else rng.uniform(0.08, 0.35)
-    )
+    wall = rng.uniform(0.25, 0.55) if like in ("shiny black", "shiny red", "coloured") else rng.uniform(0.08, 0.35)
     background = wall * rng.uniform(0.8, 1.2, 3)
     colour = {
         "shiny black": np.full(3, 0.012), "shiny red": np.array([0.03, 0.04, 0.5]),
@@ -160,13 +156,7 @@ def write_user_film(path: Path, film: UserFilm) -> list[RealFrame]:
     elif own.file == "avi":
         _encode(path, pictures, own, "libx264", {"crf": "25", "bf": "2"})
     elif own.file == "webm":
-        _encode(
-            path,
-            pictures,
-            own,
-            "libvpx",
-            {"crf": "12", "b": "1500k", "deadline": "realtime", "cpu-used": "4"},
-        )
+        _encode(path, pictures, own, "libvpx", {"crf": "12", "b": "1500k", "deadline": "realtime", "cpu-used": "4"})
     else:
         _encode(path, pictures, own, "libx264", {"crf": "25"}, film.instants if own.uneven else None)
     return shots
@@ -198,10 +188,7 @@ def _encode(
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = number, 1 / played
             if instants is not None:
-                frame.pts, frame.time_base = (
-                    round(float(instants[number] / played * TICKS)),
-                    Fraction(1, TICKS),
-                )
+                frame.pts, frame.time_base = (round(float(instants[number] / played * TICKS)), Fraction(1, TICKS))
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
 

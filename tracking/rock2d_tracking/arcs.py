@@ -150,10 +150,7 @@ def _bends_downward(arc: Arc, down: int) -> bool:
 
 def mean_bend(arcs: Sequence[Arc]) -> Measured:
     """Weighted mean of the accelerations of arcs; if they disagree, its error includes their scatter."""
-    bends, weights = (
-        np.array([a.bend.value for a in arcs]),
-        np.array([a.bend.error for a in arcs]) ** -2.0,
-    )
+    bends, weights = (np.array([a.bend.value for a in arcs]), np.array([a.bend.error for a in arcs]) ** -2.0)
     mean = float(np.average(bends, weights=weights))
     squares = float((weights * (bends - mean) ** 2).sum()) / max(len(arcs) - 1, 1)
     return Measured(mean, float((max(squares, 1.0) / weights.sum()) ** 0.5))
@@ -268,9 +265,7 @@ class _Search:
                 ratio = self._areas[own] / area
                 away[(ratio > GROWN_AREA_RATIO) | (ratio < 1 / GROWN_AREA_RATIO)] = np.inf
                 missed += 1
-                if len(away) and away.min() < slack + STEP_TOLERANCE * float(
-                    np.hypot(*(at - self._places[run[-1]]))
-                ):
+                if len(away) and away.min() < slack + STEP_TOLERANCE * float(np.hypot(*(at - self._places[run[-1]]))):
                     run, missed = [*run, int(own.start) + int(np.argmin(away))], 0
                 frame += step
             run = run[::step]

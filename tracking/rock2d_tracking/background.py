@@ -67,9 +67,7 @@ class Background:
             u0, u1, v0, v1 = block
             alike[v0:v1, u0:u1] = other[v0:v1, u0:u1] = 0
         cv2.accumulateWeighted(frame, self.grey, LEARNING_INTERVAL * LEARNING_RATE, alike)
-        cv2.accumulateWeighted(
-            frame, self.grey, CHANGED_LEARNING_SHARE * LEARNING_INTERVAL * LEARNING_RATE, other
-        )
+        cv2.accumulateWeighted(frame, self.grey, CHANGED_LEARNING_SHARE * LEARNING_INTERVAL * LEARNING_RATE, other)
         self._bytes = None
         self._coarse.clear()
 

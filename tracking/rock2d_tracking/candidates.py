@@ -40,9 +40,7 @@ def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[Array]
     """(n,) CANDIDATE of each picture, which is `coarse` times smaller than a frame; `first`: number of the first."""
     import cv2
 
-    chosen = np.unique(
-        np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int)
-    )
+    chosen = np.unique(np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int))
     stack = np.stack([pictures[i] for i in chosen])
     still = np.median(stack, axis=0).astype(np.uint8)
     limit = _limit(stack, still)

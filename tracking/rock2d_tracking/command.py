@@ -141,19 +141,11 @@ def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
     low = np.array([table["x_m"].min(), table["y_m"].min()]) - 2 * reach
     high = np.array([table["x_m"].max(), table["y_m"].max()]) + 2 * reach
     scale = float(((high - low) / ((1 - 2 * VIEW_MARGIN) * np.array(size_px))).max())
-    return PixelMap(
-        scale, (VIEW_MARGIN * size_px[0], (1 - VIEW_MARGIN) * size_px[1]), (float(low[0]), float(low[1]))
-    )
+    return PixelMap(scale, (VIEW_MARGIN * size_px[0], (1 - VIEW_MARGIN) * size_px[1]), (float(low[0]), float(low[1])))
 
 
 def import_files(
-    files: TrackedFiles,
-    config: Path,
-    out: Path,
-    options: ImportOptions,
-    *,
-    block: str | None = None,
-    report: Report,
+    files: TrackedFiles, config: Path, out: Path, options: ImportOptions, *, block: str | None = None, report: Report
 ) -> None:
     """Convert the tracks of another program to the experiment folder `out`; the set-up gives scale and frame rate.
 
@@ -195,9 +187,7 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
 
     experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
-        raise InputError(
-            "holds impacts only; Tracker needs an experiment with trajectories", experiment_folder
-        )
+        raise InputError("holds impacts only; Tracker needs an experiment with trajectories", experiment_folder)
     check_file(out)
     for path in write_tracker(out, seen_frames(experiment), experiment.fps):
         report(f"written: {path}")

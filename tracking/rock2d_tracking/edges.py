@@ -183,9 +183,7 @@ def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:
     return p[3] * edge.points @ turn, edge.normals @ turn
 
 
-def _offsets(
-    patch: Patch, edge: EdgePoints, p: Array, half: float, smear_px: Array
-) -> tuple[Array, Array, Array]:
+def _offsets(patch: Patch, edge: EdgePoints, p: Array, half: float, smear_px: Array) -> tuple[Array, Array, Array]:
     """(n,) distance in px from each edge point outward to the edge, (n,) its strength, 0 to 1, and (n,) width over
     which motion smears the edge there.
 

@@ -26,9 +26,7 @@ PICTURE_WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
 SIZE_AGREES = 0.15  # largest relative difference between the visible and the stated size
 GRAVITY_AGREES = 0.1
-PARTLY_HIDDEN = (
-    "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right"
-)
+PARTLY_HIDDEN = "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right"
 KEY_OF_REASON = {
     "hidden": PARTLY_HIDDEN,
     "half hidden": PARTLY_HIDDEN,
@@ -138,9 +136,7 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
 def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
     """Frame rate and scale with which some arcs have the acceleration of gravity; both must be stated."""
     fall = mean_bend(arcs)
-    return proposal(
-        motion.scale, Measured(abs(fall.value) / motion.scale.fall_px, fall.error / motion.scale.fall_px)
-    )
+    return proposal(motion.scale, Measured(abs(fall.value) / motion.scale.fall_px, fall.error / motion.scale.fall_px))
 
 
 def why_not_tracked(follower: Follower) -> str:

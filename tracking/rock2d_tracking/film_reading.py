@@ -61,9 +61,7 @@ class FilmFile:
             stream = container.streams.video[0]
             first = next(_decoded(container), None)
             rate = float(stream.average_rate or 0.0)
-            lasts_s = (
-                float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
-            )
+            lasts_s = float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
             if not lasts_s and container.duration:
                 lasts_s = container.duration / 1e6
             played = round(lasts_s * rate)
@@ -279,9 +277,7 @@ class _FrameStore:
             yield from np.asarray(np.memmap(self._file, np.uint8, "r", shape=shape))
 
 
-def _decoded(
-    container: av.container.InputContainer, cut: Counter[str] | None = None
-) -> Iterator[av.VideoFrame]:
+def _decoded(container: av.container.InputContainer, cut: Counter[str] | None = None) -> Iterator[av.VideoFrame]:
     """Frames in the order of display, without damaged packets. `cut` counts the frames that an edit list hides."""
     import av
 

@@ -67,11 +67,7 @@ class Proposal(NamedTuple):
         else:
             rate, scale, word = "fps:", "scale: metres_per_pixel:", f"fps: {FROM_GRAVITY}"
         usual = self.usual_fps
-        near = (
-            f"; the usual rate {usual} lies within {NEAR_ERRORS:g} standard errors"
-            if usual is not None
-            else ""
-        )
+        near = f"; the usual rate {usual} lies within {NEAR_ERRORS:g} standard errors" if usual is not None else ""
         fps, metres = self.fps, self.metres_per_pixel
         size = f"{metres.value:.4g} ± {metres.error:.1g}"
         return (

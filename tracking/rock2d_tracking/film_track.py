@@ -18,13 +18,7 @@ from rock2d.files.folders import atomic_folder, write_whole
 from rock2d.kinematics.film_findings import write_film_findings
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
-from rock2d_tracking.explanation import (
-    TrackingAttempt,
-    keys_to_try,
-    proposed,
-    why_not_tracked,
-    write_explanation,
-)
+from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, proposed, why_not_tracked, write_explanation
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
 from rock2d_tracking.film_tables import MID_AIR
@@ -38,14 +32,7 @@ from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_file import LARGEST_DISTORTION, Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_shifts
-from rock2d_tracking.tracked_film import (
-    PLACE,
-    TrackedFilm,
-    check_sanity,
-    moving_releases,
-    rescaled,
-    tracked_film,
-)
+from rock2d_tracking.tracked_film import PLACE, TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
 
 Array = np.ndarray
 
@@ -133,9 +120,7 @@ class FilmTrack:
 class NotTrackedError(InputError):
     """A film in which nothing can be tracked; `write` writes an explanation."""
 
-    def __init__(
-        self, error: InputError, seen: TrackingAttempt, setup_text: str, overlay: bytes | None = None
-    ) -> None:
+    def __init__(self, error: InputError, seen: TrackingAttempt, setup_text: str, overlay: bytes | None = None) -> None:
         keys = ", ".join(text.split(":")[0] for text in keys_to_try(seen))
         self._said, self._seen, self._setup_text, self._overlay = str(error), seen, setup_text, overlay
         super().__init__(f"{error.message}; keys to try next: {keys}", error.file)

@@ -77,10 +77,7 @@ class Fitter:
         u0, u1, v0, v1 = self.window(pose, reaches, outline)
         part = np.s_[v0:v1, u0:u1]
         patch = Patch(
-            frame[part].astype(np.float32),
-            self.background.grey[part],
-            self.visible[part],
-            self.background.noise,
+            frame[part].astype(np.float32), self.background.grey[part], self.visible[part], self.background.noise
         )
         return patch, np.array([u0, v0, 0.0])
 
@@ -104,9 +101,7 @@ class Fitter:
         assert best is not None
         return best
 
-    def edge_fit(
-        self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False
-    ) -> EdgeFit | None:
+    def edge_fit(self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False) -> EdgeFit | None:
         """The fit of the edge from a start (3,) in the film's pixels; None if it fails."""
         patch, corner = self._patch(frame, start, 1.9, looks.outline)
         if min(patch.visible.shape) < looks.outline.reach_px:
@@ -124,24 +119,14 @@ class Fitter:
         """Share of the inside of an outline at a pose that differs from the background; NaN outside the picture."""
         patch, corner = self._patch(frame, pose, 1.0, looks.outline)
         v, u = np.indices(patch.visible.shape)
-        inside = (
-            np.hypot(u + corner[0] - pose[0], v + corner[1] - pose[1]) <= COVERED_RADII * looks.edge.inner_px
-        )
+        inside = np.hypot(u + corner[0] - pose[0], v + corner[1] - pose[1]) <= COVERED_RADII * looks.edge.inner_px
         if not inside.any():
             return float("nan")
         apart = np.abs(patch.image - patch.background)[inside]
-        return float(
-            (apart > max(FAINTEST_CONTRAST_SIGMAS * self.background.noise, FAINTEST_CONTRAST_GREY)).mean()
-        )
+        return float((apart > max(FAINTEST_CONTRAST_SIGMAS * self.background.noise, FAINTEST_CONTRAST_GREY)).mean())
 
     def fit(
-        self,
-        number: int,
-        frame: Array,
-        looks: Looks,
-        start: Array,
-        grey: float | None,
-        least: float | None = None,
+        self, number: int, frame: Array, looks: Looks, start: Array, grey: float | None, least: float | None = None
     ) -> Sight:
         """The fit of the block from a start (3,), or the reason why it failed.
 
@@ -175,13 +160,7 @@ class Fitter:
         return Sight(number, pose, np.array([PICTURE_ERROR_PX, PICTURE_ERROR_PX, np.nan]), found[1])
 
     def _fit_outline(
-        self,
-        number: int,
-        frame: Array,
-        outline: Outline,
-        start: Array,
-        grey: float | None,
-        least: float | None,
+        self, number: int, frame: Array, outline: Outline, start: Array, grey: float | None, least: float | None
     ) -> Sight:
         patch, corner = self._patch(frame, start, 1.2, outline)
         height, width = patch.visible.shape

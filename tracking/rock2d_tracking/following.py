@@ -12,12 +12,7 @@ import numpy as np
 from rock2d_tracking.background import Background
 from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
-from rock2d_tracking.learning import (
-    FEWEST_BLOCK_FRAMES,
-    SEEN_TO_START,
-    frames_with_blocks,
-    learned_looks,
-)
+from rock2d_tracking.learning import FEWEST_BLOCK_FRAMES, SEEN_TO_START, frames_with_blocks, learned_looks
 from rock2d_tracking.looks import BlockFrame, Looks, best_channel_mix
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
@@ -92,11 +87,7 @@ class Follower:
         self._lost = 0
         self._learn_looks([f._replace(picture=self.mix(f.picture)) for f in block_frames])
 
-    def follow(
-        self,
-        film: Iterable[Array],
-        on_progress: OnProgress = lambda number, frame, release: None,
-    ) -> None:
+    def follow(self, film: Iterable[Array], on_progress: OnProgress = lambda number, frame, release: None) -> None:
         """Read the film from the start and find all its releases.
 
         on_progress : called for every frame with its number, its picture and the release being followed, if any
@@ -221,9 +212,7 @@ class Follower:
 
     def _learn(self, frame: Array) -> None:
         if self.release is None:
-            self.background.learn(
-                frame, None if not self._sighted else self._around(self._sighted[-1][0].pose, 1.5)
-            )
+            self.background.learn(frame, None if not self._sighted else self._around(self._sighted[-1][0].pose, 1.5))
             return
         for sight in self.release.last_seen(1):
             self.background.learn(frame, self._around(sight.pose, 1.5))
@@ -419,9 +408,7 @@ class Follower:
         middles = (centres[1:][good[:SEARCH_CANDIDATES]] + 0.5) * coarse - 0.5
         return [(float(u), float(v)) for u, v in middles]
 
-    def _blob(
-        self, number: int, frame: Array, near: Array, reach_px: float, outline: Outline
-    ) -> Array | None:
+    def _blob(self, number: int, frame: Array, near: Array, reach_px: float, outline: Outline) -> Array | None:
         """(2,) centre of the region that differs from the background near a place, at most `reach_px` away."""
         moving = self.motion.near(number, near[:2], reach_px, outline.area_px2)
         if moving is not None:

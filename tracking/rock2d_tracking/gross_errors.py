@@ -53,9 +53,7 @@ def _reject_frames(seen: list[Sight], fall_px: float) -> None:
     pose[:, 1] -= 0.5 * fall_px * (t - t[0]) ** 2
     odd = []
     for i in range(len(seen)):
-        near = [
-            k for k in range(max(0, i - COMPARED_FRAMES), min(len(seen), i + COMPARED_FRAMES + 1)) if k != i
-        ]
+        near = [k for k in range(max(0, i - COMPARED_FRAMES), min(len(seen), i + COMPARED_FRAMES + 1)) if k != i]
         before, after = [k for k in near if k < i], [k for k in near if k > i]
         # at an impact one side is enough
         misses = [_relative_misfit(t, pose, i, side) for side in (before, after, near) if len(side) >= 3]
@@ -73,9 +71,7 @@ def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
     left = pose[side] - basis @ fitted
     sigma = np.sqrt((left**2).sum(axis=0) / max(len(side) - degree - 1, 1))
     off = np.abs(pose[i] - fitted[-1])
-    return float(
-        (off / np.maximum(JUMP_SIGMAS * sigma, [SMALLEST_JUMP_PX, SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD])).max()
-    )
+    return float((off / np.maximum(JUMP_SIGMAS * sigma, [SMALLEST_JUMP_PX, SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD])).max())
 
 
 def _reject_flights(release: FollowedRelease, fall_px: float) -> None:

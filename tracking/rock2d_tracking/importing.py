@@ -116,9 +116,7 @@ def import_tracks(
     for path in files.paths:
         points = read_points(path, files.kind)
         if points.y and points.y != files.y:
-            raise InputError(
-                f"y grows {points.y}wards in this format: state y {points.y}", points.path, points.line
-            )
+            raise InputError(f"y grows {points.y}wards in this format: state y {points.y}", points.path, points.line)
         if points.said:
             report(points.said)
         tracks = _tracks(points, options)
@@ -201,7 +199,5 @@ def _motion(
     same = frame[~along.any(axis=1)]
     if same.size:
         line = int(used[marks[1]].loc[same[0], "line"])
-        raise InputError(
-            "both marks are at one point: their line has no direction", tracks[marks[1]].path, line
-        )
+        raise InputError("both marks are at one point: their line has no direction", tracks[marks[1]].path, line)
     return frame, x_y_m, np.unwrap(np.arctan2(along[:, 1], along[:, 0]))

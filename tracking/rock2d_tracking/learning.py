@@ -108,12 +108,9 @@ def _centre_of_picture(
         c, s = np.cos(turn), np.sin(turn)
         turned, normals = (a @ np.array([[c, s], [-s, c]]) for a in (looks.edge.points, looks.edge.normals))
         u, v = (
-            (wide.shape[0] // 2 + turned[:, k, None] + d.ravel()).astype(np.float32)
-            for k, d in enumerate((du, dv))
+            (wide.shape[0] // 2 + turned[:, k, None] + d.ravel()).astype(np.float32) for k, d in enumerate((du, dv))
         )
-        across = sum(
-            cv2.remap(own, u, v, cv2.INTER_LINEAR) * normals[:, k, None] for k, own in enumerate(slopes)
-        )
+        across = sum(cv2.remap(own, u, v, cv2.INTER_LINEAR) * normals[:, k, None] for k, own in enumerate(slopes))
         change = np.array([np.abs(across[part == k]).sum(axis=0) for k in range(JACKKNIFE_PARTS)])
         best = (change.sum(axis=0) - np.vstack([np.zeros_like(change[:1]), change])).argmax(
             axis=1
@@ -146,9 +143,7 @@ def _share_seen(sights: list[Sight], least: float = 0.0) -> float:
     return float(np.mean([not s.reason and s.confidence >= least for s in sights]))
 
 
-def _edge_is_better(
-    by_edge: list[Sight], by_outline: list[Sight], motion: Motion
-) -> tuple[bool, float | None]:
+def _edge_is_better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tuple[bool, float | None]:
     """Whether the edge fit is better than the outline fit with one grey value; median distance of both in px, None if
     the edge is hardly visible.
 

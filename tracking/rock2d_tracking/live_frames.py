@@ -136,9 +136,7 @@ def _text(raw: bytes) -> str:
 def _block(name: str, looks: Looks) -> dict[str, Any]:
     """Name, outline about the centroid in px, and why its frames are trusted."""
     limit = max(LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII * looks.outline.radius_px)
-    how = (
-        "correlation with the learned picture" if looks.kind == "picture" else "of the outline seen as fitted"
-    )
+    how = "correlation with the learned picture" if looks.kind == "picture" else "of the outline seen as fitted"
     points = np.round(_polygon(looks.outline), 3).tolist()
     return {"name": name, "outline": points, "how": how, "limit": f"{limit:.3g}"}
 
@@ -172,9 +170,7 @@ def _flight_texts(flights: pd.DataFrame) -> list[str]:
     order = flights.groupby("release").cumcount() + 1
     of = flights.groupby("release")["release"].transform("size")
     for k, own in enumerate(_records(flights)):
-        gravity = (
-            f"; g = {own.gravity_m_s2:.3g} ± {own.gravity_m_s2_se:.2g} m/s²" if own.gravity_m_s2 > 0 else ""
-        )
+        gravity = f"; g = {own.gravity_m_s2:.3g} ± {own.gravity_m_s2_se:.2g} m/s²" if own.gravity_m_s2 > 0 else ""
         texts.append(
             f"{order.iloc[k]} of {of.iloc[k]}: {own.begin_s:.4g} to {own.end_s:.4g} s, {counted(own.frames, 'frame')}"
             f"; residuals {own.misfit:.2f} times the noise{gravity}"
@@ -230,12 +226,7 @@ class FramePictures(NamedTuple):
 
 
 def frame_pictures(
-    film: Iterable[Array],
-    numbers: Array,
-    places_px: Array,
-    radii_px: Array,
-    important: Array,
-    most_bytes: int,
+    film: Iterable[Array], numbers: Array, places_px: Array, radii_px: Array, important: Array, most_bytes: int
 ) -> FramePictures:
     """Pictures of as many frames as fit into `most_bytes`.
 

@@ -101,12 +101,7 @@ def best_channel_mix(block_frames: list[BlockFrame], still: Array, radius_px: fl
     steps = np.concatenate([_rim_steps(frame, still, radius_px) for frame in block_frames])
     if not len(steps):
         return ChannelMix()
-    tried = [
-        np.median(steps, axis=0),
-        *np.linalg.svd(steps, full_matrices=False)[2],
-        *np.eye(3),
-        *COLOUR_PAIRS,
-    ]
+    tried = [np.median(steps, axis=0), *np.linalg.svd(steps, full_matrices=False)[2], *np.eye(3), *COLOUR_PAIRS]
 
     def stands_out(weights: Array) -> float:
         size = float(np.hypot.reduce(weights))

@@ -74,9 +74,7 @@ class Chain:
     @property
     def shadow_share(self) -> float:
         """Share of its frames that look like a shadow."""
-        return float(
-            np.average([a.shadow_share for a in self.arcs], weights=[len(a.frames) for a in self.arcs])
-        )
+        return float(np.average([a.shadow_share for a in self.arcs], weights=[len(a.frames) for a in self.arcs]))
 
     @property
     def frames_seen(self) -> int:
@@ -167,9 +165,7 @@ def motion_of(
         if number == 0:
             height, width = frame.shape[:2]
             if 2.0 * max(radii_px, default=0.0) > max(height, width):
-                message = (
-                    f"a block is {2.0 * max(radii_px):.0f} px wide in a picture of {width} x {height} px"
-                )
+                message = f"a block is {2.0 * max(radii_px):.0f} px wide in a picture of {width} x {height} px"
                 raise InputError(f"{message}: are the sizes of blocks in m, and is the scale right?")
             coarse = _coarseness(width, radii_px)
         if number % stride == 0:
@@ -228,8 +224,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     kept = [c for c in chains if any(a.falls for a in c.arcs) and c.frames_seen >= FEWEST_CHAIN_FRAMES]
     if radii_px:
         low, high = (
-            np.pi * r**2 * share
-            for r, share in zip((min(radii_px), max(radii_px)), CANDIDATE_AREAS, strict=True)
+            np.pi * r**2 * share for r, share in zip((min(radii_px), max(radii_px)), CANDIDATE_AREAS, strict=True)
         )
         kept = [c for c in kept if low < c.area_px2 < high]
     kept = [_shadow_caster(c, arcs) or c for c in kept]
@@ -277,8 +272,7 @@ def _shadow_caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
 
 def _weight(chain: Chain, radii_px: list[float]) -> float:
     frames = sum(
-        len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > SHADOW_SHARE else 1.0) * a.contrast
-        for a in chain.arcs
+        len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > SHADOW_SHARE else 1.0) * a.contrast for a in chain.arcs
     )
     if not radii_px:  # highlights are brighter than the block, but smaller
         return float(frames * np.sqrt(chain.area_px2))

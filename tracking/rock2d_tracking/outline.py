@@ -69,9 +69,9 @@ class Outline:
         turn = np.arctan2(normals[:, 1], normals[:, 0])
         ahead, behind = np.roll(turn, -1) - turn, turn - np.roll(turn, 1)
         ahead, behind = ahead % (2 * np.pi), behind % (2 * np.pi)
-        sides = (np.roll(h, -1) - h * np.cos(ahead)) / np.sin(ahead) + (
-            np.roll(h, 1) - h * np.cos(behind)
-        ) / np.sin(behind)
+        sides = (np.roll(h, -1) - h * np.cos(ahead)) / np.sin(ahead) + (np.roll(h, 1) - h * np.cos(behind)) / np.sin(
+            behind
+        )
         return float(0.5 * (sides * h).sum())
 
     @cached_property
@@ -112,9 +112,7 @@ def outline_of(block: Block, metres_per_pixel: float, up: int) -> Outline:
         corners = corners[::-1]  # mirrored, so that they still run counter-clockwise
     side = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([side[:, 1], -side[:, 0]]) / np.hypot(*side.T)[:, None]
-    return Outline(
-        np.column_stack([normals, (normals * corners).sum(axis=1)]), np.zeros(2), _symmetry(corners)
-    )
+    return Outline(np.column_stack([normals, (normals * corners).sum(axis=1)]), np.zeros(2), _symmetry(corners))
 
 
 def _symmetry(corners: Array) -> float:

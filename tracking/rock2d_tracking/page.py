@@ -59,8 +59,7 @@ def _summary(film: TrackedFilm) -> dict[str, str]:
     return {
         "releases": f"{frames['release'].nunique()}",
         "frames trusted": f"{(frames['reason'] == '').sum()} of {len(frames)}",
-        "flights, impacts": f"{len(flights)}, {len(own)}"
-        + (f"; changes in mid-air: {beside}" if beside else ""),
+        "flights, impacts": f"{len(flights)}, {len(own)}" + (f"; changes in mid-air: {beside}" if beside else ""),
         "restitution, across the ground": _restitution(own),
         "error that all positions share": ", ".join(
             f"{name} {offset:.2g} px ({1e3 * offset * _pixel_m(film):.2g} mm)"
@@ -139,9 +138,7 @@ def _bias(film: TrackedFilm) -> Figure:
             part = residuals[which == i, k] / _pixel_m(film)
             if len(part) > 2:
                 error = part.std() / np.sqrt(len(part))
-                own.errorbar(
-                    (i + 0.5) / SUBPIXEL_BINS, part.mean(), 1.96 * error, fmt="o", ms=3, color=PAGE_ACCENT
-                )
+                own.errorbar((i + 0.5) / SUBPIXEL_BINS, part.mean(), 1.96 * error, fmt="o", ms=3, color=PAGE_ACCENT)
         own.set_xlabel(f"place of {column[0]} within its pixel")
         own.set_ylabel("mean residual (px)")
     return figure

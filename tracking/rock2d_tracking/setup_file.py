@@ -44,15 +44,9 @@ class Scale(Checked):
     metres_per_pixel: Annotated[Annotated[float, Field(gt=0, le=10)] | GravityWord, Given] | None = Field(
         default=None, description="Length of a pixel in m; gravity: what falls in the film gives it"
     )
-    points_px: list[Pixel] | None = Field(
-        default=None, min_length=2, max_length=2, description="Two marked points"
-    )
-    distance_m: float | None = Field(
-        default=None, gt=0, le=1.0e5, description="True distance of the two points in m"
-    )
-    checkerboard: str | None = Field(
-        default=None, description="Picture of a checkerboard in the plane of motion"
-    )
+    points_px: list[Pixel] | None = Field(default=None, min_length=2, max_length=2, description="Two marked points")
+    distance_m: float | None = Field(default=None, gt=0, le=1.0e5, description="True distance of the two points in m")
+    checkerboard: str | None = Field(default=None, description="Picture of a checkerboard in the plane of motion")
     columns: int = Field(default=9, ge=3, le=100, description="Inner corners of the checkerboard in a row")
     rows: int = Field(default=6, ge=3, le=100, description="Rows of inner corners")
     square_m: float | None = Field(default=None, gt=0, le=100, description="Side of a square of it in m")
@@ -76,9 +70,7 @@ class Distortion(Checked):
     """Radial distortion: seen = true (1 + k ρ²), ρ over half the image's diagonal."""
 
     k: float = Field(
-        ge=-LARGEST_DISTORTION,
-        le=LARGEST_DISTORTION,
-        description="Distortion at the corner of the image, without unit",
+        ge=-LARGEST_DISTORTION, le=LARGEST_DISTORTION, description="Distortion at the corner of the image, without unit"
     )
     centre_px: Pixel | None = Field(default=None, description="Default: the middle of the image")
 
@@ -111,10 +103,7 @@ class DetectionKeys(Checked):
         default=None, min_length=2, max_length=2, description="[first, last] frames without a block"
     )
     least_seen: float = Field(
-        default=0.55,
-        gt=0,
-        le=1,
-        description="Share of the outline that must be seen for a frame to be trusted",
+        default=0.55, gt=0, le=1, description="Share of the outline that must be seen for a frame to be trusted"
     )
 
 
@@ -171,9 +160,7 @@ class Setup:
             a, b = np.array(scale.points_px)
             return float(scale.distance_m / np.hypot(*(b - a)))
         assert scale.checkerboard is not None and scale.square_m is not None
-        return scale_of_board(
-            self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m
-        )
+        return scale_of_board(self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m)
 
     @property
     def metres_per_pixel(self) -> float:
@@ -192,9 +179,7 @@ class Setup:
         own = copy.copy(self)
         own.scale = scale
         if own.from_gravity is not None:
-            own.from_gravity = own.from_gravity.model_copy(
-                update={"relative_error": min(relative_error, 1.0)}
-            )
+            own.from_gravity = own.from_gravity.model_copy(update={"relative_error": min(relative_error, 1.0)})
         return own
 
     def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
@@ -273,7 +258,5 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
     halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]
     uneven = float(np.ptp([np.mean(h) for h in halves]) / np.mean(sides))
     if uneven > LARGEST_SCALE_SPREAD:
-        raise InputError(
-            f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path
-        )
+        raise InputError(f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path)
     return float(square_m / np.mean(sides))

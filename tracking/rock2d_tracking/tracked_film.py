@@ -70,9 +70,7 @@ class TrackedFilm:
         return impacts_table(self.experiment, self.segments)
 
 
-def tracked_film(
-    kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]
-) -> TrackedFilm:
+def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
     """The experiment of a film.
 
     kept : its `moving_releases`, at least one
@@ -81,23 +79,16 @@ def tracked_film(
     remarks: list[str] = []
     if len(kept) < followed:
         remarks.append(
-            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved and "
-            "are left out"
+            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved and are left out"
         )
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
-        remarks.append(
-            f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}"
-        )
+        remarks.append(f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}")
     missing = 0
     for release in kept:
-        missing += _renumber_dropped(
-            release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel
-        )
+        missing += _renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)
     if missing:
-        remarks.append(
-            f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there"
-        )
+        remarks.append(f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there")
     fps = setup.fps
     frames = pd.concat([_frames(k, release, fps) for k, release in enumerate(kept)], ignore_index=True)
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
@@ -218,9 +209,7 @@ def _measured(
         from_gravity=setup.from_gravity, smear_offset_s=smear_offset_s,
     )  # fmt: skip
     experiment = with_measured_noise(stated, setup)
-    return TrackedFilm(
-        setup, frames, experiment, *findings_of(experiment, setup), remarks=remarks, offset_px=offset_px
-    )
+    return TrackedFilm(setup, frames, experiment, *findings_of(experiment, setup), remarks=remarks, offset_px=offset_px)
 
 
 def with_measured_noise(experiment: Experiment, setup: Setup) -> Experiment:

@@ -38,16 +38,12 @@ class Points:
     said: str = ""
 
     @classmethod
-    def of_rows(
-        cls, path: Path, line: int, rows: list[dict[str, Any]], *, y: str = "", said: str = ""
-    ) -> Points:
+    def of_rows(cls, path: Path, line: int, rows: list[dict[str, Any]], *, y: str = "", said: str = "") -> Points:
         """Points of rows with the keys of `table`, without those whose u, v or theta is empty; raises `InputError`."""
         import pandas as pd
 
         table = pd.DataFrame(rows)
-        table = table.dropna(subset=table.columns.intersection(["u", "v", "theta_rad"])).reset_index(
-            drop=True
-        )
+        table = table.dropna(subset=table.columns.intersection(["u", "v", "theta_rad"])).reset_index(drop=True)
         if table.empty:
             raise InputError("there is no point in the file", path, line)
         when = "frame" if "frame" in table else "time"

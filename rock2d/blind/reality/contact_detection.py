@@ -90,9 +90,7 @@ def _ridge_contact(v: int, row: int, pose: Pose, body: Body, points: Array, foun
 
 
 @numba.njit
-def _circle_contacts(
-    x: float, y: float, radius: float, ground: Ground, found: Array
-) -> tuple[ContactRows, float]:
+def _circle_contacts(x: float, y: float, radius: float, ground: Ground, found: Array) -> tuple[ContactRows, float]:
     points, patch = ground.points, ground.patch
     first, last = facet_at(x - 1.5 * radius, points), facet_at(x + 1.5 * radius, points) + 1
     p0, p1 = patch[first], patch[last - 1] + 1
@@ -154,9 +152,7 @@ def is_below(x: float, y: float, f: int, points: Array) -> bool:
 
 
 @numba.njit
-def outward_normal(
-    x: float, y: float, qx: float, qy: float, f: int, sunk: bool, points: Array
-) -> tuple[float, float]:
+def outward_normal(x: float, y: float, qx: float, qy: float, f: int, sunk: bool, points: Array) -> tuple[float, float]:
     """Unit vector out of the solid at the nearest point (qx, qy) of (x, y)."""
     dx, dy = x - qx, y - qy
     if sunk:

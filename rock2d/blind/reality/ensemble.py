@@ -75,13 +75,9 @@ def _true_times(times: Array, n: int, hidden: Sequence[Hidden], seed: int) -> Ar
     for cause in hidden:
         if cause.name == "frame_rate_error":
             frame = float(np.median(np.diff(times)))
-            late = np.array(
-                [np.random.default_rng([seed, i, 3]).uniform(-0.45, 0.45, len(times)) for i in range(n)]
-            )
+            late = np.array([np.random.default_rng([seed, i, 3]).uniform(-0.45, 0.45, len(times)) for i in range(n)])
             late[:, 0] = 0.0
-            true = times[0] + cause.values["factor"] * (
-                true - times[0] + cause.values["jitter"] * frame * late
-            )
+            true = times[0] + cause.values["factor"] * (true - times[0] + cause.values["jitter"] * frame * late)
     return true
 
 
@@ -112,13 +108,7 @@ def _compiled(sources: int) -> Any:
 
     @numba.njit(cache=True, parallel=True)
     def releases(
-        states: Array,
-        times: Array,
-        ids: Array,
-        soil: Array,
-        inputs: MotionInputs,
-        draws: ImpactDraws,
-        poses: Array,
+        states: Array, times: Array, ids: Array, soil: Array, inputs: MotionInputs, draws: ImpactDraws, poses: Array
     ) -> None:
         if sources == 0:
             return

@@ -107,9 +107,7 @@ def contact_force(
     limit = friction * force
     ploughing = 0.0
     if pressing:
-        coefficient = values[parameters.PLOUGHING] + values[parameters.PLOUGHING_SQUARE] * abs(
-            motion.slip_velocity
-        )
+        coefficient = values[parameters.PLOUGHING] + values[parameters.PLOUGHING_SQUARE] * abs(motion.slip_velocity)
         ploughing = coefficient * depth * motion.slip_velocity
     tangential = 0.0
     if k_t > 0.0:
@@ -166,9 +164,7 @@ def row_of(i: int, rows: ContactRows) -> int:
 
 
 @numba.njit
-def begin_contact(
-    j: int, state: Array, late_depth: float, ground: Ground, contacts: Contacts, values: Array
-) -> None:
+def begin_contact(j: int, state: Array, late_depth: float, ground: Ground, contacts: Contacts, values: Array) -> None:
     """Begin contact j. One that is found deeper than `late_depth` in m was covered by another one before: it begins
     without force."""
     found, memory = contacts.found, contacts.memory
@@ -212,12 +208,7 @@ def update_contacts(
 
 @numba.njit
 def sum_forces(
-    rows: ContactRows,
-    block: BlockMotion,
-    ground: Ground,
-    ground_motion: Array,
-    law: SoilLaw,
-    contacts: Contacts,
+    rows: ContactRows, block: BlockMotion, ground: Ground, ground_motion: Array, law: SoilLaw, contacts: Contacts
 ) -> None:
     """Fill `contacts.sums` with the forces of all contacts on a block; `ground_motion`: see its columns."""
     found, memory, sums = contacts.found, contacts.memory, contacts.sums
@@ -237,10 +228,7 @@ def sum_forces(
         facet = int(found[j, FACET])
         gx = shift_speed if ground.yielding[facet] > 0.0 else 0.0
         ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - rise_speed
-        wx, wy = (
-            path_velocity[0] - path_velocity[2] * ry - gx,
-            path_velocity[1] + path_velocity[2] * rx - rise_speed,
-        )
+        wx, wy = (path_velocity[0] - path_velocity[2] * ry - gx, path_velocity[1] + path_velocity[2] * rx - rise_speed)
         rate, slip_velocity = -(ux * nx + uy * ny), ux * ny - uy * nx
         slip = span * (wx * ny - wy * nx)
         zone = int(memory[j, ZONE])
@@ -264,6 +252,4 @@ def sum_forces(
         else:
             k_l, k_ul = stiffnesses(law.soil[zone], memory[j])
             indentation = memory[j, PEAK_PENETRATION] * (1.0 - k_l / k_ul)
-            sums[NEXT_DISTANCE] = min(
-                sums[NEXT_DISTANCE], indentation - (found[j, DEPTH] - memory[j, START_DEPTH])
-            )
+            sums[NEXT_DISTANCE] = min(sums[NEXT_DISTANCE], indentation - (found[j, DEPTH] - memory[j, START_DEPTH]))

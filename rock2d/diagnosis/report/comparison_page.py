@@ -26,9 +26,7 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
     folded = [p for p in content["probabilities"] if _largest(p) < FOLDED_PROBABILITY]
     axis = Axis(0.0, 1.0)
     closures = [_closure_row(row) for row in content["closures"]]
-    closure_axis = axis_over(
-        [v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0]
-    )
+    closure_axis = axis_over([v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0])
     parameters = [_parameter_row(row) for row in content["parameters"]]
     verdicts = {side: _verdict_text(content, side) for side in SIDES}
     gaps = {side: _gap_texts(content["gap"][side]) for side in SIDES}

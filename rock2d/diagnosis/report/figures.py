@@ -139,9 +139,7 @@ def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> st
     gap."""
     bounds = [*(least for least, _, _ in MISS_CLASSES), np.inf]
     counts = np.histogram(misses.sigma, bounds)[0]
-    words = [
-        f"{n} from {low:g} to {high:g} σ" for n, low, high in zip(counts, bounds, bounds[1:], strict=False)
-    ]
+    words = [f"{n} from {low:g} to {high:g} σ" for n, low, high in zip(counts, bounds, bounds[1:], strict=False)]
     words[-1] = f"{counts[-1]} above {bounds[-2]:g} σ"
     drawn = f"{flights} measured flights and " if flights else ""
     said = f"The cross-section with {drawn}{len(misses.sigma)} impacts. Residuals of the base law: {', '.join(words)}."
@@ -245,9 +243,7 @@ def impact_alt(impact: ShownImpact, labels: Mapping[str, str]) -> str:
     )
 
 
-def _outline(
-    axis: Any, block: Block, pose: Array, factor: float, colour: str, line: Any, fill: float = 0.0
-) -> None:
+def _outline(axis: Any, block: Block, pose: Array, factor: float, colour: str, line: Any, fill: float = 0.0) -> None:
     """The outline of a block with a spoke, so that a round block shows its angle."""
     edge = draw_outline(axis, block, pose, factor, colour, line, fill)
     axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)
@@ -258,9 +254,7 @@ def _outline(
 
 def described(change: Change) -> str:
     """A change in words."""
-    depends = (
-        "the same everywhere" if change.basis.name == CONSTANT else f"depending on the {change.basis.name}"
-    )
+    depends = "the same everywhere" if change.basis.name == CONSTANT else f"depending on the {change.basis.name}"
     return f"{LEVER_WORDS[change.lever]}, {depends}"
 
 

@@ -100,9 +100,7 @@ def live_gap(
         "checks": list(map(_check_data, checks)),
     }  # fmt: skip
     moving, notes = _moving_data(result, data, segments, models, items, MOST_BYTES - len(compact(known)))
-    simulated = {
-        k: name for k, m in enumerate(models) for name, model in named.items() if m.own.fit is model.fit
-    }
+    simulated = {k: name for k, m in enumerate(models) for name, model in named.items() if m.own.fit is model.fit}
     return {
         "data": in_page(known | moving), "causes": _cause_boxes(result, content, causes, names),
         "models": _model_words(models, data, segments, simulated, passing), "blocks": list(map(spoken, blocks)),
@@ -162,11 +160,7 @@ def _cause_boxes(
 
 
 def _model_words(
-    models: Sequence[_Model],
-    data: FilmData,
-    segments: Segments,
-    passing: Mapping[int, str],
-    rows: Sequence[Row],
+    models: Sequence[_Model], data: FilmData, segments: Segments, passing: Mapping[int, str], rows: Sequence[Row]
 ) -> list[dict[str, Any]]:
     """For each model a sentence on its gap, the gap as a bar, misses (what, base law, this model) and passing
     frequencies (what, film, base law, this model). `passing`: position of a model -> its name in the `rows`."""
@@ -361,9 +355,7 @@ class Items:
 
 def _median_words(misses: Array, units: Sequence[str]) -> str:
     """Medians of misses (n, 2) in their units."""
-    sizes = [
-        np.abs(own[np.isfinite(own)]) * IN_UNIT[unit] for own, unit in zip(misses.T, units, strict=False)
-    ]
+    sizes = [np.abs(own[np.isfinite(own)]) * IN_UNIT[unit] for own, unit in zip(misses.T, units, strict=False)]
     said = [f"{np.median(own):.2g}" if len(own) else "-" for own in sizes]
     return ", ".join(f"{value} {unit}".replace(" °", "°") for value, unit in zip(said, units, strict=True))
 

@@ -61,12 +61,7 @@ LINEAR_GAIN = 10.0  # log likelihood up to which the scale of gains is linear
 
 
 def write_report(
-    result: Diagnosis,
-    content: dict[str, Any],
-    folder: Path,
-    *,
-    bars: Bars,
-    command: str = "rock2d.diagnose in Python",
+    result: Diagnosis, content: dict[str, Any], folder: Path, *, bars: Bars, command: str = "rock2d.diagnose in Python"
 ) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
@@ -167,8 +162,7 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: report_da
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     blocks, keys = list(experiment.blocks), ("share", "z", "phase", "zone", "block", "channel")
     impacts = [
-        (blocks[b], *place, sigma)
-        for b, place, sigma in zip(misses.block, misses.place_m, misses.sigma, strict=True)
+        (blocks[b], *place, sigma) for b, place, sigma in zip(misses.block, misses.place_m, misses.sigma, strict=True)
     ]
     points = [(i, *place) for i, path in enumerate(flights) for place in path]
     return {
@@ -188,9 +182,7 @@ def _which_section(content: dict[str, Any]) -> dict[str, Any]:
     axis = Axis(0.0, 1.0)
     bars = [(name, chart(axis, [bar("plain", p, f"{spoken(name)}: {percent(p)}")]), p) for name, p in chances]
     effects = catalogue()
-    gains = [
-        (name, e["heldout_score_gain"], e["heldout_score_gain_se"]) for name, e in content["effects"].items()
-    ]
+    gains = [(name, e["heldout_score_gain"], e["heldout_score_gain_se"]) for name, e in content["effects"].items()]
     columns = ("effect", "heldout_score_gain", "heldout_score_gain_se")
     ends = [gain + s * 1.96 * error for _, gain, error in gains for s in (-1, 1)]
     low, high = min([*ends, 0.0]), max([*ends, LINEAR_GAIN])
@@ -226,21 +218,14 @@ def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     open_gap = any(gap["closure_ci95"])
     closures = [(name, e["closure"], e["closure_ci95"]) for name, e in content["effects"].items()]
     ranked = [name for name in text.ranking(content) if not effects[name].scatter][:5] if open_gap else []
-    marks = {
-        name: share_mark("plain", share, ci95, text.share_closed(share, ci95))
-        for name, share, ci95 in closures
-    }
-    closure_axis = axis_over(
-        [v for n in ranked for v in (marks[n].value, marks[n].low, marks[n].high)] + [100.0]
-    )
+    marks = {name: share_mark("plain", share, ci95, text.share_closed(share, ci95)) for name, share, ci95 in closures}
+    closure_axis = axis_over([v for n in ranked for v in (marks[n].value, marks[n].low, marks[n].high)] + [100.0])
     bounds, keys = ("closure_low95", "closure_high95"), ("base", "augmented", "noise_floor", "closure")
     numbers = [*(gap[key] for key in keys), *gap["closure_ci95"]]
     return {
         "gap_data": download("gap.csv", (*keys, *bounds), [numbers]),
         "closures_data": download(
-            "closures.csv",
-            ("effect", "closure", *bounds),
-            [(name, own, *ci95) for name, own, ci95 in closures],
+            "closures.csv", ("effect", "closure", *bounds), [(name, own, *ci95) for name, own, ci95 in closures]
         ),
         "gap_rows": [(label, chart(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
         "gap_scale": tick_labels(axis),

@@ -102,9 +102,7 @@ def _effect_rows(models: Models) -> list[tuple[str, ...]]:
                 plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")
                 if high - low > UNDETERMINED_WIDTH * 1.96 * (most - least):
                     remark = UNDETERMINED_TEXT
-                elif value != parameter.neutral and (
-                    min(value - least, most - value) < EDGE_DISTANCE * (most - least)
-                ):
+                elif value != parameter.neutral and (min(value - least, most - value) < EDGE_DISTANCE * (most - least)):
                     remark = "at the end of its plausible range"
             rows.append((effect.name, meaning, unit, shown, between, plausible, remark))
     return rows

@@ -68,9 +68,7 @@ def quantity_data(quantity: Quantity, labels: Mapping[str, str]) -> Download:
         (row.block, row.place, labels[model], percentile, e.value, e.low, e.high, e.count)
         for row in quantity.rows
         for model, own in row.models.items()
-        for percentile, e in zip(
-            quantity.percentiles or (None,), own, strict=False
-        )  # few values: no estimates
+        for percentile, e in zip(quantity.percentiles or (None,), own, strict=False)  # few values: no estimates
     ]
     value = f"value ({quantity.unit})"
     columns = ("block", "place", "model", "percentile", value, "low95", "high95", "count")
@@ -100,10 +98,7 @@ def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array
 
 
 def film_quantities(
-    experiment: Experiment,
-    film: Releases,
-    models: Mapping[str, Array],
-    lines: Mapping[str, Array],
+    experiment: Experiment, film: Releases, models: Mapping[str, Array], lines: Mapping[str, Array]
 ) -> list[Quantity]:
     """Quantities of releases; `models`: name -> poses (repetitions, n, k, 3) at the instants of `film`."""
     rng = np.random.default_rng(0)
@@ -133,9 +128,7 @@ def film_quantities(
         quantities.append(Quantity("Kinetic energy at the lines", *_rescaled(energy, ENERGY_UNITS)))
     else:
         energy = rows("energy aloft", "")
-        quantities.append(
-            Quantity("Kinetic energy at the top of the highest bounce", *_rescaled(energy, ENERGY_UNITS))
-        )
+        quantities.append(Quantity("Kinetic energy at the top of the highest bounce", *_rescaled(energy, ENERGY_UNITS)))
     quantities.append(Quantity("Bounce height", *_rescaled(rows("bounce", ""), LENGTH_UNITS)))
     quantities.append(Quantity("Runout", *_rescaled(rows("runout", ""), LENGTH_UNITS)))
     return [q for q in quantities if any(estimates for row in q.rows for estimates in row.models.values())]
@@ -289,6 +282,5 @@ def _rescaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str,
         return CountedEstimate(e.value / size, e.low / size, e.high / size, e.count)
 
     return unit, [
-        Row(row.block, row.place, {name: [scaled(e) for e in own] for name, own in row.models.items()})
-        for row in rows
+        Row(row.block, row.place, {name: [scaled(e) for e in own] for name, own in row.models.items()}) for row in rows
     ]

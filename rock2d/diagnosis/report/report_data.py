@@ -97,9 +97,7 @@ def flight_lines(data: FilmData, signs: Signs) -> list[Array]:
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
     for i in chosen:
-        rows = np.unique(
-            np.linspace(flights.first[i], flights.last[i] - 1, FLIGHT_POINTS).round().astype(int)
-        )
+        rows = np.unique(np.linspace(flights.first[i], flights.last[i] - 1, FLIGHT_POINTS).round().astype(int))
         paths.append(data.film.pose[rows, :2] * signs[:2])
     return paths
 
@@ -131,9 +129,7 @@ def shown_impacts(result: Diagnosis, models: Models, improves: bool) -> list[Sho
     shown = []
     for k, i in enumerate(which):
         film = data.film
-        rows = np.flatnonzero(
-            (film.release == impacts.release[i]) & (film.t_s >= start[k]) & (film.t_s <= end[k])
-        )
+        rows = np.flatnonzero((film.release == impacts.release[i]) & (film.t_s >= start[k]) & (film.t_s <= end[k]))
         name, block = blocks[impacts.block[i]]
         place = f"{name} {film.release_names[impacts.release[i]]}, {zones[impacts.zone[i]]}".replace("_", " ")
         miss = f"residual {_sigma(base[i])}" + (f", then {_sigma(effect[i])}" if effect is not None else "")
@@ -166,9 +162,7 @@ def video_scenes(
     """
     distance = {name: distances(film, poses) for name, poses in models.items()}
     gain = (
-        distance["base"] - distance["effect"]
-        if improves
-        else -np.abs(distance["base"] - np.median(distance["base"]))
+        distance["base"] - distance["effect"] if improves else -np.abs(distance["base"] - np.median(distance["base"]))
     )
     scenes, titles = [], []
     blocks = list(result.experiment.blocks)

@@ -54,8 +54,7 @@ def _parts(content: Mapping[str, Any]) -> list[tuple[str, str, float, Sequence[f
     outside = content["outside"]
     causes = sorted(text.model_causes(content), key=lambda cause: -cause["closes"])
     found: list[tuple[str, str, float, Sequence[float] | None, str]] = [
-        (cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], "effect")
-        for cause in causes
+        (cause_name(cause), cause["origin"], cause["closes"], cause["closes_ci95"], "effect") for cause in causes
     ]
     unlearnt, learnt = outside["share"], outside["learnt"]
     if learnt is not None:

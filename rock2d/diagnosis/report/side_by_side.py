@@ -24,12 +24,7 @@ HOLD_S = 0.8  # pause at the end of a scene
 
 
 def video_section(
-    result: Diagnosis,
-    film: Releases,
-    poses: dict[str, Array],
-    labels: Mapping[str, str],
-    improves: bool,
-    folder: Path,
+    result: Diagnosis, film: Releases, poses: dict[str, Array], labels: Mapping[str, str], improves: bool, folder: Path
 ) -> dict[str, Any]:
     """Template variables of the video; the video is written into `folder`."""
     from rock2d.graphics.video import render_video
@@ -56,10 +51,7 @@ def video_section(
         for pose in np.column_stack([clip.t_s, clip.x_m, clip.y_m, clip.theta_rad])
     ]
     first = scene_sentence(scenes[0], titles[0], shown)
-    improved, typical = (
-        "that the effect brings nearest to the film",
-        "with the median distance to the base law",
-    )
+    improved, typical = ("that the effect brings nearest to the film", "with the median distance to the base law")
     said = (
         f"{len(shown)} pictures side by side, {slow_motion:g} times slower than the film: {', '.join(shown)}. For "
         f"each block it is the release {improved if improves else typical}, simulated from its first measured flight "

@@ -228,11 +228,7 @@ def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
 
 def physical_misses(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Errors of the base law and the best model in physical units, and where they occur."""
-    places = {
-        "mm": (" mm", "at the end of a segment"),
-        "deg": ("°", "there"),
-        "m_s": (" m/s", "after an impact"),
-    }
+    places = {"mm": (" mm", "at the end of a segment"), "deg": ("°", "there"), "m_s": (" m/s", "after an impact")}
     misses = content.get("physical", {})
     return [
         (f"{three_digits(misses[key]['base'])} → {three_digits(misses[key]['augmented'])}{unit}", place)
@@ -304,9 +300,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
     """A sentence: where most of the gap lies."""
     cells = content["where"]
     if not has_significant_place(content):
-        return (
-            "No place stands out: the residuals are nowhere significantly larger than noise and soil explain."
-        )
+        return "No place stands out: the residuals are nowhere significantly larger than noise and soil explain."
     phase, of_phase = largest_share(cells, "phase")
     zone, of_zone = largest_share(cells, "zone")
     block, of_block = largest_share(cells, "block")
@@ -359,9 +353,7 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
         "Releases are numbered in the order filmed, and the series of each block begins on fresh ground. Effects that "
         "grow from release to release depend on that order."
     )
-    raised = {
-        zone for zone, part in zip(cross_section.zones, embankment_facets(cross_section), strict=True) if part
-    }
+    raised = {zone for zone, part in zip(cross_section.zones, embankment_facets(cross_section), strict=True) if part}
     if raised:
         zones = listed([zone for zone in cross_section.zone_names if zone in raised])
         lines.append(

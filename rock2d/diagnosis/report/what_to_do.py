@@ -38,8 +38,7 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
     if verdict == "none":
         fitted = content.get("law", {}).get("fitted", True)
         return [
-            "Correct nothing."
-            + " Go on with the law as it was refitted (`base` in diagnosis.json)." * fitted,
+            "Correct nothing." + " Go on with the law as it was refitted (`base` in diagnosis.json)." * fitted,
             "A weak effect may still hide in noise and soil. More releases, or the one below, would show it.",
             *_next_release(content),
         ]
@@ -101,8 +100,7 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             "cause at a time, and diagnose again after each: these numbers hold only together."
         )
         lines += [
-            _rivals_sentence(content, name) + instruction(name, content["beside"][-1], experiment)
-            for name in beside
+            _rivals_sentence(content, name) + instruction(name, content["beside"][-1], experiment) for name in beside
         ]
     if not all(catalogue()[name].camera for name in (verdict, *beside)):
         lines.append(
@@ -147,9 +145,7 @@ def generic(fitted: FittedEffect) -> str:
         half, _ = text.in_degrees(parameter, fitted.half[parameter.name])
         parts.append(f"{parameter.meaning}: {number(value, half or None)}{f' {unit}' if unit else ''}")
     found = f" ({'; '.join(parts)})" if parts else ""
-    return (
-        f"Look in the set-up for what this effect describes, {fitted.effect.summary}{found}, and measure it."
-    )
+    return f"Look in the set-up for what this effect describes, {fitted.effect.summary}{found}, and measure it."
 
 
 def _next_release(content: Mapping[str, Any]) -> list[str]:

@@ -70,12 +70,8 @@ def _chains(lines: list[Array]) -> list[Array]:
     """Polylines (n, 3) of lines (2, 3) that meet end to end."""
     import shapely
 
-    merged = shapely.line_merge(
-        shapely.MultiLineString([line for line in lines if np.ptp(line, axis=0).any()])
-    )
-    return [
-        shapely.get_coordinates(row, include_z=True) for row in shapely.get_parts(merged) if not row.is_empty
-    ]
+    merged = shapely.line_merge(shapely.MultiLineString([line for line in lines if np.ptp(line, axis=0).any()]))
+    return [shapely.get_coordinates(row, include_z=True) for row in shapely.get_parts(merged) if not row.is_empty]
 
 
 def _points(entity: Any) -> Array:

@@ -61,9 +61,7 @@ def checked_profile(points_m: Array, source: str) -> Profile:
     """
     points = np.asarray(points_m, float)
     if points.ndim != 2 or points.shape[1:] != (2,) or not FEWEST_POINTS <= len(points) <= MOST_POINTS:
-        raise InputError(
-            f"{source}: expected 2 to {MOST_POINTS} points, found {len(points)}", code="bad_table"
-        )
+        raise InputError(f"{source}: expected 2 to {MOST_POINTS} points, found {len(points)}", code="bad_table")
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0]) + 1
         raise InputError(f"{source}: point {row} is not a pair of finite numbers", code="bad_table")

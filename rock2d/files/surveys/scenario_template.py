@@ -43,11 +43,7 @@ def likely_class(zone: str) -> str:
 
 
 def template_text(
-    profile: Profile,
-    name: str,
-    ground: tuple[Array, Sequence[str]],
-    start: ReleaseArea,
-    smooth: bool = False,
+    profile: Profile, name: str, ground: tuple[Array, Sequence[str]], start: ReleaseArea, smooth: bool = False
 ) -> str:
     """The text of a scenario file for this profile: a ball of 1 m starts in the release area `start`, on rough ground
     unless `smooth`. `ground` is the points (n, 2) in m and the zones (n - 1) of the facets."""

@@ -57,9 +57,7 @@ def read_table(path: Path) -> Profile:
     points_m = station_and_height(np.array(points).reshape(-1, len(columns)))
     profile = checked_profile(points_m, f"table {path.name}")
     if unread:
-        profile = replace(
-            profile, remarks=(*profile.remarks, f"columns that are not read: {', '.join(unread)}")
-        )
+        profile = replace(profile, remarks=(*profile.remarks, f"columns that are not read: {', '.join(unread)}"))
     return profile
 
 
@@ -105,9 +103,7 @@ def profile_columns(header: list[str], path: Path, line: int) -> tuple[int, ...]
         columns = on_map
     found = tuple(column for column in columns if column is not None)
     if len(found) < len(columns):
-        message = (
-            f"expected columns of station and height (for example x and y), found {', '.join(header)[:80]!r}"
-        )
+        message = f"expected columns of station and height (for example x and y), found {', '.join(header)[:80]!r}"
         raise InputError(message, path, line, 1, code="bad_table")
     for name in (header[column] for column in found):
         unit = re.search(r"[\[(]\s*(.*?)\s*[\])]", name)

@@ -56,9 +56,7 @@ class Terrain:
     def _bilinear(self) -> Any:
         from scipy.interpolate import RegularGridInterpolator
 
-        return RegularGridInterpolator(
-            (self.y_m, self.x_m), self.height_m, bounds_error=False, fill_value=np.nan
-        )
+        return RegularGridInterpolator((self.y_m, self.x_m), self.height_m, bounds_error=False, fill_value=np.nan)
 
     def heights_m(self, points_m: Array) -> Array:
         """Bilinear heights at points (n, 2); NaN beside the grid, or where nothing is known."""
@@ -87,9 +85,7 @@ def read_terrain(path: Path) -> Terrain:
         with rasterio.open(path, driver=DRIVERS[path.suffix.lower()]) as grid:
             return _terrain(grid, path)
     except rasterio.errors.RasterioError as error:
-        raise InputError(
-            f"no GeoTIFF or ESRI ASCII grid that can be read: {error}", path, code="bad_table"
-        ) from None
+        raise InputError(f"no GeoTIFF or ESRI ASCII grid that can be read: {error}", path, code="bad_table") from None
 
 
 def _terrain(grid: Any, path: Path) -> Terrain:
@@ -165,7 +161,5 @@ def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
         points.append(onward)
         heights.append(height)
     if len(points) < 3:
-        raise InputError(
-            f"{source}: no fall line starts there, because the ground is level", code="bad_value"
-        )
+        raise InputError(f"{source}: no fall line starts there, because the ground is level", code="bad_value")
     return checked_profile(station_and_height(np.column_stack([points, heights])), source)

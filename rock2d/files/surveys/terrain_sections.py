@@ -81,13 +81,9 @@ class TerrainSections:
         trusted[:at_start] = np.isfinite(heights[:at_start])
         if not trusted[: at_start + 1].all():
             x, y = start_m
-            raise InputError(
-                f"no height is known around the start at x = {x:.6g}, y = {y:.6g}", code="bad_value"
-            )
+            raise InputError(f"no height is known around the start at x = {x:.6g}, y = {y:.6g}", code="bad_value")
         last = int(np.argmin(trusted)) if not trusted.all() else len(way)
-        heights[last:] = heights[last - 1] + (way[last:] - way[last - 1]) * np.tan(
-            np.radians(self.beyond_deg)
-        )
+        heights[last:] = heights[last - 1] + (way[last:] - way[last - 1]) * np.tan(np.radians(self.beyond_deg))
         return CrossSection(np.column_stack([way, heights]), self._zone_names(way, heights))
 
     def mean_section(self) -> CrossSection:
@@ -95,9 +91,7 @@ class TerrainSections:
         start = self.known.starts_m.mean(axis=0)
         ground = self.section(start, self.direction_rad(start))
         feet = ground.height_m(self.lines_m)
-        lines = {
-            f"at_{x:g}_m": [[x, y], [x, y + LINE_HEIGHT_M]] for x, y in zip(self.lines_m, feet, strict=True)
-        }
+        lines = {f"at_{x:g}_m": [[x, y], [x, y + LINE_HEIGHT_M]] for x, y in zip(self.lines_m, feet, strict=True)}
         return CrossSection(ground.points_m, ground.zones, lines)
 
     @cached_property

@@ -83,9 +83,7 @@ def zones_of_points(file: Path) -> ZoneTable | None:
     return ZoneTable(file, sorted(ranges))
 
 
-def _start_end_name(
-    cells: Sequence[str], columns: Sequence[int], file: Path, line: int
-) -> tuple[float, float, str]:
+def _start_end_name(cells: Sequence[str], columns: Sequence[int], file: Path, line: int) -> tuple[float, float, str]:
     if len(cells) <= max(columns):
         message = f"expected start, end and name of a zone, found {', '.join(cells)[:60]!r}"
         raise InputError(message, file, line, 1, code="bad_table")
@@ -117,9 +115,7 @@ def facets_with_zones(profile: Profile, zones: ZoneTable | None) -> tuple[Array,
         return points, [DEFAULT_ZONE] * (len(points) - 1), []
     x = points[:, 0]
     if not (np.diff(x) > 0.0).all():
-        message = (
-            "a profile with overhangs or vertical faces has no zones by station: edit the scenario instead"
-        )
+        message = "a profile with overhangs or vertical faces has no zones by station: edit the scenario instead"
         raise InputError(message, zones.file, code="wrong_kind")
     remarks = _gaps(profile, zones)
     bounds = sorted(float(profile.stations.x_m(bound)) for zone in zones.ranges for bound in zone[:2])

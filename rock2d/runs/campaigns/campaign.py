@@ -101,9 +101,7 @@ def run_campaign(
     job, manifest = _job_and_manifest(scenario, folder, options)
     if workers.scheduler is not None:
         require_dask()
-    chunks = _chunks(
-        len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options)
-    )
+    chunks = _chunks(len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options))
     _prepare_folder(folder, manifest, job, overwrite)
     _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
@@ -145,9 +143,7 @@ def _announce(job: Job, total: int, chunks: int, todo: int, report: Callable[[st
     )
     if "samples" in job.keep:
         most = total * job.time_limit_s * job.scenario.outputs.fps * BYTES_OF_A_SAMPLE / 1e9
-        report(
-            f"samples: up to {most:.3g} GB before compression, if every release lasts until the time limit"
-        )
+        report(f"samples: up to {most:.3g} GB before compression, if every release lasts until the time limit")
     if todo < chunks:
         report(f"{chunks - todo} of {chunks} chunks are done already")
 
@@ -159,9 +155,7 @@ def _progress_text(job: Job, chunks: Sequence[Chunk]) -> str:
     return f"{done} of {len(chunks)} chunks are done, the same command continues from there"
 
 
-def _job_and_manifest(
-    scenario: Scenario, folder: Path, options: CampaignOptions
-) -> tuple[Job, dict[str, Any]]:
+def _job_and_manifest(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:
     """The job of a campaign and its manifest; raises InputError if it cannot be a campaign."""
     from rock2d.runs.campaigns.job import Job
 
@@ -189,9 +183,7 @@ def _job_and_manifest(
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
 
 
-def _check_campaign(
-    scenario: Scenario, engine: Engine, keep: tuple[str, ...], cross_section: CrossSection
-) -> None:
+def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], cross_section: CrossSection) -> None:
     if engine.ensemble is None:
         others = [other.name for other in ENGINES.values() if other.law == engine.law and other.ensemble]
         raise InputError(
@@ -202,8 +194,7 @@ def _check_campaign(
         )
     if scenario.experiment is not None:
         raise InputError(
-            "campaigns draw their releases; these start from the measured states of an experiment",
-            code="wrong_kind",
+            "campaigns draw their releases; these start from the measured states of an experiment", code="wrong_kind"
         )
     if "samples" in keep and not engine.keeps_samples:
         raise InputError(
@@ -212,9 +203,7 @@ def _check_campaign(
             engine=engine.name,
         )
     if keep == ("crossings",) and not cross_section.measure_lines:
-        raise InputError(
-            "only crossings are kept, but the cross-section has no measure lines", code="wrong_kind"
-        )
+        raise InputError("only crossings are kept, but the cross-section has no measure lines", code="wrong_kind")
     require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}")
 
 
@@ -232,9 +221,7 @@ def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite:
             if mismatch:
                 shutil.rmtree(folder)
         elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
-            raise InputError(
-                "exists and is not a campaign; choose another output folder", folder, code="not_a_result"
-            )
+            raise InputError("exists and is not a campaign; choose another output folder", folder, code="not_a_result")
         write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         for output in job.keep:
             (job.folder / output).mkdir(parents=True, exist_ok=True)
@@ -300,9 +287,7 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
             on_progress(count)
 
 
-def _compute_in_threads(
-    job: Job, todo: Sequence[Chunk], threads: int, on_progress: Callable[[int], Any]
-) -> None:
+def _compute_in_threads(job: Job, todo: Sequence[Chunk], threads: int, on_progress: Callable[[int], Any]) -> None:
     """Compute chunks on threads of this process, one thread a chunk; the last chunks share the free threads."""
     import numba
 

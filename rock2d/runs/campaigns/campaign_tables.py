@@ -40,10 +40,7 @@ def all_counts(job: Job, chunks: Sequence[Chunk]) -> list[Counts]:
 
 
 def campaign_tables(
-    job: Job,
-    chunks: Sequence[Chunk],
-    counts: Sequence[Counts],
-    on_progress: Callable[[int], Any] = lambda count: None,
+    job: Job, chunks: Sequence[Chunk], counts: Sequence[Counts], on_progress: Callable[[int], Any] = lambda count: None
 ) -> dict[str, pd.DataFrame]:
     """Tables by name: passing and percentiles if crossings were kept, stops and runout if ends were.
 
@@ -78,9 +75,7 @@ def campaign_tables(
 class _Block:
     """Releases of one block: their chunks and counts."""
 
-    def __init__(
-        self, job: Job, chunks: Sequence[Chunk], counts: Counts, on_progress: Callable[[int], Any]
-    ) -> None:
+    def __init__(self, job: Job, chunks: Sequence[Chunk], counts: Counts, on_progress: Callable[[int], Any]) -> None:
         self.job, self.chunks, self.counts, self.on_progress = job, chunks, counts, on_progress
         self.name = job.blocks[chunks[0].block].name
         self.releases = sum(chunk.count for chunk in chunks)
@@ -125,18 +120,10 @@ class _Block:
         statistics = OrderStatistics(_ranks(self.releases, RUNOUT_PERCENTILES), self.counts.runouts)
         find_order_statistics(
             {"runout_m": statistics},
-            lambda: (
-                {"runout_m": table["runout_m"].to_numpy()} for table in self._tables("ends", ["runout_m"])
-            ),
+            lambda: ({"runout_m": table["runout_m"].to_numpy()} for table in self._tables("ends", ["runout_m"])),
         )
         return [
-            (
-                self.name,
-                "runout_m",
-                p,
-                self.releases,
-                *percentile_estimate(statistics.values(), self.releases, p),
-            )
+            (self.name, "runout_m", p, self.releases, *percentile_estimate(statistics.values(), self.releases, p))
             for p in RUNOUT_PERCENTILES
         ]
 

@@ -54,9 +54,7 @@ def chunk_path(folder: Path, output: str, number: int) -> Path:
 
 def is_done(job: Job, chunk: Chunk) -> bool:
     """Whether all files of a chunk exist, are complete and belong to this campaign."""
-    return all(
-        _metadata(job, output, chunk).get(FINGERPRINT) == job.fingerprint.encode() for output in job.keep
-    )
+    return all(_metadata(job, output, chunk).get(FINGERPRINT) == job.fingerprint.encode() for output in job.keep)
 
 
 def add_counts(counts: Counts, job: Job, chunk: Chunk) -> None:
@@ -147,9 +145,7 @@ class _Writer:
             self._file = pq.ParquetWriter(
                 self._path,
                 table.schema,
-                compression={
-                    name: "none" if name in incompressible else compression for name in table.column_names
-                },
+                compression={name: "none" if name in incompressible else compression for name in table.column_names},
                 use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
                 column_encoding={"release": "DELTA_BINARY_PACKED"},  # releases ascend
                 write_statistics=False,
@@ -171,9 +167,7 @@ def warm_up(job: Job) -> None:
     _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1, Counts.none(job))
 
 
-def _simulate(
-    job: Job, chunk: Chunk, first: int, stop: int, counts: Counts
-) -> dict[str, dict[str, pa.Array]]:
+def _simulate(job: Job, chunk: Chunk, first: int, stop: int, counts: Counts) -> dict[str, dict[str, pa.Array]]:
     """Output -> columns, of releases first .. stop - 1 of the block of the chunk. Adds these releases to `counts`."""
     import pyarrow as pa
 
@@ -199,8 +193,7 @@ def _simulate(
     if found.samples is not None:
         times, ended = job.times_s(), found.ends[:, :1]
         release, at = np.nonzero(
-            np.isfinite(found.samples[:, :, 0])
-            & (times <= ended + FRAME_TOLERANCE / job.scenario.outputs.fps)
+            np.isfinite(found.samples[:, :, 0]) & (times <= ended + FRAME_TOLERANCE / job.scenario.outputs.fps)
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)

@@ -158,10 +158,7 @@ def _joined(results: list[Any]) -> Any:
 
 
 def _outcome(
-    job: Job,
-    group: Group,
-    run: Callable[[Group, int], Any],
-    impacts: Callable[[Array, Array], tuple[Array, Array]],
+    job: Job, group: Group, run: Callable[[Group, int], Any], impacts: Callable[[Array, Array], tuple[Array, Array]]
 ) -> tuple[Outcome, Any]:
     """The outcome of `run` (releases, room for impacts) of an engine, and its own result. `impacts` converts releases
     and rows to zone indices and values."""

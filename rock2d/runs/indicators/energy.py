@@ -21,11 +21,7 @@ def energy_table(run: Simulation) -> pd.DataFrame:
 
     return pd.DataFrame(
         [
-            {
-                "release": track.release,
-                "block": track.block,
-                **{f"{k}_J": v for k, v in track.energy_J.items()},
-            }
+            {"release": track.release, "block": track.block, **{f"{k}_J": v for k, v in track.energy_J.items()}}
             for track in run.tracks
         ]
     )

@@ -49,9 +49,7 @@ def envelope_table(run: Simulation) -> pd.DataFrame:
                 n, values = int(counts[s, q]), ranked[:, s, q]
                 for percentile in PERCENTILES:
                     if n >= least_count(percentile):
-                        rows.append(
-                            (block, x, quantity, percentile, n, *percentile_estimate(values, n, percentile))
-                        )
+                        rows.append((block, x, quantity, percentile, n, *percentile_estimate(values, n, percentile)))
     return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))
 
 

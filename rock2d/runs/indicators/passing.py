@@ -79,9 +79,7 @@ def passing_rows(
 ) -> list[tuple[Any, ...]]:
     """Rows of PASSING_COLUMNS; `left`, the number that left their source, is NaN if ends were not simulated."""
     rows: list[tuple[Any, ...]] = []
-    for line, passed, unresolved, arrived, may_arrive in zip(
-        lines, *(each.tolist() for each in counts), strict=True
-    ):
+    for line, passed, unresolved, arrived, may_arrive in zip(lines, *(each.tolist() for each in counts), strict=True):
         share = passing_share(passed, unresolved, releases)
         rows.append(
             (block, line, releases, left, arrived, passed, unresolved, *share,

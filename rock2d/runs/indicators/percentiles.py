@@ -34,6 +34,4 @@ def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(PERCENTILE_COLUMNS))
 
 
-INDICATOR = Indicator(
-    "percentiles", PERCENTILE_COLUMNS, lambda run: percentile_table(run.to_pandas("crossings"))
-)
+INDICATOR = Indicator("percentiles", PERCENTILE_COLUMNS, lambda run: percentile_table(run.to_pandas("crossings")))

@@ -17,14 +17,8 @@ def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:
 SHAPE = Shape(
     "ellipse",
     "An elliptic profile.",
-    (
-        Size("length_m", "Axis along the body's own x in m"),
-        Size("height_m", "Axis along the body's own y in m"),
-    ),
+    (Size("length_m", "Axis along the body's own x in m"), Size("height_m", "Axis along the body's own y in m")),
     ("uniform",),
     _profile,
-    lambda semi_axes_m, corners_m: {
-        "length_m": 2.0 * float(semi_axes_m[0]),
-        "height_m": 2.0 * float(semi_axes_m[1]),
-    },
+    lambda semi_axes_m, corners_m: {"length_m": 2.0 * float(semi_axes_m[0]), "height_m": 2.0 * float(semi_axes_m[1])},
 )

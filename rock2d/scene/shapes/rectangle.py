@@ -7,15 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.scene.shapes.shape import (
-    NO_AXES,
-    Profile,
-    Shape,
-    Size,
-    length_and_height,
-    polygon_moments,
-    positive,
-)
+from rock2d.scene.shapes.shape import NO_AXES, Profile, Shape, Size, length_and_height, polygon_moments, positive
 
 
 def rectangle(a: float, b: float) -> Profile:
@@ -33,10 +25,7 @@ def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:
 SHAPE = Shape(
     "rectangle",
     "A rectangular profile.",
-    (
-        Size("length_m", "Length along the body's own x in m"),
-        Size("height_m", "Length along the body's own y in m"),
-    ),
+    (Size("length_m", "Length along the body's own x in m"), Size("height_m", "Length along the body's own y in m")),
     ("uniform",),
     _profile,
     lambda semi_axes_m, corners_m: length_and_height(corners_m),

@@ -38,15 +38,7 @@ SETUP = load_scenario(SHIPPED / "paper_setup.yaml")
 
 
 def campaign(
-    folder: Path,
-    *,
-    scenario=SETUP,
-    engine="batch",
-    releases=60,
-    chunk=20,
-    workers=None,
-    overwrite=False,
-    **options,
+    folder: Path, *, scenario=SETUP, engine="batch", releases=60, chunk=20, workers=None, overwrite=False, **options
 ):
     """A campaign of small chunks; what it reported comes back beside its tables."""
     lines: list[str] = []
@@ -170,11 +162,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     text = (SHIPPED / "paper_setup.yaml").read_text()
     (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3\n", "time_limit_s: 0.08\n"))
-    words = [
-        "run",
-        str(tmp_path / "short.yaml"),
-        *["--engine", "batch", "--releases", "20001", "--quiet", "--out"],
-    ]
+    words = ["run", str(tmp_path / "short.yaml"), *["--engine", "batch", "--releases", "20001", "--quiet", "--out"]]
     whole = commanded(*words, tmp_path / "whole")
     assert whole.exit_code == CUT_SHORT and "NOT RESOLVED: of 20001 releases of cube 20001" in whole.stdout
     assert "campaign: 60003 releases in 9 chunks" in whole.stdout and "passing frequency" in whole.stdout
@@ -196,8 +184,7 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
             assert process.returncode == 130
             # the interrupt may come between a chunk's file and its being counted
             shown = [
-                f"{n} of 9 chunks are done, the same command continues from there" in errors
-                for n in (done - 1, done)
+                f"{n} of 9 chunks are done, the same command continues from there" in errors for n in (done - 1, done)
             ]
             assert any(shown)
             assert "Traceback" not in errors
@@ -299,11 +286,7 @@ def test_missing_extras_are_named(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("engine", "more", "chunk"),
-    [
-        ("batch", {}, 10_000),
-        ("point_mass", {}, 100_000),
-        ("point_mass", {"populations": {"cube": None}}, 10_000),
-    ],
+    [("batch", {}, 10_000), ("point_mass", {}, 100_000), ("point_mass", {"populations": {"cube": None}}, 10_000)],
 )
 def test_chunks_are_as_large_as_what_is_lost_is_small(engine, more, chunk):
     scenario = SETUP.model_copy(update=more)
@@ -332,8 +315,7 @@ def test_a_release_is_the_same_however_releases_are_shared_out():
     incident = SETUP.incident_of("cube")
     whole = drawn_states(incident, 1, 1, 0, 3 * DRAW_GROUP)
     assert np.array_equal(
-        drawn_states(incident, 1, 1, DRAW_GROUP - 7, 2 * DRAW_GROUP + 5),
-        whole[DRAW_GROUP - 7 : 2 * DRAW_GROUP + 5],
+        drawn_states(incident, 1, 1, DRAW_GROUP - 7, 2 * DRAW_GROUP + 5), whole[DRAW_GROUP - 7 : 2 * DRAW_GROUP + 5]
     )
     assert np.array_equal(
         drawn_seeds(1, 1, 5, DRAW_GROUP + 5), drawn_seeds(1, 1, 0, 2 * DRAW_GROUP)[5 : DRAW_GROUP + 5]

@@ -5,12 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.runs.campaigns.order_statistics import (
-    DIGITS,
-    OrderStatistics,
-    find_order_statistics,
-    leading_digits,
-)
+from rock2d.runs.campaigns.order_statistics import DIGITS, OrderStatistics, find_order_statistics, leading_digits
 
 UNTIMED = settings(deadline=None)  # a loaded machine is no fault
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -23,9 +18,7 @@ def statistics(values: np.ndarray, ranks: list[int]) -> OrderStatistics:
 
 
 @UNTIMED
-@given(
-    st.lists(st.lists(numbers | ties, max_size=20), min_size=1, max_size=5), st.sampled_from([NONE, 3, ALL])
-)
+@given(st.lists(st.lists(numbers | ties, max_size=20), min_size=1, max_size=5), st.sampled_from([NONE, 3, ALL]))
 def test_order_statistics_are_those_of_sorting(parts, most_collected):
     values = np.concatenate([np.array(part, float) for part in parts])
     own = statistics(values, list(range(len(values))))
@@ -39,9 +32,7 @@ def test_order_statistics_are_those_of_sorting(parts, most_collected):
 @pytest.mark.parametrize("decimals", [16, 1, 0])
 def test_values_that_are_tied_and_negative_have_their_ranks(most_collected, decimals):
     rng = np.random.default_rng(4)
-    values = {
-        name: rng.normal(mean, 3.0, 20_000).round(decimals) for name, mean in {"a": 0.0, "b": -20.0}.items()
-    }
+    values = {name: rng.normal(mean, 3.0, 20_000).round(decimals) for name, mean in {"a": 0.0, "b": -20.0}.items()}
     ranks = [0, 1, 9_999, 10_000, 18_998, 19_999]
     sought = {name: statistics(own, ranks) for name, own in values.items()}
     firsts = range(0, 20_000, 999)

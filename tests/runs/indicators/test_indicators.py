@@ -97,9 +97,7 @@ def test_shares_of_the_blocks_that_arrive_leave_out_those_that_stay():
     table = passing_table(flown(*tracks, ground=ground)).set_index("line")
     assert table.loc["far", ["releases", "left_source", "arrived", "passed"]].tolist() == [100, 70, 60, 15]
     assert table.loc["far", ["frequency", "per_arriving"]].tolist() == [0.15, 0.25]
-    assert table.loc["far", ["per_arriving_low95", "per_arriving_high95"]].tolist() == list(
-        wilson_interval(15, 60)
-    )
+    assert table.loc["far", ["per_arriving_low95", "per_arriving_high95"]].tolist() == list(wilson_interval(15, 60))
     assert table.loc["near", ["arrived", "passed", "per_arriving"]].tolist() == [60, 60, 1.0]
     cut = [flight(100 + i, 0.0, 1.0, 2.0, 5.0, stop="buried") for i in range(10)]  # before the first line
     row = passing_table(flown(*tracks, *cut, ground=ground)).set_index("line").loc["far"]

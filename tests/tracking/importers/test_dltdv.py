@@ -24,7 +24,5 @@ def test_dltdvs_sparse_form_and_names_without_a_camera_hold_the_same_points(put)
     sparse = read_points(put(SPARSE, "data_xypts.tsv"), "dltdv").table.sort_values(["track", "frame"])
     bare = read_points(put(DLTDV.replace("_cam1", "")), "dltdv").table.sort_values(["track", "frame"])
     for other in (sparse, bare):
-        assert (
-            other[["frame", "u", "v"]].to_numpy().tolist() == dense[["frame", "u", "v"]].to_numpy().tolist()
-        )
+        assert other[["frame", "u", "v"]].to_numpy().tolist() == dense[["frame", "u", "v"]].to_numpy().tolist()
     assert set(sparse["track"]) == {"pt1_cam1", "pt2_cam1"} and set(bare["track"]) == {"pt1", "pt2"}

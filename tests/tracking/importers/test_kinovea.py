@@ -28,9 +28,7 @@ def test_in_kinovea_a_decimal_comma_is_a_decimal_point_in_every_layout(put, text
 
 
 def test_old_kinovea_text_has_tracks_without_names(put):
-    old = (
-        "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 8 3 \n0:00:00:04 7 3 \n\n\n0:00:00:04 1 4 \n\n\n"
-    )
+    old = "#Kinovea Trajectory data export\n#T X Y\n0:00:00:00 8 3 \n0:00:00:04 7 3 \n\n\n0:00:00:04 1 4 \n\n\n"
     points = read_points(put(old), "kinovea")
     assert values(points, "track 1") == [[8, 3], [7, 3]] and values(points, "track 2") == [[1, 4]]
 

@@ -18,9 +18,7 @@ def test_the_wrong_kind_is_told_and_the_right_one_named(put, chosen, real):
     if chosen == real:
         assert not read_points(path, chosen).table.empty
         return
-    assert not find_importer(chosen).looks_like(FILES[real]), (
-        f"a file of {real} looks like one of {chosen}, too"
-    )
+    assert not find_importer(chosen).looks_like(FILES[real]), f"a file of {real} looks like one of {chosen}, too"
     error = refusal(read_points, path, chosen)
     assert f"looks like {real}" in error.message and (error.file, error.line) == (path, 1)
 

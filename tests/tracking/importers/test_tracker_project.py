@@ -67,9 +67,7 @@ def test_marked_points_become_the_motion_that_they_show(put):
 
 
 def test_points_of_two_marks_tell_the_orientation(put):
-    marks = project(
-        mass("a", {0: (10.0, 10.0), 1: (10.0, 10.0)}), mass("b", {0: (20.0, 10.0), 1: (10.0, 0.0)})
-    )
+    marks = project(mass("a", {0: (10.0, 10.0), 1: (10.0, 10.0)}), mass("b", {0: (20.0, 10.0), 1: (10.0, 0.0)}))
     points = read_points(put(marks), "tracker")
     # Tracker counts from the corner of the first pixel
     assert values(points, "b") == [[19.5, 9.5], [9.5, -0.5]]
@@ -115,9 +113,7 @@ def test_no_entity_is_expanded_and_no_other_file_opened(put, type_):
 )  # fmt: skip
 def test_a_damaged_project_is_told_with_its_line(put, spoil, words):
     path = put(spoil(project(mass("ball", toss()))))
-    error = refusal(
-        imported, path, "tracker", metres_per_unit=1.0, y="down", fps=FPS, block=SPHERE, report=str
-    )
+    error = refusal(imported, path, "tracker", metres_per_unit=1.0, y="down", fps=FPS, block=SPHERE, report=str)
     assert words in error.message and error.file == path and error.line
 
 

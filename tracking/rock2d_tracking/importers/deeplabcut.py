@@ -39,9 +39,7 @@ def read(path: Path, text: str) -> Points:
     headings = {row[0].lower(): (line, row) for line, row in table[:4] if row[0].lower() in HEADING_LINES}
     for name in ("bodyparts", "coords"):
         if name not in headings:
-            raise InputError(
-                f"no line {name}: expected the lines scorer, bodyparts, coords", path, table[0][0]
-            )
+            raise InputError(f"no line {name}: expected the lines scorer, bodyparts, coords", path, table[0][0])
     top, coords = headings["coords"]
     for line, row in headings.values():
         if len(row) != len(coords):
@@ -59,9 +57,7 @@ def read(path: Path, text: str) -> Points:
     rows: list[dict[str, Any]] = []
     for line, row in table[len(headings) :]:
         if "/" in row[0] or "\\" in row[0] or "labeled-data" in row[0]:
-            raise InputError(
-                "these are labels of images, for training; choose the CSV of a video", path, line
-            )
+            raise InputError("these are labels of images, for training; choose the CSV of a video", path, line)
         if len(row) != len(coords):
             raise InputError(f"expected {len(coords)} cells, found {len(row)}", path, line)
         frame = number(row[0], path, line, "frame")

@@ -58,17 +58,14 @@ def read(path: Path, text: str) -> Points:
     return Points.of_rows(path, top, rows)
 
 
-def _sparse(
-    path: Path, table: list[tuple[int, list[str]]], tracks: dict[str, dict[str, int]]
-) -> list[dict[str, Any]]:
+def _sparse(path: Path, table: list[tuple[int, list[str]]], tracks: dict[str, dict[str, int]]) -> list[dict[str, Any]]:
     """Rows from lines `row column value`; a cell that has no line is a point that was not digitized."""
     values: dict[tuple[float, float], tuple[int, float]] = {}
     for line, entry in table:
         if len(entry) != 3:
             raise InputError(f"expected row, column and value, found {len(entry)} cells", path, line)
         row, column, value = (
-            number(cell, path, line, name)
-            for cell, name in zip(entry, ("row", "column", "value"), strict=True)
+            number(cell, path, line, name) for cell, name in zip(entry, ("row", "column", "value"), strict=True)
         )
         values[row - 1, column - 1] = (line, value)
     return [

@@ -93,9 +93,7 @@ def _read_text(path: Path, text: str) -> Points:
                 raise InputError(f"expected a time, x and y, found {len(words)} cells", path, line)
             time = _time(words[0], path, line)
             for k in range(1, len(words), 2):  # an object of several points has them side by side
-                u, v = (
-                    number(word, path, line, axis) for word, axis in zip(words[k : k + 2], "xy", strict=True)
-                )
+                u, v = (number(word, path, line, axis) for word, axis in zip(words[k : k + 2], "xy", strict=True))
                 track = name if k == 1 else f"{name}/{k // 2}"
                 rows.append({"track": track, "line": line, "time": time, "u": u, "v": v})
     return Points.of_rows(path, 1, rows)

@@ -108,9 +108,7 @@ class Sensor:
             return np.asarray(cv2.convertScaleAbs(light))
         height, width = light.shape
         row, column = self._rng.integers(0, NOISE_SHIFT_PX, 2, endpoint=True)
-        sigma: Array = np.sqrt(
-            light * np.float32(self.faults.shot_noise) + np.float32(self.faults.noise_grey**2)
-        )
+        sigma: Array = np.sqrt(light * np.float32(self.faults.shot_noise) + np.float32(self.faults.noise_grey**2))
         sigma *= self._pattern[row : row + height, column : column + width]
         return np.asarray(cv2.add(light, sigma, dtype=cv2.CV_8U))
 
@@ -198,9 +196,7 @@ class Shadow:
         return np.asarray(self.darkness * np.exp(-0.5 * (u * u + v * v)))
 
 
-def shadow(
-    cross_section: CrossSection, block: Block, pose_m: Array, pixel_map: PixelMap, darkness: float
-) -> Shadow:
+def shadow(cross_section: CrossSection, block: Block, pose_m: Array, pixel_map: PixelMap, darkness: float) -> Shadow:
     """The shadow of a block at `pose_m` under a wide lamp overhead: wider and fainter, the higher it flies."""
     radius = 0.5 * block.size_m
     ground = float(surface_m(cross_section, pose_m[0]))
@@ -264,11 +260,7 @@ class Puff:
 
 
 def puffs(
-    motion: BlockMotion,
-    cross_section: CrossSection,
-    pixel_map: PixelMap,
-    dust: float,
-    rng: np.random.Generator,
+    motion: BlockMotion, cross_section: CrossSection, pixel_map: PixelMap, dust: float, rng: np.random.Generator
 ) -> list[Puff]:
     """The puffs of dust that a moving block raises at its impacts; `dust` as in `Faults`."""
     block, t_s, poses_m, noise_m = motion

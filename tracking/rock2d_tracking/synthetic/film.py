@@ -19,16 +19,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import atomic_file
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.synthetic.faults import (
-    CLEAN,
-    BlockMotion,
-    Faults,
-    Puff,
-    Sensor,
-    exposure_poses,
-    extended,
-    puffs,
-)
+from rock2d_tracking.synthetic.faults import CLEAN, BlockMotion, Faults, Puff, Sensor, exposure_poses, extended, puffs
 from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
 if TYPE_CHECKING:
@@ -105,9 +96,7 @@ def film_frames(
     faults, seed = options.faults, options.seed
     scene = Scene(experiment, pixel_map, size_px, options.look, faults, np.random.default_rng([seed, 0]))
     sensor = Sensor(faults, size_px, np.random.default_rng([seed, 1]))
-    return _filmed(
-        experiment, scene, sensor, known if options.releases is None else options.releases, options
-    )
+    return _filmed(experiment, scene, sensor, known if options.releases is None else options.releases, options)
 
 
 def _filmed(
@@ -150,11 +139,7 @@ def _filmed(
 
 
 def write_film(
-    path: str | Path,
-    shots: Iterable[Shot],
-    size_px: tuple[int, int],
-    fps_video: float,
-    quality: int | None = None,
+    path: str | Path, shots: Iterable[Shot], size_px: tuple[int, int], fps_video: float, quality: int | None = None
 ) -> Path:
     """Write a film as AVI and return its path: Motion JPEG of `quality` 1 to 100, or lossless FFV1 if None.
 

@@ -127,9 +127,7 @@ class Scene:
         low = np.clip(np.floor(points.min(axis=0) + 0.5) - reach, -reach, beyond - 1).astype(int)
         high = np.clip(np.ceil(points.max(axis=0) + 0.5) + reach, low + 1, beyond).astype(int)
         (left, top), (right, bottom) = (SUPERSAMPLING * low).tolist(), (SUPERSAMPLING * high).tolist()
-        fine = coverage(
-            [SUPERSAMPLING * (outline + 0.5) - 0.5 for outline in outlines_px], (left, top, right, bottom)
-        )
+        fine = coverage([SUPERSAMPLING * (outline + 0.5) - 0.5 for outline in outlines_px], (left, top, right, bottom))
         (left, top), (right, bottom) = (np.clip(corner, 0, self.size_px) for corner in (low, high))
         inside = np.s_[top - low[1] : bottom - low[1], left - low[0] : right - low[0]]
         return np.s_[top:bottom, left:right], self._through_lens(fine, SUPERSAMPLING)[inside]
@@ -218,11 +216,7 @@ def _outlines_m(block: Block, look: Look) -> list[Array]:
         silhouette = np.array(shapely.segmentize(profile, block.radius_m / 16).exterior.coords[:-1])
     if block.shape not in look.marked:
         return [silhouette]
-    return [
-        silhouette,
-        inner * MARK_LINE,
-        *[inner * (_ellipse(r, r, 32) + np.array([x, y])) for x, y, r in MARK_DOTS],
-    ]
+    return [silhouette, inner * MARK_LINE, *[inner * (_ellipse(r, r, 32) + np.array([x, y])) for x, y, r in MARK_DOTS]]
 
 
 def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[int, int]) -> list[Array]:
@@ -248,9 +242,7 @@ def _soil(look: Look, size_px: tuple[int, int], rng: np.random.Generator) -> Arr
 
     shape = size_px[::-1]
     middles = (rng.random(shape) > look.grain_px**-2.0).astype(np.uint8)
-    away, grain = cv2.distanceTransformWithLabels(
-        middles, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    away, grain = cv2.distanceTransformWithLabels(middles, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
     grains = rng.standard_normal(int(grain.max()) + 1)[grain] - 1.5 * away / look.grain_px
     patches = cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), 8 * look.grain_px)
     field = grains / grains.std() + 0.4 * patches / patches.std()

@@ -12,10 +12,6 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 CAUSE = Cause(
     sizes,
     forms=2,
-    columns={
-        "pull_N": parameters.TENSION,
-        "fades": parameters.TENSION_FADES,
-        "onset_m_s": parameters.TENSION_SPEED,
-    },
+    columns={"pull_N": parameters.TENSION, "fades": parameters.TENSION_FADES, "onset_m_s": parameters.TENSION_SPEED},
     draw_order=12,
 )

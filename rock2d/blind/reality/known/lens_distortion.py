@@ -15,9 +15,7 @@ def recorded(poses: Array, view: View, values: Values) -> Array:
     distortion = values["k"] * square
     divided = values["division"] > 0.0
     out = poses.copy()
-    out[..., :2] = view.centre_m + offset * (
-        1.0 / np.maximum(1.0 - distortion, 0.2) if divided else 1.0 + distortion
-    )
+    out[..., :2] = view.centre_m + offset * (1.0 / np.maximum(1.0 - distortion, 0.2) if divided else 1.0 + distortion)
     return out
 
 

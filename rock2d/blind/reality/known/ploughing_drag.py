@@ -11,8 +11,5 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    sizes,
-    forms=2,
-    columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE},
-    draw_order=13,
+    sizes, forms=2, columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE}, draw_order=13
 )

@@ -10,9 +10,4 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
     return {"dashpot": dashpot, "hunt": 0.0} if form == 0 else {"dashpot": 0.0, "hunt": 1.6 * dashpot / depth}
 
 
-CAUSE = Cause(
-    sizes,
-    forms=2,
-    columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT},
-    draw_order=11,
-)
+CAUSE = Cause(sizes, forms=2, columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT}, draw_order=11)

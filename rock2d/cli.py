@@ -77,10 +77,8 @@ def demo(out, quiet) -> None:
 @cli.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/reproduce"), show_default=True,
               help="Folder of the results.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True,
-              help="Of every random draw.")  # fmt: skip
-@click.option("--candidates", is_flag=True,
-              help="Also try what physics each model may lack (several minutes more).")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of every random draw.")
+@click.option("--candidates", is_flag=True, help="Also try what physics each model may lack (several minutes more).")
 @click.option("--hypotheses", type=click.IntRange(16), default=384, show_default=True,
               help="Hypotheses of each calibration.")  # fmt: skip
 @click.option("--releases", type=click.IntRange(8), default=64, show_default=True,

@@ -23,9 +23,8 @@ Report = Callable[[str], None]
 
 
 def make(
-    count: int, seed: int, out: Path, bases: Sequence[Path], *, workers: int | None, progress: bool,
-    report: Report,
-) -> None:  # fmt: skip
+    count: int, seed: int, out: Path, bases: Sequence[Path], *, workers: int | None, progress: bool, report: Report
+) -> None:
     """Write a sealed trial; `bases`: experiments on which a share of its cases is based."""
     from rock2d.blind.case_files import KIND, make_trial
     from rock2d.blind.record_cases import read_record

@@ -35,9 +35,7 @@ CALIBRATION_COLUMNS = ("pairs", "present", "auroc", "brier", "ece", "ece_if_cali
 CALIBRATION_HEAD = ("", "pairs", "present", "AUROC", "Brier", "ECE", "ECE of chance alone")
 KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # in the order of LABEL_KINDS
 _MARGIN = f"{100 * CLOSURE_MARGIN:.0f} points"
-CLOSURE_HEAD = (
-    "closure: median of claimed less true", f"within {_MARGIN}", f"claimed more than {_MARGIN} too much"
-)  # fmt: skip
+CLOSURE_HEAD = ("closure: median of claimed less true", f"within {_MARGIN}", f"claimed more than {_MARGIN} too much")
 PREDICTED_CLOSURE = (
     "The true closure here is the share of the gap of the typical miss that is closed in the held-out film. The floor "
     "is what the diagnosed model would miss in that film if it were exact, at most what it reaches."
@@ -115,9 +113,7 @@ def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
         for name, own in found.items()
         if own["tail_not_worse"][3]
     ]
-    head = (
-        "hidden", "typical miss smaller by (median)", "tail not worse than the base law's", *CLOSURE_HEAD
-    )  # fmt: skip
+    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's", *CLOSURE_HEAD)
     if rows:
         yield Section("Predictions of held-out films", [PREDICTED_CLOSURE], tables=[Table(head, rows)])
 

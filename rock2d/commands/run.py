@@ -211,7 +211,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
     with _figures(scenario, request) as figures:
         result = run(
             scenario, engine=engine, seed=options.seed, releases=options.releases, workers=processes, progress=bars
-        )  # fmt: skip
+        )
         shown = {name: result.to_pandas(name) for name in PRINTED_TABLES if name in result.table_names()}
         print_tables(scenario, f"{engine}, seed {result.seed}", shown)
         found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)

@@ -110,9 +110,7 @@ def minimised(
     starts = [np.array(corner) for corner in itertools.product((0.0, 1.0), repeat=len(over))]
     starts.append(np.full(len(over), 0.5))
     best = min(starts, key=at)
-    options = {
-        "maxfev": MOST_COMBINATIONS - len(starts), "initial_tr_radius": FIRST_STEP, "final_tr_radius": LAST_STEP,
-    }  # fmt: skip
+    options = {"maxfev": MOST_COMBINATIONS - len(starts), "initial_tr_radius": FIRST_STEP, "final_tr_radius": LAST_STEP}
     minimize(at, best, method="COBYQA", bounds=[(0.0, 1.0)] * len(over), options=options)
     return sorted(known.values(), key=lambda combination: combination.objective)
 

@@ -178,10 +178,7 @@ def _units(collectors: Sequence[Sequence[Station]]) -> dict[str, tuple[float, st
     """Factor and unit of each of QUANTITIES, the same for all runs."""
     estimates = (at.estimates["kinetic_J"] for own in collectors for s in own for at in s.of_block.values())
     energies = (e.value for own in estimates for e in own if math.isfinite(e.value))
-    return {
-        "height_m": (1.0, "m"), "speed_m_s": (1.0, "m/s"),
-        "kinetic_J": energy_unit(max(energies, default=0.0)),
-    }  # fmt: skip
+    return {"height_m": (1.0, "m"), "speed_m_s": (1.0, "m/s"), "kinetic_J": energy_unit(max(energies, default=0.0))}
 
 
 def _collector(
@@ -202,7 +199,7 @@ def _collector(
     curves = [
         [_rounded([[e.value for e in s.of_block[b].estimates[q]] for s in upright], units[q][0]) for b in names]
         for q in QUANTITIES
-    ]  # fmt: skip
+    ]
     histograms = [
         [_histogram([station.of_block[b].values[q] for b in names], units[q][0]) for q in QUANTITIES]
         for station in stations

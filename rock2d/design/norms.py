@@ -163,9 +163,8 @@ def design_table(scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.Da
         for found in values:
             unsure = ", ".join(number for number in found.uses if number in open_numbers[found.norm])
             rows.append(
-                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design,
-                 unsure)
-            )  # fmt: skip
+                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design, unsure)
+            )
     return pd.DataFrame(rows, columns=list(DESIGN_COLUMNS))
 
 
@@ -197,12 +196,9 @@ def norm_remarks(scenario: Scenario) -> list[str]:
 def not_verified(scenario: Scenario) -> dict[str, list[str]]:
     """Norm -> names of its numbers with fewer than FEWEST_SOURCES sources, without those that the scenario gives."""
     return {
-        norm: [
-            n.name for n in NORM_NUMBERS
-            if n.norm == norm and not n.verified and n.name not in own.model_fields_set
-        ]
+        norm: [n.name for n in NORM_NUMBERS if n.norm == norm and not n.verified and n.name not in own.model_fields_set]
         for norm, own in _keys(scenario).items()
-    }  # fmt: skip
+    }
 
 
 def _keys(scenario: Scenario) -> dict[str, UniKeys | OnrKeys]:

@@ -174,9 +174,7 @@ def _window(ground: CrossSection, bank: Embankment) -> tuple[float, float, float
     points = ground.points_m[bank.left : bank.right + 1]
     reach = ZOOM_HEIGHTS * bank.height_m
     low, high = points.min(axis=0), points.max(axis=0)
-    return (
-        float(low[0] - reach), float(high[0] + 0.5 * reach), float(low[1] - 0.3 * reach), float(high[1] + reach)
-    )  # fmt: skip
+    return (float(low[0] - reach), float(high[0] + 0.5 * reach), float(low[1] - 0.3 * reach), float(high[1] + reach))
 
 
 def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:

@@ -84,7 +84,7 @@ def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
         (f"{size:.4g}", block, _percent(median), _percent(high), "yes" if meets else "no")
         for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
     ]
-    shown = Table((answer.place, "block", "median %", "bound %", "meets"), rows)  # fmt: skip
+    shown = Table((answer.place, "block", "median %", "bound %", "meets"), rows)
     alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
 

@@ -107,7 +107,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         physical_misses,
         predicted_words,
         unseen_words,
-    )  # fmt: skip
+    )
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]

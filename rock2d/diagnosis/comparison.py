@@ -51,7 +51,7 @@ def comparison(a: DiagnosisFile, b: DiagnosisFile) -> dict[str, Any]:
         "closures": _closures(a, b),
         "where": _places(a, b),
         "next_release": each(lambda d: d.next_release),
-    }  # fmt: skip
+    }
 
 
 def _law(diagnosis: DiagnosisFile) -> dict[str, float]:

@@ -35,9 +35,9 @@ MOST_FACETS_UNSORTED = 8  # with more facets, a search uses only those near the 
 CACHED_ARRAYS = 64  # number of blocks and of cross-sections whose arrays are cached
 RUN_TURN_RAD = 0.01  # joints with a smaller turn are no events: a contact passes them within a step
 # columns of a row of GroundArrays.facets
-(
-    POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST,
-) = range(12)  # fmt: skip
+(POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST) = (
+    range(12)
+)
 # columns of a row of BlockArrays.sides
 CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 

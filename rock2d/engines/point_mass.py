@@ -66,9 +66,7 @@ VX_AFTER, VY_AFTER, OMEGA_AFTER, FACET = range(N_INSTANT, N_INSTANT + 4)
 VELOCITIES = slice(VX_AFTER, OMEGA_AFTER + 1)
 N_REBOUND = FACET + 1
 # columns of a measure line: start, vector to its end, unit normal, length², range of x
-(
-    LINE_X, LINE_Y, LINE_ALONG_X, LINE_ALONG_Y, LINE_NORMAL_X, LINE_NORMAL_Y, LINE_SQUARE, LINE_LOW, LINE_HIGH,
-) = range(9)  # fmt: skip
+(LINE_X, LINE_Y, LINE_ALONG_X, LINE_ALONG_Y, LINE_NORMAL_X, LINE_NORMAL_Y, LINE_SQUARE, LINE_LOW, LINE_HIGH) = range(9)
 N_LINE = LINE_HIGH + 1
 
 FIRST_IMPACTS = 128  # room for the impacts of one track

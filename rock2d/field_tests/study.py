@@ -114,9 +114,8 @@ def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
 
 
 def calibrate(
-    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None,
-    on_progress: OnProgress,
-) -> Calibration:  # fmt: skip
+    scenario: Scenario, engine: str, seed: int, stages: Path | None, effort: Effort | None, on_progress: OnProgress
+) -> Calibration:
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
     Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the
@@ -230,9 +229,8 @@ def shapes_of(mass_kg: float, density_kg_m3: float) -> dict[str, Block]:
 
 
 def shape_forecasts(
-    unknowns: Unknowns, soils: Array, blocks: dict[str, Block], seed: int,
-    on_progress: Callable[[int], Any],
-) -> dict[str, Forecast]:  # fmt: skip
+    unknowns: Unknowns, soils: Array, blocks: dict[str, Block], seed: int, on_progress: Callable[[int], Any]
+) -> dict[str, Forecast]:
     """Forecast of each block, released once from every known start with each of these soils."""
     assert unknowns.scenario.terrain is not None
     starts = unknowns.scenario.terrain.known.starts_m

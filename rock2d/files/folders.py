@@ -17,9 +17,7 @@ from typing import Any
 from rock2d.compiling import cache_root
 from rock2d.errors import InputError
 
-MACHINE_ERRORS = (
-    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
-)  # fmt: skip
+MACHINE_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be replaced
 
 

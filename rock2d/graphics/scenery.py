@@ -19,7 +19,7 @@ from rock2d.graphics.canvas import (
     in_image,
     polyline,
     text_size,
-)  # fmt: skip
+)
 from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, mixed, zone_tones
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection

@@ -135,7 +135,7 @@ def hypothesis_cross_section(values: Values, i: int) -> CrossSection:
 @lru_cache(maxsize=2**12)  # most moves of a sampler do not change the set-up
 def _cross_section(
     slope_deg: float, facing_deg: float, tilt_deg: float, foot: float, line_1: float, line_2: float
-) -> CrossSection:  # fmt: skip
+) -> CrossSection:
     slope, facing, tilt = (float(np.radians(angle)) for angle in (slope_deg, facing_deg, tilt_deg))
     run = HEIGHT_M / np.tan(facing)
     crest = foot + run

@@ -47,9 +47,7 @@ SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0  # R / r - 1
 LARGEST_FRICTION_CHANGE_DEG = 30.0
 SMALLEST_FACTOR = 0.2  # of a parameter of the probabilistic model
 SLOPE_REDUCTION, SHAPE = "slope_reduction", "shape"
-PROBABILISTIC_CANDIDATES = (
-    NO_CANDIDATE, "friction", "momentum_half", "tangential_restitution", SLOPE_REDUCTION, SHAPE,
-)  # fmt: skip
+PROBABILISTIC_CANDIDATES = (NO_CANDIDATE, "friction", "momentum_half", "tangential_restitution", SLOPE_REDUCTION, SHAPE)
 
 
 def deterministic_candidates(

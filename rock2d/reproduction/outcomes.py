@@ -126,10 +126,7 @@ def deterministic_first_impacts(
     return _concatenated(parts)
 
 
-def _crossings(
-    values: Values, block_name: str, draws: Array, change: WorldChange | None,
-    hypotheses: Array,
-) -> Array:  # fmt: skip
+def _crossings(values: Values, block_name: str, draws: Array, change: WorldChange | None, hypotheses: Array) -> Array:
     """(k', n, lines, 7) time and state at the first crossing of each line, for the `hypotheses` (k',) with these
     indices."""
     every = incident_distributions(values, SETUP_BLOCKS[block_name]).states(draws)

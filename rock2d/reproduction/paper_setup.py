@@ -125,13 +125,9 @@ def scenario_text(values: Values, found: FoundSetup, seed: int) -> str:
             "deterministic": {"default": {**published.CONTACT_PARAMETERS, "rolling_cap": False}},
             "probabilistic": _table_3(),
         },
-        "incident": {
-            block: {"distribution": _arrival(values, found.place, block)} for block in published.BLOCKS
-        },
-        "outputs": {
-            "fps": 1000, "position_noise_m": 0, "angle_noise_rad": 0, "slow_motion": 20, "video_releases": 3,
-        },
-    }  # fmt: skip
+        "incident": {block: {"distribution": _arrival(values, found.place, block)} for block in published.BLOCKS},
+        "outputs": {"fps": 1000, "position_noise_m": 0, "angle_noise_rad": 0, "slow_motion": 20, "video_releases": 3},
+    }
     head = f"# Written by `rock2d reproduce --seed {seed}`."
     return "\n".join([head, *_lines(keys, 0), ""])
 

@@ -76,7 +76,7 @@ READINGS = (
 
 def compute_readings(
     effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress, readings: Sequence[Reading] = READINGS
-) -> dict[str, Array]:  # fmt: skip
+) -> dict[str, Array]:
     """The posterior of each reading: `percent` (readings, k, lines) that pass, `p` (readings, lines) of the paper's
     numbers, `facing_deg` and `line_tilt_deg` (readings, k)."""
     effort = replace(effort, hypotheses=round(SHARE_OF_HYPOTHESES * effort.hypotheses))

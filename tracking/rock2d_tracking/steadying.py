@@ -40,10 +40,7 @@ def camera_shifts(film: Iterable[Array], expected_frames: int) -> Array | None:
 
 def _median(film: Iterable[Array], ways: Array, stride: int) -> Array:
     """Median of every `stride`-th frame, moved back."""
-    chosen = [
-        steadied(frame, way)
-        for k, (frame, way) in enumerate(zip(film, ways, strict=False)) if k % stride == 0
-    ]  # fmt: skip
+    chosen = [steadied(frame, way) for k, (frame, way) in enumerate(zip(film, ways, strict=False)) if k % stride == 0]
     return np.median(np.stack(chosen), axis=0).astype(np.uint8)
 
 

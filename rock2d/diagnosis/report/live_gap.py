@@ -416,9 +416,9 @@ def frames_table(
     off[~film.angle_known[film.release], :, THETA] = 0.0
     kept &= shown[film.release]
     own = np.flatnonzero(kept)
-    values = np.column_stack([
-        film.t_s[own] - film.t_s[first[film.release[own]]], film.pose[own] * signs, off[own].reshape(len(own), -1),
-    ])  # fmt: skip
+    values = np.column_stack(
+        [film.t_s[own] - film.t_s[first[film.release[own]]], film.pose[own] * signs, off[own].reshape(len(own), -1)]
+    )
     raw, scales = packed_columns(values)
     releases, counts = np.unique(film.release[own], return_counts=True)
     runs = np.flatnonzero(np.diff(segment[own], prepend=-2, append=-2) != 0)

@@ -33,7 +33,7 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
     quantity_data,
     table_quantities,
-)  # fmt: skip
+)
 from rock2d.diagnosis.report.sections import budget_section, checks_section, limits_section
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do

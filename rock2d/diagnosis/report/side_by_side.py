@@ -64,7 +64,7 @@ def video_section(
         "still_alt": f"Still of the video at the end of its first scene. {first}",
         "video_text": said + " ".join(scene_sentence(s, t, shown) for s, t in zip(scenes, titles, strict=True)),
         "video_data": download("video.csv", ("scene", "series", "t_s", "x_m", "y_m", "theta_rad"), motion),
-    }  # fmt: skip
+    }
 
 
 def scene_sentence(scene: Sequence[Sequence[Clip]], title: str, labels: Sequence[str]) -> str:

@@ -138,9 +138,8 @@ def _gaps(profile: Profile, zones: ZoneTable) -> list[str]:
         if (zone.start_m < last and zone.end_m <= first) or zone.start_m > last:
             message = f"zone {zone.name}, {zone.start_m:g} to {zone.end_m:g} m, lies beside the survey"
             raise InputError(
-                f"{message}, which reaches from {first:g} to {last:g} m",
-                zones.file, zone.line, 1, code="bad_table",
-            )  # fmt: skip
+                f"{message}, which reaches from {first:g} to {last:g} m", zones.file, zone.line, 1, code="bad_table"
+            )
         if zone.start_m - reached > negligible:
             remarks.append(
                 f"{zones.file.name}:{zone.line}: no zone from {reached:g} to {zone.start_m:g} m; the ground there is "

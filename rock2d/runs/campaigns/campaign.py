@@ -41,9 +41,7 @@ TABLES_SHARE = 0.02  # time for the tables over the time for the releases
 MANIFEST = "campaign.json"
 OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
 # keys of a scenario that change no chunk file and no table, or that stand elsewhere in the manifest
-NOT_DETERMINING = {
-    "about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values",
-}  # fmt: skip
+NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values"}
 
 
 def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:

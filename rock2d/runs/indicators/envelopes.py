@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-ENVELOPE_COLUMNS = (
-    "block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95",
-)  # fmt: skip
+ENVELOPE_COLUMNS = ("block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95")
 QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")
 PERCENTILES = (50.0, 95.0, 99.0)
 STATIONS = 61

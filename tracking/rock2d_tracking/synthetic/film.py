@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-TRUTH_COLUMNS = (
-    "frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", "x_m", "y_m", "theta_rad",
-)  # fmt: skip
+TRUTH_COLUMNS = ("frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", "x_m", "y_m", "theta_rad")
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ Next steps:
 - `.view()` opens the page of a result in the browser;
 - a mistake in the input raises `InputError`, which has a code and fields.
 
-Names are imported at their first use, so that ``import rock2d`` is fast.
-"""
+Names are imported at their first use, so that ``import rock2d`` is fast."""
 
 from __future__ import annotations
 

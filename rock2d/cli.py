@@ -67,8 +67,7 @@ def demo(out, quiet) -> None:
     """The paper's three blocks with both models: Table 2 side by side with the paper, figures and a short video, on
     one page.
 
-    Example: rock2d demo --out out/demo
-    """
+    Example: rock2d demo --out out/demo"""
     from rock2d_figures.demo import run_demo
 
     run_demo(out, progress=not quiet)
@@ -92,8 +91,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     is calibrated on its own block. Values that the paper does not publish are marginalised. An interrupted
     reproduction keeps the calibrations that it had finished.
 
-    Example: rock2d reproduce --seed 1 --out out/reproduce
-    """
+    Example: rock2d reproduce --seed 1 --out out/reproduce"""
     from rock2d_figures.command import reproduce as run_reproduction
 
     from rock2d.reproduction.calibrations import Effort
@@ -119,8 +117,7 @@ def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
     Every effect of the catalogue is fitted with the paper's law and tested on releases that the fit did not use.
     The same command continues an interrupted diagnosis.
 
-    Example: rock2d diagnose my_tests --out diagnosis
-    """
+    Example: rock2d diagnose my_tests --out diagnosis"""
     from rock2d.diagnosis.command import run_diagnosis
 
     run_diagnosis(experiment, out, seed=seed, workers=workers, limits=limits, progress=not quiet, report=click.echo)
@@ -135,8 +132,7 @@ def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
 def predict(experiment, diagnosis, base_only, out) -> None:
     """Predict every segment of EXPERIMENT from the measured flight before it, with a diagnosed model.
 
-    Example: rock2d predict other_tests --diagnosis diagnosis/diagnosis.json --out predictions.csv
-    """
+    Example: rock2d predict other_tests --diagnosis diagnosis/diagnosis.json --out predictions.csv"""
     from rock2d.diagnosis.command import run_prediction
 
     run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
@@ -152,8 +148,7 @@ def compare(a, b, out) -> None:
 
     Says where verdicts, probabilities, parameters and places agree, and what of them cannot be compared.
 
-    Example: rock2d compare before after --out comparison
-    """
+    Example: rock2d compare before after --out comparison"""
     from rock2d.diagnosis.command import run_comparison
 
     run_comparison(a, b, out, report=click.echo)
@@ -175,8 +170,7 @@ def blind() -> None:
 def blind_make(cases, seed, out, bases, workers, quiet) -> None:
     """Make sealed cases: films with up to four hidden effects, or with a cause from outside the catalogue.
 
-    Example: rock2d blind make --cases 40 --seed 1 --base my_tests --out trial
-    """
+    Example: rock2d blind make --cases 40 --seed 1 --base my_tests --out trial"""
     from rock2d.blind.command import make
 
     make(cases, seed, out, bases, workers=workers, progress=not quiet, report=click.echo)
@@ -190,8 +184,7 @@ def blind_make(cases, seed, out, bases, workers, quiet) -> None:
 def blind_run(trial, workers, scheduler, quiet) -> None:
     """Diagnose every case of TRIAL without its labels. The same command continues after an interruption.
 
-    Example: rock2d blind run trial
-    """
+    Example: rock2d blind run trial"""
     from rock2d.blind.command import run
     from rock2d.cluster import Workers
 
@@ -203,8 +196,7 @@ def blind_run(trial, workers, scheduler, quiet) -> None:
 def blind_score(trial) -> None:
     """Open the labels of TRIAL and compare: score.html, score.json, score.csv.
 
-    Example: rock2d blind score trial
-    """
+    Example: rock2d blind score trial"""
     from rock2d.blind.command import score
 
     score(trial, report=click.echo)
@@ -228,8 +220,7 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 
     The same command continues after an interruption. `--limits` of `rock2d diagnose` takes the result into a report.
 
-    Example: rock2d blind inject my_tests --out limits
-    """
+    Example: rock2d blind inject my_tests --out limits"""
     from rock2d.blind.command import inject
     from rock2d.blind.recovery import Plan, read_sizes
     from rock2d.cluster import Workers
@@ -258,8 +249,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 
     Without --config, scale and frame rate are enough for a first track, which also writes a set-up file to refine.
 
-    Example: rock2d track film.avi --config setup.yaml --out my_tests
-    """
+    Example: rock2d track film.avi --config setup.yaml --out my_tests"""
     from rock2d_tracking.command import TrackSettings, track
     from rock2d_tracking.film_scale import FilmScale
 
@@ -286,8 +276,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file.
 
-    Example: rock2d film my_tests --out film.avi --faults moderate
-    """
+    Example: rock2d film my_tests --out film.avi --faults moderate"""
     from rock2d_tracking.command import FilmFormat, film
 
     film_format = FilmFormat(tuple(size), releases)
@@ -311,8 +300,7 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 def import_(files, kind, config, y, block, out, **options) -> None:
     """Write an experiment from FILES that another program tracked.
 
-    Example: rock2d import points.txt --kind tracker --config setup.yaml --y up --out my_tests
-    """
+    Example: rock2d import points.txt --kind tracker --config setup.yaml --y up --out my_tests"""
     from rock2d_tracking.command import import_files
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
@@ -325,8 +313,7 @@ def import_(files, kind, config, y, block, out, **options) -> None:
 def export(experiment, out) -> None:
     """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics).
 
-    Example: rock2d export my_tests --out tracker.txt
-    """
+    Example: rock2d export my_tests --out tracker.txt"""
     from rock2d_tracking.command import export_tracker
 
     export_tracker(experiment, out, report=click.echo)
@@ -337,8 +324,7 @@ def export(experiment, out) -> None:
 def schema(kind) -> None:
     """Print the JSON Schema of a KIND of file, for editors and other programs. Default: scenario.
 
-    Example: rock2d schema scenario > scenario.schema.json
-    """
+    Example: rock2d schema scenario > scenario.schema.json"""
     import json
 
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))

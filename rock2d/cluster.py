@@ -2,8 +2,7 @@
 
 Where workers write the files themselves, they need access to the folder of the results: on other machines a shared
 file system. If a worker dies, only its current job is lost, and another worker repeats it. A worker should have one
-thread, because the compiled code does not run in parallel threads of one process.
-"""
+thread, because the compiled code does not run in parallel threads of one process."""
 
 from __future__ import annotations
 
@@ -35,8 +34,7 @@ class Workers:
     ----------
     processes : number of processes on this machine, with one thread each; None: default of the command
     scheduler : address of a Dask scheduler, instead of processes. Its workers need access to the folder of the results
-        (a shared file system) and should have one thread each
-    """
+        (a shared file system) and should have one thread each"""
 
     processes: int | None = None
     scheduler: str | None = None
@@ -76,8 +74,7 @@ def as_finished_on_cluster(
     folder : absolute path of the folder into which the workers write; None if they write nothing
 
     Raises the errors of `work`, and InputError if the scheduler does not answer or is lost, if workers keep dying at
-    the same job, or if they do not see the folder or have other versions than this process.
-    """
+    the same job, or if they do not see the folder or have other versions than this process."""
     from distributed import CancelledError, KilledWorker, as_completed
     from distributed.comm import CommClosedError
 

@@ -4,8 +4,7 @@ The key of numba's cache is the file of the outer function only, so a cached eng
 edited law. Therefore the name of the cache folder contains a hash of all compiled source files of the package.
 
 Numba also optimizes each function, with everything that it calls, once more in every caller. Here compiled functions
-are parts, which are optimized only in the functions that Python calls.
-"""
+are parts, which are optimized only in the functions that Python calls."""
 
 from __future__ import annotations
 

@@ -33,8 +33,7 @@ code                    meaning; fields beside file, line and column
 ``missing_package``     an optional package that is not installed (``package``)
 ``no_cluster``          a Dask scheduler or its workers that do not answer or differ from this process
 ``not_diagnosed``       an experiment that fails the sanity checks of its film
-======================  ===================================================================================
-"""
+======================  ==================================================================================="""
 
 from __future__ import annotations
 
@@ -79,8 +78,7 @@ class InputError(Exception):
     >>> print(error)
     scenario.yaml:3:1: unknown key
     >>> error.code, error.fields["key"]
-    ('unknown_key', 'engin')
-    """
+    ('unknown_key', 'engin')"""
 
     def __init__(
         self,
@@ -104,8 +102,7 @@ class OldKeyWarning(FutureWarning):
     Attributes
     ----------
     file, line : where the key stands; None for data that come from no file
-    old, key : the former name and the name
-    """
+    old, key : the former name and the name"""
 
     def __init__(self, message: str, file: str | Path | None, line: int | None, old: str, key: str) -> None:
         super().__init__(message)

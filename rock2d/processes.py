@@ -26,8 +26,7 @@ class Processes:
     block.
 
     A single job runs in this process with all its threads, several in `workers` processes with one thread each;
-    `shared` is sent to each of them once.
-    """
+    `shared` is sent to each of them once."""
 
     def __init__(self, workers: int, shared: tuple[Any, ...] = ()) -> None:
         if workers > 1:
@@ -48,8 +47,7 @@ class Processes:
         """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
 
         Jobs of a worker that died are repeated. Raises the errors of `work`, and ChildProcessError if workers keep
-        dying.
-        """
+        dying."""
         if min(self._workers, len(jobs)) <= 1:
             for k, job in enumerate(jobs):
                 yield k, work(*self._shared, *job)
@@ -83,8 +81,7 @@ class Processes:
 def check_not_imported() -> None:
     """Raise ChildProcessError in a worker that imports the script that started it, and so runs its work again.
 
-    `multiprocessing.spawn` uses the same attribute, but detects this only at the start of a process, after the work.
-    """
+    `multiprocessing.spawn` uses the same attribute, but detects this only at the start of a process, after the work."""
     from multiprocessing import current_process
 
     if getattr(current_process(), "_inheriting", False):
@@ -97,8 +94,7 @@ def as_finished(
     """One round of jobs of `Processes`.
 
     Close the iterator (`contextlib.closing`) to kill the workers at once; the caller removes temporary files of their
-    jobs.
-    """
+    jobs."""
     with Processes(min(workers, len(jobs)), shared) as processes:
         yield from processes.as_finished(work, jobs)
 
@@ -150,8 +146,7 @@ def _in_file(shared: tuple[Any, ...]) -> Iterator[str]:
 def _interrupts_held() -> Iterator[None]:
     """Delay Ctrl-C until the block ends, because a partly started pool cannot be stopped.
 
-    The threads and processes that start in the block ignore Ctrl-C; this process answers it.
-    """
+    The threads and processes that start in the block ignore Ctrl-C; this process answers it."""
     if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
         yield
         return

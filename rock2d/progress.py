@@ -3,8 +3,7 @@ command.
 
 The remaining time is the remaining work, in a unit that is the same for all stages, times the time per unit in this
 run, with more weight on recent work. Time for compilation does not count. In a terminal a bar keeps its line; in a log
-file it writes a line now and then.
-"""
+file it writes a line now and then."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ class Pace:
         """That the work of this stage and of those ahead takes; None if none was done yet.
 
         A slow stage may be slow because the machine is, or because it is more work than was thought. Only the first
-        holds for other stages, so these are expected between the recent pace and that so far.
-        """
+        holds for other stages, so these are expected between the recent pace and that so far."""
         if self._work <= 0.0:
             return None
         recent, so_far = self._seconds / self._work, (self._last_s - self._begin_s) / self._all_work
@@ -71,8 +69,7 @@ class Bars:
 
     Attributes
     ----------
-    bar : the one that is open
-    """
+    bar : the one that is open"""
 
     def __init__(
         self, shown: bool, work: Mapping[str, float] | None = None, clock: Callable[[], float] = perf_counter

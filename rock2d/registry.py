@@ -14,8 +14,7 @@ def registered(package: str, init_file: str, constant: str) -> Mapping[str, Any]
     """Everything that the modules of a package define as `constant`, by its `name`, in the order of the names.
 
     package, init_file : `__name__` and `__file__` of the package. Modules that do not define the constant are not
-    imported. Raises ValueError if two things share a name.
-    """
+    imported. Raises ValueError if two things share a name."""
     found: dict[str, Any] = {}
     for path in sorted(Path(init_file).parent.glob("*.py")):
         if re.search(rf"^{constant}\b", path.read_text(encoding="utf-8"), re.MULTILINE):

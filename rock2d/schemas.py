@@ -25,8 +25,7 @@ def file_schema(kind: str) -> dict[str, Any]:
     Raises
     ------
     KeyError
-        For any other kind.
-    """
+        For any other kind."""
     module, model, title = SCHEMAS[kind]
     keys = getattr(import_module(module), model).model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **keys, "title": title}

@@ -1,8 +1,7 @@
 """Confidence intervals of frequencies and percentiles, the counts that they need, and a weighted median.
 
 Sources: E. B. Wilson, Probable inference, the law of succession, and statistical inference, J. Am. Stat. Assoc. 22
-(1927) 209-212; H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1.
-"""
+(1927) 209-212; H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ class Estimate(NamedTuple):
     def within(value: float, low: float, high: float) -> Estimate:
         """The estimate, with the value moved into its interval.
 
-        Value and bounds can come from different estimators: an interpolated percentile and order statistics.
-        """
+        Value and bounds can come from different estimators: an interpolated percentile and order statistics."""
         return Estimate(float(np.fmin(np.fmax(value, low), high)), low, high)
 
     def times(self, factor: float) -> Estimate:
@@ -110,8 +108,7 @@ def percentile_estimate(ranked: Mapping[int, float] | Array, n: int, percentile:
     order statistics; NaN where n is less than `least_count`. `ranked` gives the value of each of `percentile_ranks`.
 
     Of n values the number below the p-quantile is Binomial(n, p); the bounds are the sorted values X(l), X(u)
-    (from 1) with the largest l and smallest u for which P(B < l) and P(B >= u) are each at most 2.5 %.
-    """
+    (from 1) with the largest l and smallest u for which P(B < l) and P(B >= u) are each at most 2.5 %."""
     if n < least_count(percentile):
         return Estimate(np.nan, np.nan, np.nan)
     below, weight = _percentile_rank(n, percentile)

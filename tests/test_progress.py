@@ -25,8 +25,7 @@ class Clock:
 def left_while(stages, pace=lambda now_s: 1.0, planned=None, skip_first=False):
     """(n, 2) time, and what the bars say is left, after each unit of stages (name -> durations of its units at pace 1).
 
-    planned : name -> its work; default: what it takes
-    """
+    planned : name -> its work; default: what it takes"""
     clock = Clock()
     bars = Bars(False, planned or {name: sum(units) for name, units in stages.items()}, clock)
     found = []

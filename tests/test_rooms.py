@@ -1,7 +1,6 @@
 """Rooms: the packages form floors, and a room imports only from the floors below it.
 
-`python -m tests.test_rooms` prints the table of CONTRIBUTING.md.
-"""
+`python -m tests.test_rooms` prints the table of CONTRIBUTING.md."""
 
 import ast
 from functools import cache

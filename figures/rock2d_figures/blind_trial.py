@@ -1,7 +1,6 @@
 """Result of a blind trial in one figure: right verdicts by signal-to-noise ratio, and their probabilities.
 
-`python -m rock2d_figures.blind_trial TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png.
-"""
+`python -m rock2d_figures.blind_trial TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png."""
 
 from __future__ import annotations
 

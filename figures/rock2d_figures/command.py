@@ -37,8 +37,7 @@ def reproduce(
     With `candidates` also test candidate effects of the deterministic model on held-out blocks.
 
     A call with the same seed and effort continues after an interruption: finished calibrations are kept in a hidden
-    folder beside `out` until everything is written.
-    """
+    folder beside `out` until everything is written."""
     begin = time.perf_counter()
     with atomic_folder(out, "reproduction") as folder:
         final = out.absolute()

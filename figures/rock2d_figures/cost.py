@@ -6,8 +6,7 @@
 Releases: the paper's set-up, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
 its 1 m cube, on the same profile with more and more facets and a small smooth undulation on the long ones. The engines
 run in turns on all threads; times do not include compilation. Runs above COST_RELEASES_PER_CALL releases repeat the
-first incident states call by call, so that memory stays bounded; the point mass has other seeds in each call.
-"""
+first incident states call by call, so that memory stays bounded; the point mass has other seeds in each call."""
 
 from __future__ import annotations
 

@@ -29,8 +29,7 @@ def passing_figure(table: pd.DataFrame) -> Figure:
     """Experiment against this project's and the paper's models; `table` as `summary.passing_table` gives it.
 
     Filled: this project's mean and 95 % interval over hypotheses, the experiment's exact interval. Open: the paper's
-    models.
-    """
+    models."""
     figure = blank_figure(7.2, 3.2)
     for axis, own, x in _panels(figure, table, 4):
         for name, shift in SHIFT.items():
@@ -51,8 +50,7 @@ def side_by_side_figure(table: pd.DataFrame) -> Figure:
     """This project's models in the intervals of the paper's; `table` as `rock2d.reproduction.paper_setup` gives it.
 
     Bars: exact 95 % intervals of the 50 published releases. Open markers: published; filled: this project's models, in
-    a ring where they lie outside the bar.
-    """
+    a ring where they lie outside the bar."""
     figure = blank_figure(7.2, 3.2)
     for axis, own, x in _panels(figure, table, 5):
         for name, shift in WIDE_SHIFT.items():

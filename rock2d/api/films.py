@@ -32,8 +32,7 @@ class TrackResult:
 
     Attributes
     ----------
-    found : all results of the tracker
-    """
+    found : all results of the tracker"""
 
     found: FilmTrack
 
@@ -67,8 +66,7 @@ class TrackResult:
         pandas.DataFrame
             release, block, frame (of the film), t_s (of the release); u_px, v_px, angle_px_rad in the picture with
             standard errors; confidence; reason ("" if the frame is trusted); x_m, y_m, theta_rad. These three are NaN
-            in frames that are not trusted; theta_rad is also NaN if no angle is visible.
-        """
+            in frames that are not trusted; theta_rad is also NaN if no angle is visible."""
         return self.found.film.frames.copy()
 
     def write(self, folder: str | Path) -> None:
@@ -78,8 +76,7 @@ class TrackResult:
         ------
         InputError
             Code ``not_a_result`` if the folder exists and is not a result of rock2d, ``not_writable`` if it cannot be
-            written.
-        """
+            written."""
         self.found.write(Path(folder))
 
     def view(self) -> Path:
@@ -146,8 +143,7 @@ def track(
     >>> found = rock2d.track("film.mp4", metres_per_pixel=0.0025, fps=30)  # doctest: +SKIP
     >>> found.to_pandas()[["release", "t_s", "x_m", "y_m", "reason"]]  # doctest: +SKIP
     >>> found.view()  # doctest: +SKIP
-    >>> diagnosis = rock2d.diagnose(found.experiment)  # doctest: +SKIP
-    """
+    >>> diagnosis = rock2d.diagnose(found.experiment)  # doctest: +SKIP"""
     from rock2d_tracking import FROM_GRAVITY
     from rock2d_tracking.film_track import NotTrackedError, track_film
 
@@ -202,8 +198,7 @@ class DiagnosisResult:
     Attributes
     ----------
     diagnosis : all results of the diagnosis
-    content : content of diagnosis.json; `to_dict` returns a copy
-    """
+    content : content of diagnosis.json; `to_dict` returns a copy"""
 
     diagnosis: Diagnosis
     content: Mapping[str, Any]
@@ -230,8 +225,7 @@ class DiagnosisResult:
         pandas.DataFrame
             effect, probability, heldout_score_gain and heldout_score_gain_se (log likelihood on held-out releases,
             against the base law), closure, closure_low95 and closure_high95 (share of the gap closed). Answers that
-            were not fitted have no gain and no closure.
-        """
+            were not fitted have no gain and no closure."""
         import pandas as pd
 
         fitted = ("heldout_score_gain", "heldout_score_gain_se", "closure")
@@ -250,8 +244,7 @@ class DiagnosisResult:
         Raises
         ------
         InputError
-            Code ``not_writable`` if the folder cannot be written.
-        """
+            Code ``not_writable`` if the folder cannot be written."""
         from rock2d.diagnosis.report.page import write_report
         from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text
         from rock2d.files.folders import make_folder, write_whole
@@ -317,8 +310,7 @@ def diagnose(
     >>> found = rock2d.diagnose("experiments/drops")  # doctest: +SKIP
     >>> found.verdict  # doctest: +SKIP
     'air_drag'
-    >>> found.write("out/drops")  # doctest: +SKIP
-    """
+    >>> found.write("out/drops")  # doctest: +SKIP"""
     from rock2d.diagnosis.diagnose import diagnose as run_diagnosis
     from rock2d.diagnosis.diagnosis_content import diagnosis_json
     from rock2d.diagnosis.workload import DiagnosisBars
@@ -359,8 +351,7 @@ def predict(
     Raises
     ------
     InputError
-        If the experiment has no trajectories or fails its sanity checks, or if the file is not a diagnosis.
-    """
+        If the experiment has no trajectories or fails its sanity checks, or if the file is not a diagnosis."""
     from rock2d.diagnosis.predict import predict as predict_segments
     from rock2d.diagnosis.predict import read_for_prediction
 

@@ -23,8 +23,7 @@ class RunResult(results.RunResult):
     ----------
     scenario, seed : the scenario and the seed of its random draws
     incident_states : the incident state of each release
-    drawn : release -> values drawn for it in addition to its start: name -> value
-    """
+    drawn : release -> values drawn for it in addition to its start: name -> value"""
 
     def view(self, *, assessment: Assessment | None = None) -> Path:
         """Open report.html in the browser, see `write_report`; returns its path, in a temporary folder."""
@@ -77,8 +76,7 @@ def run(
     >>> scenario = rock2d.load_scenario(scenario_file("flat_floor.yaml"))
     >>> result = rock2d.run(scenario, engine="point_mass", releases=2)
     >>> len(result.tracks), list(result.blocks)
-    (10, ['circle', 'square', 'rectangle', 'ellipse', 'polygon'])
-    """
+    (10, ['circle', 'square', 'rectangle', 'ellipse', 'polygon'])"""
     found = run_scenario(scenario, engine=engine, seed=seed, releases=releases, workers=workers, progress=progress)
     return RunResult(**{field.name: getattr(found, field.name) for field in fields(found)})
 
@@ -114,8 +112,7 @@ def assess(
     >>> import rock2d
     >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
     >>> found = rock2d.assess(site)  # doctest: +SKIP
-    >>> found.uncertain[["block", "line", "quantity", "value", "low95", "high95"]]  # doctest: +SKIP
-    """
+    >>> found.uncertain[["block", "line", "quantity", "value", "low95", "high95"]]  # doctest: +SKIP"""
     from rock2d.design.assessment import assess as assess_sites
 
     return assess_sites(scenario, engine or scenario.engine, scenario.seed if seed is None else seed, progress)
@@ -164,8 +161,7 @@ def least_size(
     >>> target = rock2d.Target("crest", frequency=0.01, confidence=0.95)
     >>> answer = rock2d.least_size(site, "embankment.height_m", (2.0, 8.0), target)  # doctest: +SKIP
     >>> least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)  # doctest: +SKIP
-    >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP
-    """
+    >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP"""
     from rock2d.design.least_size import Judgement, Search, size_bars, work_of_sizes
     from rock2d.design.least_size import least_size as bisect
     from rock2d.progress import Bars
@@ -206,8 +202,7 @@ def write_report(
     --------
     >>> import rock2d
     >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
-    >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP
-    """
+    >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP"""
     from rock2d.design.report import REPORTED_TABLES, ReportContent
     from rock2d.design.report import write_report as write_page
     from rock2d.errors import InputError

@@ -3,8 +3,7 @@
 A case is a folder of experiments. `fit` and `heldout` are what the diagnosis may see. `twin_fit` and `twin` are the
 same releases without the hidden causes: same incident states, soil draws and noise, recorded by the correct camera; a
 case from a real record has none. Twins are sealed like the labels, because a comparison with the films would reveal the
-causes. Only the measurement of the true floor may read them; a diagnosis does not see it.
-"""
+causes. Only the measurement of the true floor may read them; a diagnosis does not see it."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ def make_trial(
 
     `out` gets cases/NNN/{fit,heldout,twin_fit,twin}, cases.json (seed, count, SHA-256 of the labels) and
     labels.json, which only `rock2d blind score` opens. `causes`: hidden causes of the cases; default: assigned by the
-    seed; `records`: real records, which are the base of a share of the cases.
-    """
+    seed; `records`: real records, which are the base of a share of the cases."""
     root = np.random.SeedSequence(seed)
     assigning, *children = root.spawn(count + 1)
     causes = assign_causes(count, assigning) if causes is None else causes

@@ -1,8 +1,7 @@
 """Blind cases: random set-ups, blocks, soils, cameras and incident states, with hidden causes.
 
 Every case has its own child of the seed, so that case 17 of 200 equals case 17 of 500 except for its causes. These are
-assigned so that all effects occur equally often.
-"""
+assigned so that all effects occur equally often."""
 
 from __future__ import annotations
 
@@ -47,8 +46,7 @@ class Case:
     kind : one of KINDS
     heldout : (releases,) mask of the held-out releases
     hidden : the hidden causes
-    soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`
-    """
+    soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`"""
 
     label: str
     kind: str
@@ -161,8 +159,7 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
     """Block, number of earlier releases of the same block, and whether held out, of each release.
 
     The film for the diagnosis and the held-out film are separate series: the ground is renewed for each block of each
-    film. A file numbers its releases from 0, so earlier releases in another file would be unknown.
-    """
+    film. A file numbers its releases from 0, so earlier releases in another file would be unknown."""
     releases = FEWEST_CASE_RELEASES
     if not smallest:
         releases = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(MOST_CASE_RELEASES))))

@@ -5,8 +5,7 @@ in the motion are simulated differences: each release is divided into pieces in 
 are long enough for two. From the beginning of each flight on, a piece is simulated from the measured state, with and
 without the cause, and the difference is added to the record. The pieces are the releases of the new record: after an
 impact with the cause, the next impact would have another instant and state, which the record does not show. What the
-model misses remains in the record.
-"""
+model misses remains in the record."""
 
 from __future__ import annotations
 
@@ -50,8 +49,7 @@ class Injected:
     experiment : the experiment with changed trajectories
     releases : number of releases of the record
     pieces, cut : number of releases of the experiment, and of those that end early, before an impact during a flight of
-        the record
-    """
+        the record"""
 
     experiment: Experiment
     releases: int
@@ -76,8 +74,7 @@ def injected(
     model, p : diagnosed model and its parameters; if the model has the effect, it adds up with the cause, see
         `with_cause`
     values : parameter -> value; missing parameters are neutral
-    seed : for an effect that varies from impact to impact
-    """
+    seed : for an effect that varies from impact to impact"""
     model, before, after = with_cause(model, p, effect, values)
     film = load_film(experiment)
     old, new = model.world(before, np.zeros(1)), model.world(after, np.zeros(1))
@@ -115,8 +112,7 @@ class _Stretches(NamedTuple):
     ----------
     edges : (pieces + 1,) first frame of each piece, and the end of the film
     flight, begin : (n,) flight with which each stretch begins, and its first frame
-    piece, number : (n,) piece to which it belongs, and its position in the piece
-    """
+    piece, number : (n,) piece to which it belongs, and its position in the piece"""
 
     edges: Array
     flight: Array
@@ -146,8 +142,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
     """(frames, 3) change of the true poses of a film, and (frames,) whether it is known.
 
     `worlds`: numbers of stretches -> worlds without and with the cause. Each stretch starts from the measured state,
-    with the difference so far.
-    """
+    with the difference so far."""
     film, flights = data.film, data.flights
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
     off = np.zeros((len(stretches.edges) - 1, N_STATE))

@@ -1,8 +1,7 @@
 """Blind cases based on a real record: some of its releases, with known causes added.
 
 What the law and the catalogue miss of the real motion remains in the record, as do the causes that it already contains.
-The scores of these cases are reported separately.
-"""
+The scores of these cases are reported separately."""
 
 from __future__ import annotations
 
@@ -39,8 +38,7 @@ class Record:
     ----------
     fit : final fit of the diagnosis of the original record
     named : effects that the original record contains
-    curves : effect -> detection curve of the whole record; without effects that it cannot show
-    """
+    curves : effect -> detection curve of the whole record; without effects that it cannot show"""
 
     experiment: Experiment
     setup: World
@@ -97,8 +95,7 @@ def write_record_case(
     """Write two films of different releases of a record, with the same causes; returns the label.
 
     The signal-to-noise ratio of a cause is that of its gain in a linear model. A size that is named with probability
-    0.5 has the ratio `SEEN_Z`, and the ratio grows with the root of the number of releases.
-    """
+    0.5 has the ratio `SEEN_Z`, and the ratio grows with the root of the number of releases."""
     rng = np.random.default_rng(seed)
     original = record.experiment
     assert original.trajectories is not None

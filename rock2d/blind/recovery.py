@@ -1,8 +1,7 @@
 """Injection and recovery: which causes a record would show, and from which size on.
 
 Known causes of known sizes are added to the record, which is diagnosed again. The detection curves of the linear model
-(`diagnosis.detection`) are corrected by the effects that were named.
-"""
+(`diagnosis.detection`) are corrected by the effects that were named."""
 
 from __future__ import annotations
 
@@ -49,8 +48,7 @@ class Plan:
     cases : largest number of cases
     sizes : (factor, "seen50" or "seen90") of each size: a multiple of the size that a linear model expects to be seen
         with a probability of 50 or 90 %
-    seed : for the order of the effects, and for effects that vary from impact to impact
-    """
+    seed : for the order of the effects, and for effects that vary from impact to impact"""
 
     cases: int
     sizes: tuple[tuple[float, str], ...] = ((1.0, "seen50"), (1.0, "seen90"))
@@ -88,8 +86,7 @@ def make_cases(
 ) -> None:
     """Write the experiments cases/NNN, and truth.json with the added causes and the expected curves.
 
-    `options`: kept in truth.json. Sizes are limited to plausible ones.
-    """
+    `options`: kept in truth.json. Sizes are limited to plausible ones."""
     attribution, known, cases = result.found, catalogue(), {}
     assert attribution is not None
     curves = detection_curves(result, {name: known[name] for name in effects})
@@ -147,8 +144,7 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
 
     A case has the keys of truth.json, `seen`, `found` (its size parameter, None if it was not named) and `false` (named
     effects that neither the case nor the record has). An effect that the original record has, too, is seen if the sum
-    is found.
-    """
+    is found."""
     truth, known, cases = read_json(folder / TRUTH), catalogue(), []
     for name, case in truth["cases"].items():
         result, effect = read_json(folder / RESULTS / f"{name}.json"), case["effect"]

@@ -1,8 +1,7 @@
 """The diagnoses of a trial: every case only from its films, in parallel; finished cases are kept.
 
 A diagnosis is compared with films that it did not see: it predicts the held-out releases, and the share of the gap that
-it truly closes is measured there.
-"""
+it truly closes is measured there."""
 
 from __future__ import annotations
 
@@ -54,8 +53,7 @@ def run_trial(
     twins.
 
     scheduler : address of a Dask scheduler, whose workers are used instead of processes of this machine; they need
-        access to the trial's folder (a shared file system)
-    """
+        access to the trial's folder (a shared file system)"""
     count = int(read_index(folder)["count"])
     return run_cases(folder, count, _diagnose, workers, scheduler, on_progress)
 
@@ -70,8 +68,7 @@ def run_cases(
 ) -> Path:
     """Do the work for every case of a folder that has no result yet; returns the folder of the results.
 
-    `do`: function of a folder for temporary files, the case, and the file of its result
-    """
+    `do`: function of a folder for temporary files, the case, and the file of its result"""
     if scheduler is not None:
         require_dask()
     out = folder / RESULTS
@@ -95,8 +92,7 @@ def run_cases(
 def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
     """Diagnose case/fit, test the model on case/heldout, and write one JSON file.
 
-    `every_fit`: folder below which temporary files may be written.
-    """
+    `every_fit`: folder below which temporary files may be written."""
     experiment = load_experiment(case / FIT)
     begin = perf_counter()
     with tempfile.TemporaryDirectory(dir=every_fit) as fits:

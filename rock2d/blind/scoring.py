@@ -1,8 +1,7 @@
 """The score of a trial: the labels are opened and compared with the effects that the diagnoses name.
 
 A named effect is right if it, or an effect that it shares its name with, is hidden, whatever its strength. Effects that
-the original record of a case contains count neither as right nor as wrong.
-"""
+the original record of a case contains count neither as right nor as wrong."""
 
 from __future__ import annotations
 
@@ -62,8 +61,7 @@ class ScoredCase:
     misses : misses of predictions of the held-out film, see `running`; empty without those of the tail
     sizes : errors of the sizes of named effects that are hidden, if they can be compared
     base : name of the real record on which the case is based, or MADE
-    of_record : effects that the original record contains
-    """
+    of_record : effects that the original record contains"""
 
     name: str
     hidden: Mapping[str, float]

@@ -6,8 +6,7 @@ soil. Statistics describe the recording of each run: position and velocity befor
 curvature of the first flight. Differences are divided by the standard deviations that noise and soil cause. What other
 incident states imitate is projected out, and the parameters of the law are fitted: a block that lands on another corner
 answers to any small change, so that a linear model of the law would miss what a fit imitates. The length of the
-remaining vector is the signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
-"""
+remaining vector is the signal-to-noise ratio: the size of the causes in standard errors of the best linear test."""
 
 from __future__ import annotations
 
@@ -102,8 +101,7 @@ class _FirstFlights:
     ----------
     times_s : instants of the frames
     first_impact, window : (releases,) first frame after the first flight, and number of frames after it
-    base : (releases, 15) statistics without causes
-    """
+    base : (releases, 15) statistics without causes"""
 
     times_s: Array
     first_impact: Array
@@ -134,8 +132,7 @@ class _Whitening:
     Attributes
     ----------
     sd : (releases, 15) standard deviations of the statistics by noise and soil
-    inverse_root : (releases, 15, 15) inverse Cholesky factor of their correlations
-    """
+    inverse_root : (releases, 15, 15) inverse Cholesky factor of their correlations"""
 
     sd: Array
     inverse_root: Array

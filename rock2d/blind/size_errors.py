@@ -2,8 +2,7 @@
 engine have the same meaning.
 
 The reality engine has several forms of each effect. A form whose value means something else, such as a drag with
-another power of speed, is not compared.
-"""
+another power of speed, is not compared."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ class Meaning:
     parameter : name of the parameter in the catalogue
     of : (values of the reality engine) -> value of this parameter
     neutral : value without the effect, which is the origin of sizes
-    form : number of the form of the reality engine with the same meaning
-    """
+    form : number of the form of the reality engine with the same meaning"""
 
     parameter: str
     of: Callable[[Mapping[str, float]], float]
@@ -64,8 +62,7 @@ class SizeError:
     Attributes
     ----------
     relative : (fitted - hidden size) / hidden size; for factors, of their logarithms
-    covered : whether the stated 95 % interval holds the hidden size
-    """
+    covered : whether the stated 95 % interval holds the hidden size"""
 
     effect: str
     signal_to_noise: float

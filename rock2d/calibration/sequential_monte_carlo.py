@@ -3,8 +3,7 @@
 The sampler starts with draws of the prior and raises the power of the likelihood from 0 to 1 in steps. Each step
 weights, resamples and moves the hypotheses (Del Moral, Doucet & Jasra 2006, Sequential Monte Carlo samplers; the
 effective sample size determines the steps). The search is global and needs no derivatives. All final hypotheses explain
-the data; their spread shows which unknowns are identified.
-"""
+the data; their spread shows which unknowns are identified."""
 
 from __future__ import annotations
 
@@ -86,8 +85,7 @@ class Factor:
     log_likelihood : (n, d) -> (n,), -inf if a hypothesis is impossible
     columns : columns of the hypotheses on which it depends
     highest : upper bound of the log-likelihood; proposals that fail even with this bound are rejected without
-        computing the factor
-    """
+        computing the factor"""
 
     log_likelihood: Callable[[Array], Array]
     columns: Array
@@ -105,8 +103,7 @@ class Moves:
     groups : columns that walk together, one group after the other in each round (default: all others together).
         Only the factors of the likelihood that depend on a group are computed again.
     every_round : keep the hypotheses after each round, instead of those after the last one. Then `count` times fewer of
-        them move (waste-free sequential Monte Carlo, Dau & Chopin 2022).
-    """
+        them move (waste-free sequential Monte Carlo, Dau & Chopin 2022)."""
 
     count: int = 3
     redrawn: Array | None = None
@@ -145,8 +142,7 @@ def posterior(
         power, errors of the likelihood hardly matter
     on_progress : called with the power of the likelihood reached so far, in (0, 1]
 
-    Raises ValueError if no draw of the prior is possible.
-    """
+    Raises ValueError if no draw of the prior is possible."""
     moves = Moves() if moves is None else moves
     if callable(log_likelihood):
         log_likelihood = [Factor(log_likelihood, np.arange(start.shape[1]))]
@@ -223,8 +219,7 @@ class _Hypotheses:
         """Accept or reject the proposed hypotheses, which differ in these columns, by the rule of Metropolis and
         Hastings.
 
-        The random number is drawn first, so that few factors of rejected hypotheses are computed.
-        """
+        The random number is drawn first, so that few factors of rejected hypotheses are computed."""
         changed = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
         proposed_factors = self.by_factor.copy()
         proposed_factors[:, changed] = [self.factors[k].highest for k in changed]

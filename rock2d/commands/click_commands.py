@@ -67,8 +67,7 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
     If more than 1 % of the releases of a block ran out of time or sank into the ground, the last lines say so, and the
     exit code is 4.
 
-    Example: rock2d run site.yaml --engine batch --releases 500 --report
-    """
+    Example: rock2d run site.yaml --engine batch --releases 500 --report"""
     from rock2d.cluster import Workers
     from rock2d.commands.run import RunRequest, run_scenarios
     from rock2d.runs.campaigns.campaign import CampaignOptions
@@ -105,8 +104,7 @@ def profile(file, out, overwrite, **options) -> None:
     FILE is a table (CSV: station and height, or x, y, z), a drawing (DXF: its longest polyline) or a terrain model
     (GeoTIFF, ESRI ASCII grid). Drawings and terrain models need pip install 'rock2d[profile]'.
 
-    Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml
-    """
+    Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml"""
     from rock2d.commands.profile import ProfileOptions, write_profile
 
     write_profile(file, out, ProfileOptions(**options), overwrite=overwrite, report=click.echo)
@@ -169,8 +167,7 @@ def design(
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
     value of the range meets the target, the exit code is 4.
 
-    Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
-    """
+    Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95"""
     from rock2d.cluster import Workers
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target, line_of_place
@@ -193,8 +190,7 @@ def soils(mass_kg, size_m) -> None:
     """List the soil classes for the key soils of a scenario: restitution, friction, stiffness, ranges and sources. With
     --mass-kg and --size-m, print the parameters of both impact laws for that block.
 
-    Example: rock2d soils --mass-kg 2700 --size-m 1.2
-    """
+    Example: rock2d soils --mass-kg 2700 --size-m 1.2"""
     from rock2d.commands.soils import list_soils
 
     list_soils(mass_kg, size_m, report=click.echo)

@@ -35,8 +35,7 @@ class ProfileOptions:
     zones : table of start, end (stations of the survey in m) and name
     tolerance_m : points that change the surface by less are left out
     release : stations of the survey between which blocks start; None: the area of `release_area`
-    smooth : leave out the roughness of the soil classes
-    """
+    smooth : leave out the roughness of the soil classes"""
 
     line: Sequence[float] | None = None
     start: Sequence[float] | None = None
@@ -57,8 +56,7 @@ def write_profile(
 ) -> Profile:
     """Read a profile, write the scenario `out` and a picture beside it, and report the result.
 
-    Raises InputError if the profile cannot be read, or if `out` exists.
-    """
+    Raises InputError if the profile cannot be read, or if `out` exists."""
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise InputError("expected a scenario file that ends in .yaml", out)
     if out.exists() and not overwrite:

@@ -51,8 +51,7 @@ class RunRequest:
     compare : also run the other models of `design.model_range`
     precision : half-width of intervals that determines the number of releases, see `runs.precision.releases_for`
     draw : False for tables without figures
-    overwrite : replace an earlier run; without it, a campaign continues an earlier one with the same manifest
-    """
+    overwrite : replace an earlier run; without it, a campaign continues an earlier one with the same manifest"""
 
     out: Path
     options: CampaignOptions = field(default_factory=CampaignOptions)
@@ -128,8 +127,7 @@ def run_scenarios(
     A run of more than 10,000 releases, or with a scheduler, is a campaign.
 
     Raises InputError for a mistake in a file, for options that do not fit such a run, or for a folder that cannot be
-    used.
-    """
+    used."""
     loaded = [load_scenario(path, data_root) for path in scenarios]
     if predict is not None:
         if len(loaded) != 1:

@@ -20,8 +20,7 @@ REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s",
 def list_soils(mass_kg: float | None = None, size_m: float | None = None, report: Callable[[str], Any] = print) -> None:
     """Report the table of classes or, if mass and size of a block are given, their parameters for it.
 
-    Raises InputError if only one of the two is given, or if one is not positive.
-    """
+    Raises InputError if only one of the two is given, or if one is not positive."""
     if (mass_kg is None) != (size_m is None):
         raise InputError("the parameters of a block need its --mass-kg and its --size-m", code="wrong_kind")
     if mass_kg is None or size_m is None:

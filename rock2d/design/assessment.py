@@ -34,8 +34,7 @@ class Assessment:
     uncertain : one row for each block, measure line and quantity: median over the sites, 95 % interval, and the shares
         of the variance from what is not known and from sampling
     sensitivity : Sobol indices of the unknown values, one row for each block, line, quantity and value
-    sites : one row for each simulated site, one column for each value
-    """
+    sites : one row for each simulated site, one column for each value"""
 
     uncertain: pd.DataFrame
     sensitivity: pd.DataFrame
@@ -168,8 +167,7 @@ class Assessment:
 def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -> Assessment:
     """Simulate the possible sites of a scenario.
 
-    Raises InputError if it has no `uncertainty`, or if a drawn value makes no sense.
-    """
+    Raises InputError if it has no `uncertainty`, or if a drawn value makes no sense."""
     import pandas as pd
 
     from rock2d.progress import Bars

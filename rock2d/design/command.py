@@ -67,8 +67,7 @@ def run_design(
     least volume of earth, and combinations.csv and combinations.png are written.
 
     The same call continues an interrupted search. The answer does not depend on the workers. Raises InputError for a
-    mistake in the scenario or in the arguments.
-    """
+    mistake in the scenario or in the arguments."""
     from rock2d.progress import Bars
 
     if pdf:
@@ -220,8 +219,7 @@ def _write_page(
     """Write the page about the least size, or the largest if none meets the target. Its live view has some releases of
     every judged size.
 
-    Returns in words what the embankment must withstand and which height governs.
-    """
+    Returns in words what the embankment must withstand and which height governs."""
     from rock2d.design.headline import bound_text, norm_sentence
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report

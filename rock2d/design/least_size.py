@@ -1,8 +1,7 @@
 """The least size that meets a target, by bisection over one number of a scenario, over all that is not known.
 
 All sizes are judged on the same possible sites with the same releases (common random numbers), so that two sizes do not
-differ by chance.
-"""
+differ by chance."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ class Target:
     frequency, confidence : shares from 0 to 1
     per : "released" or "arriving": share of all releases, or of those that come to the arrival line
     above_J, above_m : count only blocks that pass with more than this kinetic energy, and higher than this above the
-        foot of the line
-    """
+        foot of the line"""
 
     line: str
     frequency: float
@@ -96,8 +94,7 @@ class Judgement:
     median, low, high : block -> frequency
     meets : whether every upper bound is at most the target
     unresolved : block -> share of the releases of all sites that were cut short or buried before the line; the upper
-        bounds count them as passed
-    """
+        bounds count them as passed"""
 
     size: float
     median: Mapping[str, float]
@@ -122,8 +119,7 @@ class Answer:
     target : the target
     least : the least size that meets the target, to within `tolerance`. If the smallest size of the range meets it, it
         is that size, and smaller ones may meet it, too. None if the largest size does not meet it
-    judgements : judgements of all sizes that were tried, in ascending order
-    """
+    judgements : judgements of all sizes that were tried, in ascending order"""
 
     place: str
     target: Target
@@ -231,8 +227,7 @@ class Search:
     target : the target
     engine, seed : engine and seed of the simulation
     over : places of further numbers that vary, with their bounds
-    run_jobs : function that distributes the possible sites to workers; results do not depend on it
-    """
+    run_jobs : function that distributes the possible sites to workers; results do not depend on it"""
 
     scenario: Scenario
     place: str
@@ -392,8 +387,7 @@ def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Ite
 def least_size(search: Search, judged: Callable[[float], Judgement], tolerance: float | None = None) -> Answer:
     """Find the least size by bisection; `judged` returns the judgement of a size, for example by `Search.judge`.
 
-    `tolerance` is 1/50 of the range by default. Raises InputError as `Search.check` does.
-    """
+    `tolerance` is 1/50 of the range by default. Raises InputError as `Search.check` does."""
     search.check()
     low, high = search.bounds
     tolerance = (high - low) / STEPS_OF_RANGE if tolerance is None else tolerance

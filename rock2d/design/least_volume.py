@@ -3,8 +3,7 @@
 For given values of the other numbers, bisection finds the least size, and so the volume of earth that is moved. This
 volume is minimised over the other numbers: first at the corners and in the middle of their ranges, then from the best
 of these with COBYQA, a derivative-free method with bounds (Ragonneau & Zhang 2024, in scipy). All combinations are
-judged on the same possible sites with the same releases, so that two combinations do not differ by chance.
-"""
+judged on the same possible sites with the same releases, so that two combinations do not differ by chance."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The live view of a page: the slope with paths and data collector, as data for live_slope.js.
 
 The data collector gives number, height, speed and energy of the passing blocks at many stations along the slope.
-Everything is computed here; the script only computes positions on the screen.
-"""
+Everything is computed here; the script only computes positions on the screen."""
 
 from __future__ import annotations
 
@@ -64,8 +63,7 @@ class View:
     ----------
     name : name in the list or beside the slider
     run : its releases
-    note : note to the reader
-    """
+    note : note to the reader"""
 
     name: str
     run: Simulation
@@ -80,8 +78,7 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
     views : the runs
     released : number of releases in the tables of the page; the shown run may have only the first ones
     shown : index of the run that is shown first
-    sizes : place of the number in which the runs differ
-    """
+    sizes : place of the number in which the runs differ"""
     run = views[shown].run
     if not run.tracks:
         return None
@@ -308,8 +305,7 @@ class Passings:
     ----------
     passed : number of these blocks
     frequency : their share of the releases
-    values : quantity of the envelopes -> values of these blocks, in ascending order
-    """
+    values : quantity of the envelopes -> values of these blocks, in ascending order"""
 
     passed: int
     frequency: Estimate
@@ -337,8 +333,7 @@ class Station:
 def collector_stations(run: Simulation) -> list[Station]:
     """The stations of a run from left to right: those of the envelopes, some between them, and the measure lines.
 
-    At a measure line the numbers are those of the tables `passing` and `crossings`, elsewhere those of `envelopes`.
-    """
+    At a measure line the numbers are those of the tables `passing` and `crossings`, elsewhere those of `envelopes`."""
     x = evenly_spaced(run.cross_section, BETWEEN * (STATIONS - 1) + 1)
     found = [Station(at, zone) for at, zone in zip(x.tolist(), zones_at(run.cross_section, x), strict=True)]
     for block, values in passing_values(run.tracks, x, run.cross_section, run.blocks, run.own_blocks).items():

@@ -1,7 +1,6 @@
 """Range of the results over models: other law, roughness, soil and shapes of blocks.
 
-`rock2d run --compare` runs the same releases with one of these changed at a time.
-"""
+`rock2d run --compare` runs the same releases with one of these changed at a time."""
 
 from __future__ import annotations
 

@@ -3,8 +3,7 @@
 UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4, after D. Peila and C. Ronco, Nat. Hazards Earth Syst. Sci.
 9 (2009) 1291; ONR 24810:2017, Technischer Steinschlagschutz. The numbers were not compared with the texts of the norms,
 and there are later editions, UNI 11211-4:2018 and ONR 24810:2021. NORM_NUMBERS lists the published sources of each
-number; a number is verified if two independent sources agree.
-"""
+number; a number is verified if two independent sources agree."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ class DesignValue(NamedTuple):
     ----------
     quantity : name with the unit at its end
     factors : the partial factors, in words and numbers
-    uses : names in NORM_NUMBERS of the numbers that it uses
-    """
+    uses : names in NORM_NUMBERS of the numbers that it uses"""
 
     norm: str
     quantity: str
@@ -66,8 +64,7 @@ class NormNumber(NamedTuple):
     ----------
     name : key under design_values in a scenario, or its name in words if it has no key
     values : values of the norm according to the sources
-    sources : keys of SOURCES that state these values
-    """
+    sources : keys of SOURCES that state these values"""
 
     norm: str
     name: str
@@ -105,8 +102,7 @@ def uni_11211_4(at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, 
     factors : partial factors
 
     v_d = v_95 γTr γDp; m_d = m γVol γγ; E_d = γR ½ m_d v_d²; H_d = H_95 γTr γDp + f, with the freeboard f the radius of
-    the block and at least 0.5 m.
-    """
+    the block and at least 0.5 m."""
     f, norm = factors, UNI
     paths, masses = f.gamma_tr * f.gamma_dp, f.gamma_vol * f.gamma_gamma
     speed, height = at_line["speed_m_s"], at_line["passing_height_m"]
@@ -151,8 +147,7 @@ def design_table(scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.Da
 
     `percentiles` is the table of a run or a campaign, with intervals of sampling. If there is a table over the possible
     sites (`uncertain`), its values and intervals are used instead. The mass is that of `Scenario.design_block`.
-    `not_verified` names the numbers of the norm that too few sources confirm.
-    """
+    `not_verified` names the numbers of the norm that too few sources confirm."""
     import pandas as pd
 
     uni, onr = scenario.design_values.uni_11211_4, scenario.design_values.onr_24810

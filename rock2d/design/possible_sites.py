@@ -3,8 +3,7 @@
 The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: N groups of two independent sites and d
 sites that share all values but one with the first. From these follow Sobol indices, that is the share of each value in
 the variance. The sites of a group have the same releases (common random numbers). Different groups have different
-releases, so that the error of sampling appears in the spread of the sites.
-"""
+releases, so that the error of sampling appears in the spread of the sites."""
 
 from __future__ import annotations
 
@@ -44,8 +43,7 @@ class PossibleSites:
     values : (N (d + 2), d) in the order of the Sobol sample of SALib: in each of N groups the first and the last site
         are independent draws; each of the d sites between them takes one value from the last site
     seed : seed of the releases of all groups
-    posterior : draws of a calibration; the value of `ROW` is the number of a row
-    """
+    posterior : draws of a calibration; the value of `ROW` is the number of a row"""
 
     places: tuple[str, ...]
     values: Array
@@ -72,8 +70,7 @@ class PossibleSites:
 def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
     """Draw possible sites of a scenario; `count` replaces its base number N of groups.
 
-    Raises InputError if the scenario has no key `uncertainty`.
-    """
+    Raises InputError if the scenario has no key `uncertainty`."""
     from SALib.sample import sobol
 
     if scenario.uncertainty is None:
@@ -95,8 +92,7 @@ class SiteResults:
     ----------
     passed, unresolved : (s, b, l, n) bool: whether a release passed a line; whether it was cut short or buried before
     arrived : (s, b, l, n) bool: whether it came to the arrival line of a line
-    crossings : quantity (of `percentiles.LINE_QUANTITIES`) -> (s, b, l, n), NaN if it did not pass
-    """
+    crossings : quantity (of `percentiles.LINE_QUANTITIES`) -> (s, b, l, n), NaN if it did not pass"""
 
     blocks: tuple[str, ...]
     lines: tuple[str, ...]
@@ -119,8 +115,7 @@ def simulate_sites(
 
     `on_progress` gets the number of further scenarios that are done. `descents` are the descents on each site that the
     releases share with those of other sizes; computed ones are kept there. `run_jobs` distributes the work. Raises
-    InputError if a scenario cannot be simulated.
-    """
+    InputError if a scenario cannot be simulated."""
     jobs = [
         (scenario, engine, seed, releases, descents[s] if descents else None)
         for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True))

@@ -57,8 +57,7 @@ class ReportContent:
     combinations : combinations of a search for the least volume, the best first
     before_after : table before and after the diagnosis of the scenario
     models : table with other models, see `design.model_range`
-    views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order
-    """
+    views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order"""
 
     scenario: Scenario
     sample: RunResult

@@ -2,8 +2,7 @@
 
 Uphill of an embankment or a ditch nothing depends on its size, and most of the computing time is spent there. Each
 release is suspended before the grounds differ, with the memory of its contacts, and continues from there with each
-size.
-"""
+size."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Descent:
     suspend_x_m, radius_m : the x at which releases are suspended, and the largest radius of the blocks
     states : (n, 6) states at which they are suspended, or ended
     suspended : time and contact memory of suspended releases
-    stop : (n,) index into STOPS; STOP_REACHED: suspended
-    """
+    stop : (n,) index into STOPS; STOP_REACHED: suspended"""
 
     starts: Array
     grounds: Sequence[CrossSection]
@@ -80,8 +78,7 @@ class SharedDescents:
     extremes : scenarios of the site for all corners of the ranges of sizes; the last one has the largest sizes. Empty
         once the descents are computed
     seed, releases : seed of the releases, and their number for each block
-    found : the descent of each block, None before the first use
-    """
+    found : the descent of each block, None before the first use"""
 
     extremes: Sequence[Scenario]
     seed: int

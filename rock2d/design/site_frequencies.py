@@ -2,8 +2,7 @@
 
 The frequencies of the sites are Beta(mu nu, (1 - mu) nu), the counts binomial. mu has Jeffreys' prior, nu is uniform in
 its logarithm. So sites that agree support each other: 0 of 200 blocks at each of 30 sites say more about a further site
-than 0 of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
-"""
+than 0 of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3."""
 
 from __future__ import annotations
 
@@ -21,8 +20,7 @@ def further_site_draws(passed: Array, of: Array, rng: np.random.Generator) -> Ar
     (sites,) or one number.
 
     The real site counts as a further one: mu and nu are drawn from their posterior, the frequency from Beta(mu nu,
-    (1 - mu) nu). With a single site, the draws are from the posterior of its frequency with Jeffreys' prior.
-    """
+    (1 - mu) nu). With a single site, the draws are from the posterior of its frequency with Jeffreys' prior."""
     k, n = np.broadcast_arrays(np.asarray(passed, float), np.asarray(of, float))
     if len(k) == 1:
         return rng.beta(k[0] + 0.5, n[0] - k[0] + 0.5, DRAWS)

@@ -37,8 +37,7 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     - low95, high95: bounds for a further site, such as the real one; the upper bound of a frequency counts unresolved
       releases as passed
     - share_not_known, share_sampling: shares of the variance; NaN without variance
-    - unresolved: share of unresolved releases over all sites
-    """
+    - unresolved: share of unresolved releases over all sites"""
     import pandas as pd
 
     rng = np.random.default_rng(np.random.SeedSequence(seed))
@@ -63,8 +62,7 @@ def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Gener
     (sites, releases) bool. NaN if there are no such releases. Unresolved releases may belong to them, too.
 
     If no release passes at more than 2.5 % of the sites, the lower bound is 0; if all pass at more than 2.5 %, the
-    upper bound is 1. A posterior never reaches these values, but a site can.
-    """
+    upper bound is 1. A posterior never reaches these values, but a site can."""
     some = of.any(axis=1)
     if not some.any():
         return (np.nan,) * 5
@@ -107,8 +105,7 @@ def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
 
     The bounds are those of a further site, which is normally distributed. The error of the mean is the spread over
     sqrt(n). The variance between the n sites is a draw from the posterior of the total variance, (n - 1) s² / chi²,
-    minus the variance of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
-    """
+    minus the variance of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2)."""
     share = DESIGN_PERCENTILE / 100.0
     crossed = [row[np.isfinite(row)] for row in values]
     crossed = [at_site for at_site in crossed if len(at_site) >= FEWEST_CROSSINGS]
@@ -139,8 +136,7 @@ def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> 
     """Sobol indices of the passing frequencies; SENSITIVITY_COLUMNS.
 
     first_order: share of a parameter alone in the variance between sites; total: share with its interactions. Lines
-    whose frequency is the same at all independent sites are left out, because they have no variance.
-    """
+    whose frequency is the same at all independent sites are left out, because they have no variance."""
     import warnings
 
     import pandas as pd

@@ -2,8 +2,7 @@
 
 The parameters of the base are free in every model. The criterion is the gain in log likelihood on held-out releases,
 compared release by release, so that a few unusual impacts cannot decide. The verdict is "none" if no gain is
-significant, and "unknown" if the residuals of even the best effect can be predicted (`residual_regression`).
-"""
+significant, and "unknown" if the residuals of even the best effect can be predicted (`residual_regression`)."""
 
 from __future__ import annotations
 
@@ -57,8 +56,7 @@ class Candidate(Validated, SummedGain):
     Attributes
     ----------
     effect : the effect under test; the fit may contain others, too
-    gain : (releases,) gain in log likelihood over the base, or over the fit without this effect
-    """
+    gain : (releases,) gain in log likelihood over the base, or over the fit without this effect"""
 
     effect: Effect
     gain: Array
@@ -84,8 +82,7 @@ class Attribution:
     learnt_regressed : flexible regression of the residuals of the model with the learnt changes
     named : the effects that are named, all of them in the chain; there may be none
     sets : names -> set, for the share that each named effect closes: no effect, all, each alone, and all but one; for
-        up to three effects all subsets
-    """
+        up to three effects all subsets"""
 
     base: Validated
     candidates: dict[str, Candidate]
@@ -157,8 +154,7 @@ def attribute(
     effects fits much better.
 
     `refitted`: the base law for measuring gains, if effects are fitted from another one;
-    `folder`: keeps finished fits.
-    """
+    `folder`: keeps finished fits."""
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
         search = Search(data, effects, processes, Validated.of(base, data), bars, folder)
@@ -280,8 +276,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     A rival that gains more replaces a member. A member of impossible size that gains is replaced for good by a rival
     that gains as much. Then members that cannot be named are removed for good, first the half that gains less; a
     removed rival gives its place back to the member that it had replaced. The evidence for the remaining members is
-    computed again.
-    """
+    computed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed = set[str]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took

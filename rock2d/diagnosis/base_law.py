@@ -38,8 +38,7 @@ def fit_base(setup: World, start: Array, data: Data, registered: World | None = 
 
     If the film was segmented in another world than the stated one (`registered`), the law is fitted there and used
     without a further fit on the stated set-up, where blocks would fall into the ground. The gains of effects over such
-    a base do not measure their size.
-    """
+    a base do not measure their size."""
     bars = bars or Bars(False)
     if not len(data.impact_release):  # the data do not show the law: it stays as stated
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
@@ -60,8 +59,7 @@ def fit_from_grid(
     resistance.
 
     `known`: a fit of the model, whose effects are the start. The result is None if the grid leads back to it; the noise
-    of the known fit is sufficient to see that.
-    """
+    of the known fit is sufficient to see that."""
     fits_of_reading = dict[int, list[Fit]]()
     jobs = [(model, reading, known) for reading in (0.0, 1.0)]
     for k, fits in processes.as_finished(_fits_from_grid, jobs):
@@ -109,8 +107,7 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     """Segment the film again in an image that is turned and scaled to fit its flights and impacts.
 
     Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
-    is not where the blocks strike it, some impacts are missed, and flights are cut short.
-    """
+    is not where the blocks strike it, some impacts are missed, and flights are cut short."""
     effects_by_name, registered = catalogue(), None
     setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
     model = Model(setup, base.model.base, effects)

@@ -6,8 +6,7 @@ outliers do not decide it, and the units of a segment cancel in every share.
 
 Causes that overlap share what they close: the share of each is the mean over all orders in which they can be added
 (Shapley 1953), given with the range over these orders. Intervals come from a bootstrap over releases. They include the
-uncertainty of the floor: if the gap is small compared with this uncertainty, shares are hardly known.
-"""
+uncertainty of the floor: if the gap is small compared with this uncertainty, shares are hardly known."""
 
 from __future__ import annotations
 
@@ -58,8 +57,7 @@ class Budget:
     outside : share that can be predicted, but is in no cause
     closed_by_learnt : share that the learnt changes close
     closed : share that named causes and learnt changes close together
-    sets : causes -> gap of the law refitted with them, and the share that they close together
-    """
+    sets : causes -> gap of the law refitted with them, and the share that they close together"""
 
     base: float
     named: float
@@ -160,8 +158,7 @@ def budget(
     named : the effects that are named
     learnt : (releases,) sums of logarithms of the model with learnt changes
     floors : (1 + draws,) gaps of the floors by regression and by replicates
-    draws : the bootstrap
-    """
+    draws : the bootstrap"""
     gaps = {names: draws.gap(logs) for names, logs in sets.items()}
     base, with_named, with_learnt = gaps[frozenset()], gaps[named], draws.gap(learnt)
     floor = draws.floor(floors, [with_learnt, with_named])
@@ -180,8 +177,7 @@ def budget(
 def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = None) -> Share:
     """Share of the gap `open_gap` (1 + draws,) that is `closed` (1 + draws,), both in units of the gap.
 
-    `spread`: smallest and largest closed gap over the orders of causes, (1 + draws,) each.
-    """
+    `spread`: smallest and largest closed gap over the orders of causes, (1 + draws,) each."""
     if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
         return Share(0.0, (0.0, 0.0), (0.0, 0.0))
     of = closed / np.maximum(open_gap, 1e-12)

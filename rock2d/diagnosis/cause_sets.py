@@ -3,8 +3,7 @@ rises.
 
 An effect that gains little alone may gain much together with another one, and an effect that gains alone may be
 superfluous together with the true causes. So after each addition every other member of the set is left out once, and at
-the end each member is exchanged for its rivals. `Screening` selects the additions that are worth a fit.
-"""
+the end each member is exchanged for its rivals. `Screening` selects the additions that are worth a fit."""
 
 from __future__ import annotations
 
@@ -60,8 +59,7 @@ class Search:
     folder : keeps finished fits
     known : names -> fitted set
     best : the best set so far
-    expected : names of a set -> gain that screening expects of each further effect
-    """
+    expected : names of a set -> gain that screening expects of each further effect"""
 
     data: Data
     effects: Mapping[str, Effect]
@@ -137,8 +135,7 @@ class Search:
 
         A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
         MISSED_BY_TWIN, counts as less than one standard error. Its twin and the effects `fitted` are fitted in its
-        place: what screening expects of an effect can be far too little.
-        """
+        place: what screening expects of an effect can be far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
         twin = TWINS.get(name, name)
         self._with_each(sorted(({*fitted, twin} & self.effects.keys()) - cause_set.names), smaller)
@@ -203,8 +200,7 @@ class Search:
     ) -> list[Validated]:
         """The sets with one more effect that is not in `excluded`: the `most` of them with the largest expected gains.
 
-        `lead`: see `_fit`.
-        """
+        `lead`: see `_fit`."""
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
         expected = {name: e.total for name, e in self.expected_beside(cause_set).items() if name not in excluded}
@@ -256,8 +252,7 @@ class Search:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
         the noise covariance at their own parameters.
 
-        `lead`: gain in log likelihood of the set that they are compared with over the known one.
-        """
+        `lead`: gain in log likelihood of the set that they are compared with over the known one."""
         results = self._results(steps)
         gains = {
             k: results[k].fit.total() - step.before.total()
@@ -287,8 +282,7 @@ class Search:
 class _Addition:
     """Add the effect `name` to the fit `before`, from the parameters `start`; if there are none, they are explored.
 
-    `found`: result of exploring, if known; `rival_total`: log likelihood that another set reaches.
-    """
+    `found`: result of exploring, if known; `rival_total`: log likelihood that another set reaches."""
 
     before: Fit
     name: str

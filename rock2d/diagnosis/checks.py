@@ -8,8 +8,7 @@ simulation and no assumption on distributions is needed.
 
 A check contains several patterns, for example one for each zone and channel. Its value is the largest of them, in
 standard deviations of the replicates. The smallest p value of all checks is compared with that of the same replicates
-(Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one.
-"""
+(Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one."""
 
 from __future__ import annotations
 
@@ -79,8 +78,7 @@ class Check:
     value : value of the film, in standard deviations of the replicates
     percentiles : (101,) percentiles 0 to 100 of the values of the replicates
     p : share of the replicates with at least this value
-    p_of_all : share of the replicates in which any check is at least as improbable
-    """
+    p_of_all : share of the replicates in which any check is at least as improbable"""
 
     name: str
     compared: str
@@ -178,8 +176,7 @@ class _Residuals(NamedTuple):
         derivatives
     names, channels : names of the three tested channels, and (n, 3, d) their weights on z, in standard deviations
     quantities : name -> (n,) measured quantities
-    bends : (n,) factors of the functions: `FilmData.unit_bends` of flights, 1 of impacts
-    """
+    bends : (n,) factors of the functions: `FilmData.unit_bends` of flights, 1 of impacts"""
 
     release: Array
     z: Array

@@ -43,8 +43,7 @@ def run_diagnosis(
 ) -> dict[str, Any]:
     """Diagnose an experiment folder. Writes diagnosis.json and report.html, and returns the content of the former.
 
-    `limits`: folder of a study of known causes, whose limits the report shows; Path(): the expected limits
-    """
+    `limits`: folder of a study of known causes, whose limits the report shows; Path(): the expected limits"""
     from rock2d.diagnosis.report.page import write_report
     from rock2d.graphics.rendering import page_date
 

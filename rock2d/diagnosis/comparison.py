@@ -19,8 +19,7 @@ PLACE_KEYS = ("phase", "zone", "block", "channel")
 def agree(a: FittedParameter, b: FittedParameter) -> bool | None:
     """Whether two values differ by no more than their 95 % intervals allow; None if both have no interval.
 
-    The half intervals that face each other are added as independent errors.
-    """
+    The half intervals that face each other are added as independent errors."""
     if a.value == b.value:
         return True
     halves = [abs(own.ci95[own.value < other.value] - own.value) for own, other in ((a, b), (b, a))]

@@ -5,8 +5,7 @@ fit without that fold. The parameters change little, so one step is accurate eno
 fold. Where the releases determine the parameters poorly and the step is too long, it is shortened until its cost on
 the other folds is small.
 
-`save_fit` keeps a fit and its scores in a file, so that an interrupted diagnosis can continue.
-"""
+`save_fit` keeps a fit and its scores in a file, so that an interrupted diagnosis can continue."""
 
 from __future__ import annotations
 
@@ -48,8 +47,7 @@ class HeldOut:
     ----------
     residuals : residuals of all impacts and flights, each predicted by the fit without its fold
     score : (releases,) log likelihood of each release
-    parameters : (FOLDS, P) parameters of the fits without each fold
-    """
+    parameters : (FOLDS, P) parameters of the fits without each fold"""
 
     residuals: Residuals
     score: Array

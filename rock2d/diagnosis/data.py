@@ -59,8 +59,7 @@ class Residuals:
     """Impacts (n, d) in SI; flights (m, 3, degrees) in units of noise. NaN where an impact cannot be simulated.
 
     d = 6 on film: along the ground and across it (m) and angle (rad), then their rates; in an impact table the rates
-    alone.
-    """
+    alone."""
 
     impacts: Array
     flights: Array
@@ -79,8 +78,7 @@ class FilmData(FilmSegments):
     impact_release, impact_block, impact_zone : (n,) index of release, block and zone of each impact
     impact_order : (n,) position of each impact's release in its block's series
     tangent : (n, 2) direction of the ground at each impact
-    flight_release, flight_block : (m,) index of release and block of each flight
-    """
+    flight_release, flight_block : (m,) index of release and block of each flight"""
 
     step_fraction: float = BATCH_STEP_FRACTION
 
@@ -219,8 +217,7 @@ class TableData(ImpactTable):
 
     Only velocities are compared: the position of the block at the instant of the measurement is rarely known to the
     depth of an indentation. On a hard floor the time in contact is not seen either, so the data determine only the
-    ratio of the stiffnesses.
-    """
+    ratio of the stiffnesses."""
 
     @property
     def flight_release(self) -> Array:
@@ -238,8 +235,7 @@ class TableData(ImpactTable):
         """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
         (n, 6) is added to the states before.
 
-        A block that does not leave the ground has the velocities with which it stays on the ground.
-        """
+        A block that does not leave the ground has the velocities with which it stays on the ground."""
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
@@ -315,8 +311,7 @@ def _recorded_velocities(world: World, true: Array) -> Array:
 def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s: Array, step_fraction: float) -> Array:
     """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
 
-    NaN where a start is not finite, as after extrapolating a flight back with an impossible drag.
-    """
+    NaN where a start is not finite, as after extrapolating a flight back with an impossible drag."""
     possible = np.isfinite(starts).all(axis=1)
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     limits = times_s[:, -1] + 1e-9

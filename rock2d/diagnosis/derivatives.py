@@ -24,8 +24,7 @@ class Jacobian:
     impacts : (n, d, P) of impacts by parameters
     flights : (m, 3, degrees, P) of flights by parameters
     scatter : (n, d, k) of impacts by the soil's scatter
-    covariance : (n, d, d) of the measurement noise in the residuals of impacts
-    """
+    covariance : (n, d, d) of the measurement noise in the residuals of impacts"""
 
     impacts: Array
     flights: Array
@@ -55,8 +54,7 @@ def jacobian_by_differences(
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise is computed
     covariance : covariance of the noise, if known
-    known : derivatives by the first parameters at p, if known
-    """
+    known : derivatives by the first parameters at p, if known"""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
@@ -97,8 +95,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
 
     Second order matters where a small change of the state before changes the impact, for example which corner lands
     first. There the slope alone understates the variance of the state after. For r = a x + b x² with a standard normal
-    x, the variance is a² + 2 b².
-    """
+    x, the variance is a² + 2 b²."""
     before = data.state_noise(model.world(p, data.impact_order))
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
     slope, bend = [], []

@@ -4,8 +4,7 @@ An effect of known size, added to a record, changes the residuals by a known amo
 a model, with the opposite sign. One Newton step with the effect, fitted to other releases, gives its gain on each
 release. A bootstrap over the releases gives the probability that the gain, beyond that in the original record,
 suffices to name the effect. This probability is a logistic curve over the logarithm of the size. It needs no fit. Full
-diagnoses of records with an added effect correct it: `blind.recovery`.
-"""
+diagnoses of records with an added effect correct it: `blind.recovery`."""
 
 from __future__ import annotations
 
@@ -73,8 +72,7 @@ class Curve:
     compatible : largest size that is compatible with the original record
     value : most probable value of the first parameter in the original record
     found : whether the effect was named in the original record
-    largest : largest plausible size
-    """
+    largest : largest plausible size"""
 
     seen50: float
     steepness: float
@@ -131,8 +129,7 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
 
     Each curve is shifted along the logarithm of the size by a common shift and one of its own, both with a normal
     prior. The most probable shifts are used. Their uncertainty makes the curves flatter: D. J. C. MacKay (1992), Neural
-    Comput. 4(5), 720-736, eq. 10.
-    """
+    Comput. 4(5), 720-736, eq. 10."""
     from scipy.optimize import minimize
 
     names = list(curves)
@@ -271,8 +268,7 @@ class _AddedEffect:
     def upper_limit(self) -> tuple[float, float]:
         """The largest size compatible with the original record (one-sided 95 %), and the most probable value.
 
-        From one Newton step and `clustered_covariance`; for a scatter, from its likelihood.
-        """
+        From one Newton step and `clustered_covariance`; for a scatter, from its likelihood."""
         fit, data, jacobian = self._fit, self._data, self._jacobian
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))

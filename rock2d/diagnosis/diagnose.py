@@ -56,8 +56,7 @@ class Diagnosis:
     checks : whether the model with the learnt changes would have made these data
     cells : where the gap lies
     unseen : effects that these data cannot show -> reason
-    seed : seed of the bootstrap
-    """
+    seed : seed of the bootstrap"""
 
     experiment: Experiment
     sanity: Sanity
@@ -98,8 +97,7 @@ def diagnose(
     effects : effects to try; default: the whole catalogue
     workers : number of processes that fit effects; the result does not depend on it
     folder : for finished fits, so that an interrupted diagnosis can continue
-    bars : progress bars
-    """
+    bars : progress bars"""
     tried = effects or catalogue()
     bars = bars or DiagnosisBars(False, len(tried), workers)
     setup = setup_world(experiment)
@@ -202,8 +200,7 @@ def with_camera_noise(experiment: Experiment, film: Film) -> tuple[Experiment, l
 
     A diagnosis compares all residuals with noise, and no simulation is exact: the steps of the law change the velocity
     after an impact by up to 0.002 √(g × radius) and the spin by 0.005 √(g / radius) (99 % of the impacts, steps of 0.2
-    rad against 0.0125 rad). Without noise such errors would count as causes. `CAMERA_NOISE` hides them.
-    """
+    rad against 0.0125 rad). Without noise such errors would count as causes. `CAMERA_NOISE` hides them."""
     assert experiment.trajectories is not None
     size = min(block.size_m for block in experiment.blocks.values())
     noisy_channels = film.measured & (film.noise > FAINTEST_NOISE * np.array([size, size, 1.0]))

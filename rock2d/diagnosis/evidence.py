@@ -7,8 +7,7 @@ that may be the same in every release is tested together with what is learnt of 
   sign. That keeps their sizes and their correlations within a release, and removes what is systematic.
 - Imitation: what do smooth changes gain that are learnt in its place? An effect that only imitates an unknown cause
   explains a part of what they explain. They hardly gain more than a true cause.
-- Rivals: which effects gain as much in its place? They share its probability.
-"""
+- Rivals: which effects gain as much in its place? They share its probability."""
 
 from __future__ import annotations
 
@@ -91,8 +90,7 @@ class Evidence:
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
     p_no_closure : probability that the member closes no part of the gap
     negligible : whether it is too small to matter
-    out_of_range : whether its size lies at the end of the plausible range
-    """
+    out_of_range : whether its size lies at the end of the plausible range"""
 
     own_gain: Gain
     replacement_gain: Gain
@@ -151,8 +149,7 @@ def probability_from_p_value(p: float) -> float:
     """Probability of a cause from the p value of its gain.
 
     Prior odds times the largest Bayes factor that a p value allows, -1 / (e p ln p): Sellke, Bayarri and Berger (2001,
-    The American Statistician 55(1), 62-71).
-    """
+    The American Statistician 55(1), 62-71)."""
     p = min(max(p, LEAST_CHANCE), np.exp(-1.0))
     odds = PRIOR_ODDS / (-math.e * p * np.log(p))
     return float(odds / (1.0 + odds))
@@ -174,8 +171,7 @@ def evidence_of_members(
 
     `learnt`: that set with learnt changes; `permanent`: the same with those alone that are the permanent part of a
     member, see `PERMANENT`, mostly none; `known`: evidence from larger sets, whose `replacement_gain` is reused where
-    the gain of the member has changed little.
-    """
+    the gain of the member has changed little."""
     best, contained = search.best, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
@@ -351,8 +347,7 @@ def relative_size(fit: Fit, name: str) -> float:
     """Largest size among the parameters of an effect, as a share of the plausible range on its side.
 
     It is 1 for an effect that is a choice. The aim of the camera, and a choice of the place where an effect acts, do
-    not count.
-    """
+    not count."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
@@ -406,8 +401,7 @@ def outside_probability(learnt: Gain, left: float) -> float:
     """Probability that something outside the catalogue acts.
 
     `learnt`: gain of the learnt changes over the causes; `left`: log likelihood that they may gain because the forms of
-    the laws are not exact.
-    """
+    the laws are not exact."""
     if learnt.total <= 0.0:
         return LEAST_OUTSIDE_PROBABILITY
     p = probability_from_p_value(TRIED_DEPENDENCES * float(ndtr(-learnt.significance)))
@@ -443,8 +437,7 @@ def single_answers(evidence: Mapping[str, Evidence], p_outside: float, effects: 
     """Probability of each effect as the cause that explains most, of "none", and of "unknown".
 
     An effect is the first cause if it acts and none with a larger gain does. A cause that cannot be named counts as
-    "unknown". `p_outside`: probability that something outside the catalogue acts; `effects`: names of the catalogue.
-    """
+    "unknown". `p_outside`: probability that something outside the catalogue acts; `effects`: names of the catalogue."""
     answers, rest = {"none": 0.0, "unknown": 0.0, **dict.fromkeys(effects, 0.0)}, 1.0
     for name in sorted(evidence, key=lambda name: -evidence[name].own_gain.total):
         member = evidence[name]

@@ -1,8 +1,7 @@
 """Fits of a model with one more effect than a known fit: their start, and when they end.
 
 An effect can be so strong that the residuals of the known fit have no useful slope towards it. So grids of its
-parameters are tried first, on some of the releases.
-"""
+parameters are tried first, on some of the releases."""
 
 from __future__ import annotations
 
@@ -45,8 +44,7 @@ class Explored(NamedTuple):
     ----------
     p : parameters from which the fit to all releases starts
     gain : gain in log likelihood of the effect on these releases
-    useful : whether the fit starts at the explored parameters; if not, p is the known fit with a neutral effect
-    """
+    useful : whether the fit starts at the explored parameters; if not, p is the known fit with a neutral effect"""
 
     p: Array
     gain: float
@@ -57,8 +55,7 @@ def explore_on_some(model: Model, data: Data, base: Fit, on_some: float = -np.in
     """Explore a model with more effects than `base` has (which come first), on some releases.
 
     `on_some`: `total_on_some` of the base, which gains, too, if it is fitted to some releases; without it, the fit to
-    all releases starts at the explored parameters whatever they gain.
-    """
+    all releases starts at the explored parameters whatever they gain."""
     some = some_releases(data)
     if some.all():
         best = _best_short_fit(model, data.coarse(), base)
@@ -73,8 +70,7 @@ def explore_on_some(model: Model, data: Data, base: Fit, on_some: float = -np.in
 def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_total: float = -np.inf) -> Fit:
     """Fit a model with more effects than `base` has (which come first) to all releases, from the explored parameters.
 
-    `rival_total`: log likelihood that another effect will reach, see `Convergence`.
-    """
+    `rival_total`: log likelihood that another effect will reach, see `Convergence`."""
     coarse = Convergence(COARSE_CONVERGED_GAIN, rival_total)
     fitted = fit(
         model, data, found.p, old=base, convergence=Convergence(rival_total=rival_total) if found.useful else coarse
@@ -91,8 +87,7 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
     reacts to large residuals. For an effect with a compulsory choice, one more fit starts from the stated law, because
     `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.
 
-    The fits keep the derivatives of `base`: they only provide a start.
-    """
+    The fits keep the derivatives of `base`: they only provide a start."""
     start, cached = extended(base, model), CachedResiduals(model, data)
     starts = [start]
     for wide, jacobian in ((1.0, base.jacobian), (WIDE_SCAN, None)):
@@ -140,8 +135,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
     """Best parameters of a grid search over the effects' parameters, one after another.
 
     With the `jacobian` of a fit nearby, the base parameters are adapted at each point of the grid by the linear model.
-    The point that is then expected to be best is checked by a simulation.
-    """
+    The point that is then expected to be best is checked by a simulation."""
     model = cached.model
     low, high = model.bounds()
     parameters = [q for own in model.parameters for q in own]

@@ -47,8 +47,7 @@ class Fit:
     scatter : (k,) standard deviations of the soil
     jacobian : derivatives of the residuals at p
     residuals : residuals at p
-    free : whether the parameters were fitted to this model; False where they were taken from another one
-    """
+    free : whether the parameters were fitted to this model; False where they were taken from another one"""
 
     model: Model
     p: Array
@@ -119,8 +118,7 @@ def fit(
     convergence : when the fit ends
     keep_jacobian : use the derivatives of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
-    residuals : residuals at the start, if known
-    """
+    residuals : residuals at the start, if known"""
     low, high = model.bounds()
     centre, prior_precision = prior(model)
     p = np.clip(model.start() if start is None else start, low, high)

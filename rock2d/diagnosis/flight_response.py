@@ -2,8 +2,7 @@
 
 An acceleration a(t) along the measured path displaces the block by its double integral. The polynomials of degree 0 and
 1 of a flight absorb a part of that as another state; the rest remains in the residuals. Both are linear in the
-acceleration, so no simulation is needed.
-"""
+acceleration, so no simulation is needed."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ class FlightPaths:
     ----------
     start : (m + 1,) index of the first frame of each flight
     t_s : (frames,) true time from the middle of the flight
-    quantities : name -> (frames,) values of what an acceleration may depend on
-    """
+    quantities : name -> (frames,) values of what an acceleration may depend on"""
 
     start: Array
     t_s: Array
@@ -88,8 +86,7 @@ class FlightResponse:
     residuals : (m, degrees, k) change of the coefficients of degree 2 and higher, in m for 1 m/s² (or rad for 1 rad/s²)
     place, rate : (m, k) change of the fitted position and velocity at the middle
     paths : the measured paths
-    moved, moving : (frames, k) displacement and its rate along the paths
-    """
+    moved, moving : (frames, k) displacement and its rate along the paths"""
 
     residuals: Array
     place: Array

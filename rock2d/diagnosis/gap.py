@@ -4,8 +4,7 @@
 regression cannot predict, and the differences of near-replicates (`replicates`).
 
 Rests, the ends of the releases, are predicted from the last measured flight. Fits do not use them, because a long roll
-on the ground depends little on impacts and much on chance: so they are always held out.
-"""
+on the ground depends little on impacts and much on chance: so they are always held out."""
 
 from __future__ import annotations
 
@@ -64,8 +63,7 @@ class Cell:
     phase, zone, block, channel : the place
     share : share of the whole gap
     z : significance of the share, in standard errors
-    base, augmented : typical residual there, of the base law and of the best model
-    """
+    base, augmented : typical residual there, of the base law and of the best model"""
 
     phase: str
     zone: str
@@ -84,8 +82,7 @@ class Part:
     Attributes
     ----------
     explained : reduction of the squares of the base law by the best explanation
-    base, augmented : squares of the base law and of the best model
-    """
+    base, augmented : squares of the base law and of the best model"""
 
     phase: str
     explained: Array
@@ -172,8 +169,7 @@ def locate_gap(experiment: Experiment, data: Data, attribution: Attribution) -> 
     rest to the zone below its end.
 
     The shares of the significant places sum to 1; if none is significant, those of all places. Where blocks come to
-    rest follows from their impacts and is not a part of the gap. It is listed only if nothing else is significant.
-    """
+    rest follows from their impacts and is not a part of the gap. It is listed only if nothing else is significant."""
     ground, blocks, parts = (experiment.cross_section, list(experiment.blocks), [_impact_part(data, attribution)])
     if isinstance(data, FilmData):
         parts.append(_flight_part(data, attribution, ground))

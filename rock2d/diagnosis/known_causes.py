@@ -55,8 +55,7 @@ def two_sided(parameter: Parameter) -> bool:
 def with_cause(model: Model, p: Array, effect: Effect, values: Mapping[str, float]) -> tuple[Model, Array, Array]:
     """A model with the effect, and its parameters (P,) without and with the cause.
 
-    If the model already has the effect, the values add up; factors multiply. A scatter is not changed.
-    """
+    If the model already has the effect, the values add up; factors multiply. A scatter is not changed."""
     if effect.name not in model.positions:
         model = replace(model, effects=[*model.effects, effect])
         p = np.concatenate([p, model.start()[len(p) :]])

@@ -1,8 +1,7 @@
 """Learnt changes: dependences without a named cause become a part of the model.
 
 For a dependence of the residuals (`levers.find_dependences`), the lever becomes a smooth function with a few
-coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain.
-"""
+coefficients. These are fitted together with all parameters of the model, and kept only if held-out releases gain."""
 
 from __future__ import annotations
 
@@ -43,8 +42,7 @@ class Change(KnownChange, SummedGain):
     Attributes
     ----------
     gain : (releases,) gain in log likelihood on held-out releases
-    units : (components of the lever,) natural units, in which its coefficients are fitted
-    """
+    units : (components of the lever,) natural units, in which its coefficients are fitted"""
 
     gain: Array
     units: Array
@@ -55,8 +53,7 @@ class Learnt(Validated):
     """A validated fit with learnt changes.
 
     `before`: the same without the last change, if there is one; `dependences`: all dependences of its residuals, if
-    they are known.
-    """
+    they are known."""
 
     changes: list[Change] = field(default_factory=list)
     before: Learnt | None = None
@@ -74,8 +71,7 @@ class Learnt(Validated):
 def learn(start: Validated, data: Data, only: Collection[str] = LEVERS, least_total: float = -np.inf) -> Learnt:
     """Add learnt changes of the levers `only` to a model, as long as held-out releases gain significantly.
 
-    Further changes are not learnt if it is clear that all together will gain less than `least_total`.
-    """
+    Further changes are not learnt if it is clear that all together will gain less than `least_total`."""
     state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out)
     for count in range(MOST_LEARNT if start.fit.free else 0):
         levers, tried = Levers(state.fit, data), list[tuple[Dependence, Learnt, Gain]]()

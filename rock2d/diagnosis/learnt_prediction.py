@@ -5,8 +5,7 @@ change to find this place, and then with the changed law and the changed state b
 
 Changes after an impact were learnt from blocks that fly on. They act only if a flight follows that is long enough for a
 film: the state at lift-off changes, learnt accelerations act until the block touches the ground again, and the engine
-simulates the rest. For a block that rolls, slides or lies still the engine alone determines the motion.
-"""
+simulates the rest. For a block that rolls, slides or lies still the engine alone determines the motion."""
 
 from __future__ import annotations
 
@@ -86,8 +85,7 @@ def predicted_poses(
     """(n, k, 3) predicted poses of the segments as the camera records them; the rows of `world` are those of the
     segments.
 
-    `shift` (n, 6) is added to the states at the starts.
-    """
+    `shift` (n, 6) is added to the states at the starts."""
     starts = data.states_at(world, segments.flight, data.start_s[segments.flight]) + shift
     block, times = segments.block, segments.instants_s * world.view.time_scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
@@ -104,8 +102,7 @@ class _FlightsAfter(NamedTuple):
     segment : (m,) index of the segment
     left_s, clear_s : (m,) time from the start of the segment to the end of the impact, and until the block is clear of
         the ground
-    state : (m, 6) state when clear
-    """
+    state : (m, 6) state when clear"""
 
     segment: Array
     left_s: Array
@@ -177,8 +174,7 @@ class LearntMotion:
     def samples(self, t_s: Array) -> Array:
         """(n, k, 3) poses at true times t_s (n, k) from the start, infinite where there is no frame.
 
-        NaN where the block has left the cross-section.
-        """
+        NaN where the block has left the cross-section."""
         poses = self._run(self._world, self._start, times_s=t_s).samples
         if not any(change.lever in (SLOPE, OUTCOME, FRAME, FLIGHT) for change in self._changes):
             return poses

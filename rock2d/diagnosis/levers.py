@@ -8,8 +8,7 @@ responses to all coefficients follow from a few simulations by the chain rule.
 A *dependence* is a lever that follows measured quantities in the residuals of a model; no effect need explain it. A
 regression without mechanics (`residual_regression`) needs many impacts to find a pattern in six channels; levers change
 all channels together. For each pair of lever and basis, one Newton step with free parameters of the model gives the
-gain on held-out releases.
-"""
+gain on held-out releases."""
 
 from __future__ import annotations
 
@@ -216,8 +215,7 @@ class Dependence(SummedGain):
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
-    width : standard deviation of its coefficients with the largest gain
-    """
+    width : standard deviation of its coefficients with the largest gain"""
 
     lever: str
     basis: Basis
@@ -234,8 +232,7 @@ def find_dependences(
 ) -> list[Dependence]:
     """All tried dependences of the levers `only`, the one with the largest gain first.
 
-    `levers`: those of the fit, if they are used further: their derivatives are then computed once.
-    """
+    `levers`: those of the fit, if they are used further: their derivatives are then computed once."""
     levers, linear = levers or Levers(fit, data), LinearModel(fit, data)
     dependences = []
     for lever, tried in levers.bases.items():

@@ -5,8 +5,7 @@ from impact to impact (each parameter of the law by a fitted standard deviation)
 make the covariance of the impact. A Student distribution allows for the few impacts that fall on the other side of an
 edge. The coefficients of flights are independent and have unit variance.
 
-The scatter of the soil is fitted to the residuals (`fit_scatter`).
-"""
+The scatter of the soil is fitted to the residuals (`fit_scatter`)."""
 
 from __future__ import annotations
 
@@ -35,8 +34,7 @@ LARGEST_SCATTER_STEP, SMALLEST_SCATTER_STEP = 3.0, 1e-4  # in the logarithms of 
 def log_likelihood(r: Array, covariance: Array) -> Array:
     """(n,) log likelihood of the residuals r (n, d) of impacts, up to a constant: Student with a covariance (n, d, d).
 
-    Rows with NaN count as very improbable.
-    """
+    Rows with NaN count as very improbable."""
     d = r.shape[1]
     chi2 = chi_square(r, covariance)
     return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(chi2 / IMPACT_STUDENT_DF)
@@ -111,8 +109,7 @@ def clustered_covariance(
     Biometrika 73(1), 13-22). No variance is smaller than that of the inverse `curvature` (P, P).
 
     `curvature`: of `normal_equations` and the prior; `release`: release of each impact and of each flight; `count`:
-    number of releases.
-    """
+    number of releases."""
     scores = np.zeros((count, len(curvature)))
     r, good = np.nan_to_num(residuals.impacts), np.isfinite(residuals.impacts).all(axis=1)
     u = np.linalg.solve(covariance, r[..., None])[..., 0]
@@ -156,8 +153,7 @@ def prior(model: Model) -> tuple[Array, Array]:
 def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
 
-    Damped steps of Fisher scoring in their logarithms.
-    """
+    Damped steps of Fisher scoring in their logarithms."""
     cost = _Cost.of(r, jacobian)
     low, high = np.log(SCATTER_BOUNDS)
     at = cost.at(np.clip(np.log(start), low, high))

@@ -5,8 +5,7 @@ Newton step with these columns and one without; the parameters of the fit are fr
 
 `Screening` finds the effects that are worth a fit. Each effect adds one column for each of its parameters. That takes a
 few simulations for each effect, where a fit takes a hundred. An effect that is strong, or whose first small step does
-nothing, has a second column: the change of the residuals between no effect and its size as a single effect.
-"""
+nothing, has a second column: the change of the residuals between no effect and its size as a single effect."""
 
 from __future__ import annotations
 
@@ -47,8 +46,7 @@ class Step:
     ----------
     gain : (releases,) gain in log likelihood on held-out releases
     step : (k,) step of the further parameters, to subtract
-    choice : index of the width with the largest gain
-    """
+    choice : index of the width with the largest gain"""
 
     gain: Array
     step: Array
@@ -186,8 +184,7 @@ class Expected(SummedGain):
     ----------
     gain : (releases,) log likelihood on held-out releases
     p : start parameters for a fit of the model with the effect
-    chance_gains : (draws,) gains by chance, see `LinearModel.chance_gains`
-    """
+    chance_gains : (draws,) gains by chance, see `LinearModel.chance_gains`"""
 
     gain: Array
     p: Array

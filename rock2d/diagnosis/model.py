@@ -45,8 +45,7 @@ class LeverResponse:
     slope : (n, c) change of the slope of the ground in rad, or None
     shift : (n, 6, c) change of the states before the impacts, or None
     impacts : (n, d, c) direct change of the residuals of impacts, or None
-    flights : (m, 3, degrees, c) change of the residuals of flights, or None
-    """
+    flights : (m, 3, degrees, c) change of the residuals of flights, or None"""
 
     size: int
     law: Array | None = None
@@ -65,8 +64,7 @@ class Model:
     units of `widths` (c,).
     `known_p`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
     `flown`: blocks with parameters of their own for effects in flight, on the scale of their size; if empty, all blocks
-    share the parameters.
-    """
+    share the parameters."""
 
     setup: World
     base: Array
@@ -196,8 +194,7 @@ class Model:
 class LeverDerivatives:
     """Derivatives of the residuals of a model at parameters p by the levers of every impact.
 
-    `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
-    """
+    `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law."""
 
     def __init__(self, model: Model, p: Array, data: Data, at: Residuals, by_law: Array) -> None:
         self.model, self.p, self.data, self.at, self.by_law = model, p, data, at, by_law

@@ -47,8 +47,7 @@ COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:
     """The world of a diagnosis: with all effects that were found, or `base_only` with the base law.
 
-    `order`: positions of the releases in their series, counted from 0.
-    """
+    `order`: positions of the releases in their series, counted from 0."""
     known = catalogue()
     law, effects = (content["base"], {}) if base_only else _law_and_effects(content)
     rows = setup.contact.copy()
@@ -97,8 +96,7 @@ def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
 def read_for_prediction(path: str | Path) -> dict[str, Any]:
     """Content of diagnosis.json, checked for what a prediction needs.
 
-    Raises InputError if it cannot be used; warns if it has keys with old names.
-    """
+    Raises InputError if it cannot be used; warns if it has keys with old names."""
     document, read = read_fitted_diagnosis(path)
     if read.model is not None and read.model.learnt is not None:
         for i, change in enumerate(read.model.learnt.changes):
@@ -138,8 +136,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     `TABLE_COLUMNS`.
 
     Raises InputError for a film that cannot be read or shows no flight with a frame after it, and for a diagnosis
-    without a fitted law.
-    """
+    without a fitted law."""
     import pandas as pd
 
     if not content["base"]:

@@ -1,8 +1,7 @@
 """The gap of predictions: the errors of whole segments of held-out releases, with and without causes.
 
 Fits compare only the first instants after an impact. A segment continues: blocks bounce again, roll and come to rest.
-So these are the errors to expect of `rock2d predict` for another film of the set-up.
-"""
+So these are the errors to expect of `rock2d predict` for another film of the set-up."""
 
 from __future__ import annotations
 
@@ -41,8 +40,7 @@ class PredictedGap:
         segment, the scatter of the soil, and the noise of the frames
     noise : (3,) noise of a frame, in m, m, rad
     ends : for both models, median errors at the ends of the segments: position in mm, angle in degrees (NaN if no angle
-        was measured)
-    """
+        was measured)"""
 
     release: Array
     base: Array

@@ -2,8 +2,7 @@
 the features of impacts for the regression of the residuals.
 
 A *basis* is additive over its quantities. Splines follow any smooth curve, harmonics an angle, a line passes through
-zero; kinds, for example blocks or zones, have one value each.
-"""
+zero; kinds, for example blocks or zones, have one value each."""
 
 from __future__ import annotations
 
@@ -98,8 +97,7 @@ class Curve:
     ----------
     numbers : breakpoints of a spline, orders of harmonics, the kinds, unit of a line, or angular frequencies of
         waves
-    measured : lowest and highest measured value of a line or waves; those of a spline are its ends
-    """
+    measured : lowest and highest measured value of a line or waves; those of a spline are its ends"""
 
     quantity: str
     kind: str

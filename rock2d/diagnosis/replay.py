@@ -3,8 +3,7 @@ coordinates.
 
 A segment lasts from the end of one flight to the end of the next, or of the film. Its simulation starts in the previous
 flight, from its measured state, a little above the ground. The poses of releases are those that the camera records,
-with a mirrored axis corrected, so that measured and simulated poses belong to the same cross-section.
-"""
+with a mirrored axis corrected, so that measured and simulated poses belong to the same cross-section."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Segments:
     frames : frames of each in the film
     instants_s : (n, k) recorded time of its frames from the start of the simulation, infinite beyond the last
     began_s : (n,) recorded time of the start of the simulation in its release
-    frame_s : recorded time from frame to frame
-    """
+    frame_s : recorded time from frame to frame"""
 
     flight: Array
     block: Array
@@ -112,8 +110,7 @@ class Releases:
     flight : (n,) the first flight of each release; `release`, `block` (n,) as in the film
     t_s : (n, k) recorded instants, NaN beyond the last frame
     pose : (n, k, 3) as the camera records them, NaN likewise
-    impact : (n,) index of the first frame after the first flight
-    """
+    impact : (n,) index of the first frame after the first flight"""
 
     flight: Array
     release: Array
@@ -145,8 +142,7 @@ def simulated_releases(data: FilmData, fit: Fit, film: Releases, signs: Signs, *
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
 
-    The soil varies from impact to impact. Few impacts of a release matter, so one soil is drawn for each release.
-    """
+    The soil varies from impact to impact. Few impacts of a release matter, so one soil is drawn for each release."""
     order = data.order[film.release]
     if not repetitions:
         return recorded_simulation(data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs)
@@ -169,8 +165,7 @@ def recorded_simulation(
     """Recorded poses (n, k, 3) at recorded instants `t_s` (n, k; NaN where there is none, at the end of a row).
 
     The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). After
-    a block has left the cross-section, its last pose is repeated.
-    """
+    a block has left the cross-section, its last pose is repeated."""
     block = data.flights.block[flights]
     starts = data.states_at(world, flights, start_s - data.basis.middle[flights])
     times = (t_s - start_s[:, None]) * world.view.time_scale

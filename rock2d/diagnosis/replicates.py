@@ -3,8 +3,7 @@
 Two impacts of the same block in the same zone with nearly the same state before them differ only by noise and soil. So
 half the mean square difference of their residuals estimates the variance of noise and soil (the nugget of the
 variogram; Matheron 1963, Economic Geology 58(8), 1246-1266). If it is smaller than the mean square of the residuals,
-the model misses something that depends on the state.
-"""
+the model misses something that depends on the state."""
 
 from __future__ import annotations
 
@@ -56,8 +55,7 @@ NO_PAIRS = Ratio(1.0, 0.0)
 def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
     """The ratio for the residuals z (n, d), in standard deviations, of a model's impacts.
 
-    Several definitions of "nearly the same state" are tried. The one with the lowest upper bound counts.
-    """
+    Several definitions of "nearly the same state" are tried. The one with the lowest upper bound counts."""
     ratios = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
     return min([NO_PAIRS, *ratios], key=lambda ratio: ratio.upper_bound)
 

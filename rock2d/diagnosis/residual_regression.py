@@ -2,8 +2,7 @@
 
 The residuals of the right model cannot be predicted. A ridge regression on the terms that forces would cause, and then
 extremely randomised trees on its residuals, are fitted on some releases and tested on others. They contain no
-mechanics, so the share of the gap that they close is a lower bound for what a cause would close.
-"""
+mechanics, so the share of the gap that they close is a lower bound for what a cause would close."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ class RegressedResiduals:
     Attributes
     ----------
     impacts, flights : (n, d) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
-    impacts_remaining, flights_remaining : the same minus the prediction
-    """
+    impacts_remaining, flights_remaining : the same minus the prediction"""
 
     impacts: Array
     impacts_remaining: Array

@@ -45,8 +45,7 @@ class Gain(SummedGain):
     Attributes
     ----------
     gain : (releases,) difference in log likelihood
-    by_means : (releases,) the same with equal covariances in both models; None if unknown or not meaningful
-    """
+    by_means : (releases,) the same with equal covariances in both models; None if unknown or not meaningful"""
 
     gain: Array
     by_means: Array | None = None
@@ -54,8 +53,7 @@ class Gain(SummedGain):
     @property
     def significance(self) -> float:
         """Significance of the gain, in standard errors; of `by_means` if it is known. The covariances of two fits
-        differ by chance, which adds more to the spread over releases than a weak effect.
-        """
+        differ by chance, which adds more to the spread over releases than a weak effect."""
         return significance(self.gain if self.by_means is None else self.by_means)
 
     def plus(self, further: Array) -> Gain:

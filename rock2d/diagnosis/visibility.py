@@ -1,8 +1,7 @@
 """Effects that these data can show: those that change some residual by more than a small part of its noise.
 
 Flights alone do not show impacts, a table of impacts does not show the air, a ball without marks does not show its
-spin. Effects that the data cannot show are not tried: they remain possible.
-"""
+spin. Effects that the data cannot show are not tried: they remain possible."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Work of the stages of a diagnosis, in evaluations of all residuals, for the estimate of the remaining time.
 
 The numbers are typical of films with 200 to 450 impacts. The work of searching and learning is estimated again during
-the diagnosis: the expected gains of further effects show how much the best set leaves unexplained.
-"""
+the diagnosis: the expected gains of further effects show how much the best set leaves unexplained."""
 
 from __future__ import annotations
 

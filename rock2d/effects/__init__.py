@@ -1,8 +1,7 @@
 """The catalogue of effects: every module of this folder that defines `EFFECT`.
 
 An effect is one file with its parameters, its change of the world, and, if the engines need it, its compiled law (see
-`rock2d.effects.forces`). A new file in this folder is found, gets its columns, and is compiled into the engines.
-"""
+`rock2d.effects.forces`). A new file in this folder is found, gets its columns, and is compiled into the engines."""
 
 from __future__ import annotations
 

@@ -43,8 +43,7 @@ def with_view(world: World, shift: Sequence[float] | None = None, **changes: Any
     """The world seen by another camera.
 
     The aim of the camera moves by `shift` (right, up) × the width of `aim_and_width`, from the previous aim or the
-    default one. Without `shift` it stays. `changes`: other fields of `World.view`.
-    """
+    default one. Without `shift` it stays. `changes`: other fields of `World.view`."""
     aim = world.view.aim_m
     if shift is not None:
         default, width = aim_and_width(world.cross_section)

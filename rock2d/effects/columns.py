@@ -1,8 +1,7 @@
 """Columns of effects in a contact row and in a block's `air`.
 
 A contact row has the columns of `rock2d.laws.contact`, followed by those of the effects. 0 always means no effect, so a
-row with only the columns of the law has no effects.
-"""
+row with only the columns of the law has no effects."""
 
 from __future__ import annotations
 

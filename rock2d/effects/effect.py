@@ -21,8 +21,7 @@ class Parameter:
 
     `choices`: possible values of a parameter that is not continuous, with the names `choice_names`. `length`, `time`:
     exponents of its unit; the range (and a neutral value other than 0) is stated for a laboratory and scales with the
-    set-up, see `at`. `optional`: files may omit it, as those of earlier versions do.
-    """
+    set-up, see `at`. `optional`: files may omit it, as those of earlier versions do."""
 
     name: str
     unit: str
@@ -85,8 +84,7 @@ class Effect:
     grows : it grows from release to release of a series
     columns : names of the columns of a contact row, or of a block's `air`, that its law reads
     normal, friction, tangential, flight, recoil, departure : compiled laws, see `rock2d.effects.forces`
-    damping : (columns) -> largest derivative of its forces by the speed of a contact in N s/m, arrays of any shape
-    """
+    damping : (columns) -> largest derivative of its forces by the speed of a contact in N s/m, arrays of any shape"""
 
     name: str
     summary: str

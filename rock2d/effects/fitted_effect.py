@@ -28,8 +28,7 @@ class FittedEffect:
     setup : the world as stated
     fps : stated frame rate
     impacts_only : whether the record is a table of impacts instead of a film
-    by_block : parameter name -> block -> value as in diagnosis.json, for parameters with a value for each block
-    """
+    by_block : parameter name -> block -> value as in diagnosis.json, for parameters with a value for each block"""
 
     effect: Effect
     values: Mapping[str, float]

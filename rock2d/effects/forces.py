@@ -14,8 +14,7 @@ columns, in the order of `Effect.columns`. The engines call a law only if one of
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity
-of the contact point in m/s. No law adds energy; the dissipated energy is the share "effects" of the energy audit.
-"""
+of the contact point in m/s. No law adds energy; the dissipated energy is the share "effects" of the energy audit."""
 
 from __future__ import annotations
 
@@ -74,8 +73,7 @@ def flight(air, vx, vy, omega, mass, inertia):
 def ground_forces(row, first, motion, force_n):
     """(whole normal force in N, factor on tan φ, force against the slip in N) of a contact with effects.
 
-    motion : (depth in m, its rate in m/s, slip in m/s, peak depth in m, depth of the indentation's bottom in m)
-    """
+    motion : (depth in m, its rate in m/s, slip in m/s, peak depth in m, depth of the indentation's bottom in m)"""
     depth, rate, slip, peak, bottom = motion
     total = force_n + normal(row, first, depth, rate, peak, bottom, force_n)
     if depth >= bottom:

@@ -34,8 +34,7 @@ def as_built(cross_section: CrossSection, facing_rad: float, ditch_level: float,
 
     The turn is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Of several embankments
     each facing is turned, and each ditch raised. Ground without an embankment is inclined as a whole about its middle
-    and raised by `ditch_level` × `size_m`, the size of the blocks.
-    """
+    and raised by `ditch_level` × `size_m`, the size of the blocks."""
     points = cross_section.points_m.copy()
     if not cross_section.embankments:
         middle = 0.5 * (points[0, 0] + points[-1, 0])

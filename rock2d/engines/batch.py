@@ -1,8 +1,7 @@
 """The batch engine: an ensemble of releases in one compiled call, with the same contact law as the pymunk engine.
 
 Each release may have its own block, cross-section and parameters. Releases are independent, so results do not depend on
-the number of threads.
-"""
+the number of threads."""
 
 from __future__ import annotations
 
@@ -93,8 +92,7 @@ class BatchResult(NamedTuple):
     energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
     saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
     audit : (n, N_AUDIT) dissipated energies, see `energy_balance.energy_balances`
-    knots : (room, N_KNOT) of one release; with room 0 none are written
-    """
+    knots : (room, N_KNOT) of one release; with room 0 none are written"""
 
     stop: Array
     ends: Array
@@ -196,8 +194,7 @@ def run_batch(
     saved_contacts : (n, contacts, N_SAVED) contacts of suspended releases that continue from `states`; effects must not
         act
 
-    Raises ValueError if states are not finite or an index does not exist.
-    """
+    Raises ValueError if states are not finite or an index does not exist."""
     # copies, because numba compiles again for a read-only view or another memory order
     states = np.array(np.atleast_2d(states), float, order="C")
     n = len(states)
@@ -252,8 +249,7 @@ def run_batch_track(
 ) -> Track:
     """Run one release with the batch engine and return its track, with a knot at every contact step.
 
-    `table` is (zones, columns) in SI; `state` is (6,) as in `run_batch`.
-    """
+    `table` is (zones, columns) in SI; `state` is (6,) as in `run_batch`."""
     packed = pack(Ensemble([block], [cross_section], [table]))
     steps = contact_step.contact_steps_s(block, packed.tables[0], BATCH_STEP_FRACTION)
     none = np.zeros(1, np.int64)

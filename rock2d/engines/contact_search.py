@@ -1,8 +1,7 @@
 """The search for the feature that each contact of a block meets, and the guard: the distance that the block can move
 before its contacts can change. Compiled.
 
-A contact follows its feature from facet to facet, so it keeps its memory at joints.
-"""
+A contact follows its feature from facet to facet, so it keeps its memory at joints."""
 
 from __future__ import annotations
 
@@ -62,8 +61,7 @@ def find_features(q, reach, near, world, memory, found):
     """Fill `found` with each contact's nearest feature and depth at state q; contacts keep the feature they follow.
 
     near : (first, one past the last) index of the facets that are searched
-    reach : features of vertices and smooth profiles farther above the ground (in m) are ignored (depth NOWHERE)
-    """
+    reach : features of vertices and smooth profiles farther above the ground (in m) are ignored (depth NOWHERE)"""
     pose = pose_of(q)
     f0, f1 = near
     block, ground, ints, found_i, found_r = world.block, world.ground, memory.ints, found.ints, found.reals
@@ -116,8 +114,7 @@ def hand_over(corners, memory, found, loaded, active):
     """Move the memory of a contact to the contact that continues it, where a ground corner has passed between the
     circle of a rounded corner (contact of a corner) and the flat part of a face (contact of a vertex).
 
-    loaded : LoadedContacts, of which `active` are in use; their rows follow the memory
-    """
+    loaded : LoadedContacts, of which `active` are in use; their rows follow the memory"""
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     for j in range(ints.shape[0]):
         if not ints[j, ACTIVE] or found_r[j, DEPTH] != NOWHERE:
@@ -239,8 +236,7 @@ def _keep_vertex(j, pose, world, memory, found):
     """Continue active contact j, whose feature is no longer found, at its vertex or at the end of its facet.
 
     Far inside the ground, the nearest features leave gaps. The contact continues as long as that vertex lies inside the
-    profile, in the same half of it. Beyond the longer axis of an ellipse the contact ends.
-    """
+    profile, in the same half of it. Beyond the longer axis of an ellipse the contact ends."""
     block, facets, ints = world.block, world.ground.facets, memory.ints
     x, y, _, _ = pose
     vertex, half = ints[j, INDEX], ints[j, PART]
@@ -293,8 +289,7 @@ def _offer(memory, found, feature, depth, key):
 def set_anchor(anchor, q, h, world, memory):
     """Write pose q and its guard into `anchor`; a guard too small for a step of h (s) becomes 0.
 
-    Returns whether the centroid lies below the surface. Within the guard it stays above.
-    """
+    Returns whether the centroid lies below the surface. Within the guard it stays above."""
     block, ground = world.block, world.ground
     ball = is_ball(block)
     most = (BALL_VIEW_RADII if ball else VIEW_RADII) - 1.0
@@ -320,8 +315,7 @@ def guard_distance(q, allowance, near, world, memory):
 
     near : (first, one past the last) index of the facets that are searched
     allowance : width in m of these facets beyond the block, the largest guard. A contact that moves within a run of
-        facets does not change: `fast_contact_steps` follows it.
-    """
+        facets does not change: `fast_contact_steps` follows it."""
     pose = pose_of(q)
     x, y, c, s = pose
     block, ground, ints = world.block, world.ground, memory.ints

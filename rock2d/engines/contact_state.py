@@ -2,8 +2,7 @@
 rows for the next steps, with their forces.
 
 A polygon has a contact for each corner and VERTEX_CONTACTS for ground corners under its faces; a circle or ellipse has
-SMOOTH_CONTACTS.
-"""
+SMOOTH_CONTACTS."""
 
 from __future__ import annotations
 
@@ -167,8 +166,7 @@ def step_growth(reference_energy, block, memory, law):
     """Factor (1 to LARGEST_STEP_GROWTH) by which a contact step may grow while the oscillation in the contacts decays.
 
     The energy error of a step is of order energy × step⁵. With a step ∝ 1/√energy, below a sixteenth of the reference
-    energy, it still decreases. Steady rolling and sliding do not count as oscillation.
-    """
+    energy, it still decreases. Steady rolling and sliding do not count as oscillation."""
     ints, reals = memory.ints, memory.reals
     energy, touching = stored_energy(memory, law), False
     for j in range(ints.shape[0]):
@@ -237,8 +235,7 @@ def note_pressed(active, loaded, h):
     """Set L_PRESSED: on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
 
     It holds for the whole step, which ends if a contact passes the bottom of its indentation: there the moment of the
-    rolling spring, and friction of 90 degrees, jump to 0.
-    """
+    rolling spring, and friction of 90 degrees, jump to 0."""
     rows, trial = loaded.rows, loaded.trial
     for a in range(active):
         ahead = trial[a, DEPTH_0] - rows[a, L_OFFSET] + LEAST_EVENT * h * trial[a, RATE_0]
@@ -269,8 +266,7 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
 
     Returns (force along x and y in N, moment in N m, slip velocity in m/s and spin in rad/s that deform its springs,
     0 while unpressed; power in W of its tangential spring, of its rolling spring and of its effects; acceleration along
-    x in m/s² of recoiling ground).
-    """
+    x in m/s² of recoiling ground)."""
     depth, nx, ny, rx, ry = placed(rows, a, pose)
     vx, vy, omega = velocity
     k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + ROLLING_CAP]

@@ -2,8 +2,7 @@
 
 The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *contact*, which holds its memory. Within a
 step, features do not change, and the law is evaluated at four Runge-Kutta stages. `trial_step` ends the step at the
-first event. Without contacts a step is exact.
-"""
+first event. Without contacts a step is exact."""
 
 from __future__ import annotations
 
@@ -70,8 +69,7 @@ def contact_steps_s(block: Block, tables: np.ndarray, fraction: float = FINE_STE
 
     A step covers the phase `fraction` in rad of the stiffest oscillation, ω² = k (1/m + r²/I), with the largest lever r
     of the force; the normal force of a circle has no lever. Damping c of effects counts as the rate c (1/m + r²/I). For
-    parameters (zones, columns) two numbers; for tables (n, zones, columns) two (n,) arrays.
-    """
+    parameters (zones, columns) two numbers; for tables (n, zones, columns) two (n,) arrays."""
     lever = block.reach_m
     if block.smooth:
         lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) + float(np.hypot(*block.centre_of_mass_m))
@@ -146,8 +144,7 @@ def _commit_contact(a, world, contacts, audit):
 def _enter_zone(j, depth, forces, p, new, memory):
     """Move contact j from a zone with parameters `p` into one with `new`; returns the energy in J that is lost.
 
-    forces : (normal force of the law, tangential force) in N before
-    """
+    forces : (normal force of the law, tangential force) in N before"""
     reals = memory.reals
     force_n, force_t = forces
     kept = reals[j, ROTATION]
@@ -247,8 +244,7 @@ def _update_inactive(world, memory, found, begin):
 def begin_contacts(q, near, world, memory, found):
     """Search the ground for the first time, when no contact is active: set depths, and begin contacts that touch it.
 
-    near : (first, one past the last) index of the facets that are searched. Returns the number of active contacts.
-    """
+    near : (first, one past the last) index of the facets that are searched. Returns the number of active contacts."""
     find_features(q, world.block.radius, near, world, memory, found)
     return _update_inactive(world, memory, found, True)
 

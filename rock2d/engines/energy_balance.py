@@ -47,8 +47,7 @@ def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) ->
     """(n, columns of ENERGY_NAMES) in J, from states (n, 6) at start and end and the audit (n, N_AUDIT) of the engine.
 
     At the start springs hold no energy: a block that starts inside the ground starts in an indentation. residual =
-    energy at the end + dissipated energy - energy at the start; corrected: see `trial_step.correct_energy`.
-    """
+    energy at the end + dissipated energy - energy at the start; corrected: see `trial_step.correct_energy`."""
     out = np.empty((len(starts), len(ENERGY_NAMES)))
     out[:, E_KINETIC], out[:, E_POTENTIAL] = mechanical_energy(masses, ends)
     out[:, E_ELASTIC], out[:, E_DISSIPATED] = audit[:, ELASTIC], audit[:, : len(AUDIT_NAMES)]

@@ -97,8 +97,7 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
     indentation; h if it does not. For an unpressed contact also the top of a hop, so that its way down is not missed.
 
     d, r : penetration in m and its rate before and after the step; peak : peak penetration; bottom : residual
-    indentation
-    """
+    indentation"""
     if d0 >= peak and r0 > 0.0 and r1 < 0.0:
         return turning_time(d0, r0, d1, r1, h)
     if (d0 > bottom) != (d1 > bottom):
@@ -116,8 +115,7 @@ def force_limit_event(law, row, first, before, after, memory, h, whole):
     does not, or if the step has landed there. `row`, `first` as in `forces.ground_forces`.
 
     law : row of CONTACT_LAW_COLUMNS; before, after : (penetration in m, its rate in m/s) at the two ends of the step
-    memory : (peak penetration, bottom of the indentation) in m
-    """
+    memory : (peak penetration, bottom of the indentation) in m"""
     d0, r0 = before
     d1, r1 = after
     peak, bottom = memory
@@ -148,8 +146,7 @@ def _gap_to_found(j, q, world, memory, found):
     """A distance in m that changes sign when contact j passes from its feature to the one found for it, and its rate.
 
     Between two facets or faces: the difference of the depths. Between a facet and its vertex: the distance of the foot
-    of the contact point from the end of the facet, because there the depths touch without crossing.
-    """
+    of the contact point from the end of the facet, because there the depths touch without crossing."""
     block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
     pose = pose_of(q)
     _, _, c, s = pose
@@ -238,8 +235,7 @@ def _appearance(j, q0, q1, h, world, found):
 def first_event(h, whole, q0, q1, world, memory, found):
     """Time in (0, h] of the first event of the law within a trial step of h; h if there is none.
 
-    whole : the step in s that was tried first; it determines how far behind an event a step lands
-    """
+    whole : the step in s that was tried first; it determines how far behind an event a step lands"""
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     first = h
     for j in range(ints.shape[0]):

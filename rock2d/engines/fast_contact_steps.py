@@ -6,8 +6,7 @@ series ends when a contact begins, ends or changes its feature or zone; `contact
 
 A ball that rolls or slides fast trembles, and is above the bottom of its indentation most of the time. There only
 gravity acts: each hop is one exact parabola and one contact step. Within a run of facets that are nearly in line, a
-contact moves from facet to facet without a change.
-"""
+contact moves from facet to facet without a change."""
 
 from __future__ import annotations
 
@@ -138,8 +137,7 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
 
     Returns (time now in s, number of steps, whether the block has lifted off, why the series ended: GUARD_LEFT,
     CONTACT_ENDS if a contact is about to end, HOPPED if the only step was a hop, else 0; new `share` of the step
-    sizes).
-    """
+    sizes)."""
     memory, loaded = contacts
     active = load_active(world, memory, loaded)
     # compiled twice, because the code of effects slows the plain law down
@@ -282,8 +280,7 @@ def _first_event(h, whole, active, rows, trial, effects):
 def _commit(active, loaded, works, audit):
     """Write a finished step into the loaded memory and the audit; returns (sum of forces in N, largest depth in m).
 
-    works : work in J done on the tangential and on the rolling springs
-    """
+    works : work in J done on the tangential and on the rolling springs"""
     rows, trial = loaded.rows, loaded.trial
     stored_t = stored_r = total = deepest = 0.0
     for a in range(active):

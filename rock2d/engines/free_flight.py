@@ -3,8 +3,7 @@ to contact, by a tree over the facets.
 
 Before a block touches a facet, a corner (or the lowest point of a circle) must reach the line of the facet, and the
 block must reach the facet itself. The later of the two times is a lower bound. For a circle above the middle of a facet
-it is the time of contact. With the tree, ten thousand facets cost little more than ten.
-"""
+it is the time of contact. With the tree, ten thousand facets cost little more than ten."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ def air_acts(block):
 def fly(q, tau, gravity, block):
     """Advance q by tau (s) in place; returns the energy in J that air has dissipated.
 
-    With air this is one classical Runge-Kutta step, and tau must be below `air_stride`.
-    """
+    With air this is one classical Runge-Kutta step, and tau must be below `air_stride`."""
     if not air_acts(block):
         q[X] += q[VX] * tau
         q[Y] += q[VY] * tau - 0.5 * gravity * tau * tau
@@ -98,8 +96,7 @@ def air_stride(q, gravity, block):
 def facet_tree(points):
     """(2 m, 7) nodes of a binary tree over the facets of `points` (n + 1, 2), C order.
 
-    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold LEAF_FACETS facets each.
-    """
+    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold LEAF_FACETS facets each."""
     n = len(points) - 1
     leaves = 1
     while leaves * LEAF_FACETS < n:
@@ -154,8 +151,7 @@ def _line_time(line, q, pose, pulls, block):
     The height of a corner above it is a parabola, minus at most ½ ω² |r| t² by rotation and ½ `extra` t² by other
     forces. Rotation does not change the profile of a ball.
 
-    line : (n_x, n_y, offset); pulls : (gravity, extra) in m/s²
-    """
+    line : (n_x, n_y, offset); pulls : (gravity, extra) in m/s²"""
     nx, ny, offset = line
     _, _, c, s = pose
     gravity, extra = pulls
@@ -206,8 +202,7 @@ def _node_time(tree, node, q, pose, speed, pulls, block):
 def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
     """Lower bound in s of the time until the flying block touches a facet; `stack` is scratch of 64 integers.
 
-    extra : bound of the acceleration in m/s² of any point of the block, without gravity and a steady spin
-    """
+    extra : bound of the acceleration in m/s² of any point of the block, without gravity and a steady spin"""
     leaves = tree.shape[0] // 2
     n = facets.shape[0] - 1
     pose, pulls = pose_of(q), (gravity, extra)
@@ -252,8 +247,7 @@ def time_to_contact(q, extra, world, tree, stack, h_contact):
     """Lower bound in s of the time to contact of a flying block: `time_to_ground`, or for a polygon that may touch
     within a contact step the sharper one from `gap_to_ground`.
 
-    extra : bound of the acceleration in m/s² without gravity; h_contact : contact step in s
-    """
+    extra : bound of the acceleration in m/s² without gravity; h_contact : contact step in s"""
     block, ground, gravity, radius = world.block, world.ground, world.gravity, world.block.radius
     tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
     if tau < h_contact and block.sides.shape[0] > 0:

@@ -9,8 +9,7 @@ material of the block there, so that a force k δ along the normal is conservati
 - SMOOTH_FACET, SMOOTH_VERTEX: the lowest point of a circle or ellipse below a facet, or a vertex inside the profile
 
 Only the nearest feature gives the depth. Depths are continuous at joints, so dividing a facet changes nothing. A
-rounded corner is a circle; a convex ground corner touches it or the flat part of a face, never both.
-"""
+rounded corner is a circle; a convex ground corner touches it or the flat part of a face, never both."""
 
 from __future__ import annotations
 
@@ -45,8 +44,7 @@ CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 class GroundArrays(NamedTuple):
     """A cross-section as compiled code reads it; its end facets are extended.
 
-    All facets are in one array, because passing and indexing many arrays costs more than the arithmetic.
-    """
+    All facets are in one array, because passing and indexing many arrays costs more than the arithmetic."""
 
     # (n + 1, 12): start point, tangent, normal, length, zone id, patch, start is a convex corner, first and last facet
     # of the run of facets that are nearly in line
@@ -63,8 +61,7 @@ class GroundArrays(NamedTuple):
 class BlockArrays(NamedTuple):
     """A block as compiled code reads it; the origin of its axes is the centre of mass.
 
-    The corners of a polygon are circles of radius `rounding` (0: sharp) that touch the faces from inside.
-    """
+    The corners of a polygon are circles of radius `rounding` (0: sharp) that touch the faces from inside."""
 
     sides: Array  # (n, 5) centre of a corner, outward normal and distance from the centre of mass of the face behind it
     air: Array  # columns of the laws of flight; empty if no air acts
@@ -83,8 +80,7 @@ def ground_arrays(ground: CrossSection) -> GroundArrays:
     """Arrays of a cross-section. Its two end facets are extended by ten times its width, far beyond any block.
 
     Facets with turns below SMOOTH_TURN_RAD between them form a patch; facets of one zone with turns below RUN_TURN_RAD
-    form a run.
-    """
+    form a run."""
     points = ground.points_m.copy()
     x_low, x_high = float(points[0, 0]), float(points[-1, 0])
     prolong_m = 10.0 * (x_high - x_low)
@@ -192,8 +188,7 @@ def profile_bend(block):
     block turns.
 
     The point lies h = √(a² u² + b² w²) below the centre of the profile, where (u, w) is the normal of the ground in
-    body axes; h'' = a² b² / h³ - h is at most (a² - b²) / b, with the longer semi-axis a.
-    """
+    body axes; h'' = a² b² / h³ - h is at most (a² - b²) / b, with the longer semi-axis a."""
     a, b = block.semi_a, block.semi_b
     off = np.sqrt(block.centre_x * block.centre_x + block.centre_y * block.centre_y)
     return off + abs(a * a - b * b) / min(a, b)
@@ -212,8 +207,7 @@ def facet_range(ground, x_low, x_high):
 def point_depth(px, py, facets, f0, f1):
     """Depth of a point below the surface (negative: height above it), and the nearest feature.
 
-    Returns (depth in m, kind, index): CORNER_FACET with a facet, or CORNER_VERTEX with a vertex.
-    """
+    Returns (depth in m, kind, index): CORNER_FACET with a facet, or CORNER_VERTEX with a vertex."""
     best, kind, index, sign = np.inf, CORNER_FACET, f0, 1.0
     for f in range(f0, f1):
         along, above = along_and_above(px, py, f, facets)
@@ -345,8 +339,7 @@ def contact_point(kind, index, part, pose, block, ground):
     """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
 
     `part` is the block's corner or face, or the half of an ellipse at a vertex; `index` the ground's facet or vertex;
-    `pose` as `pose_of` gives it.
-    """
+    `pose` as `pose_of` gives it."""
     return place_feature(kind, load_feature(kind, index, part, block, ground.facets), pose)
 
 
@@ -356,8 +349,7 @@ def load_feature(kind, index, part, block, facets):
 
     The four numbers are: for a corner its centre, its radius and on which side of a vertex it lies; for a face its
     normal and offset; for a smooth profile semi-axes and centre. For a smooth profile at a vertex, the half of the
-    ellipse, `part`, replaces the normal.
-    """
+    ellipse, `part`, replaces the normal."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]
@@ -443,8 +435,7 @@ def nearest_on_ellipse(px, py, a, b, half):
 
     half : half of the ellipse in which the search begins, see `half_of_ellipse`. Deep inside, each half has its own
         nearest point. If (px, py) crosses the longer axis, the point of the given half is followed, so that the depth
-        of a contact is smooth. Near the ends of that axis, and outside, both halves give the same point.
-    """
+        of a contact is smooth. Near the ends of that axis, and outside, both halves give the same point."""
     upright = a < b
     if upright:
         px, py, a, b = py, px, b, a

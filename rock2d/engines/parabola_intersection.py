@@ -6,8 +6,7 @@ coordinates, for rounding) beyond their ends and to their rear, so that a parabo
 facets.
 
 Parallel code uses numbers and whole arrays only: a view of a row changes a reference count, for which all threads would
-wait.
-"""
+wait."""
 
 from __future__ import annotations
 
@@ -34,8 +33,7 @@ class Surface(NamedTuple):
     boxes : (2 leaves - 1, 6) x_low, x_high, slope m and greatest y - m x: boxes along the ground, open downwards; then
         the x range in which all facets belong to this box. The children of box i are 2i+1 and 2i+2; the last `leaves`
         boxes hold LEAF_FACETS facets each
-    x_low_m, x_high_m : ends of the cross-section; reach_m : see the module
-    """
+    x_low_m, x_high_m : ends of the cross-section; reach_m : see the module"""
 
     facets: Array
     zones: Array
@@ -112,8 +110,7 @@ def _facet(facets, j):
 def next_impact(surface, stack, flight, gravity, current, limit):
     """(time to the next impact, facet), or (limit, -1) if there is none within `limit`.
 
-    `flight` is (x, y, vx, vy) at its start; `current` the facet on which the point sits, -1 if it starts in the air.
-    """
+    `flight` is (x, y, vx, vy) at its start; `current` the facet on which the point sits, -1 if it starts in the air."""
     x, _, vx, _ = flight
     facets, boxes = surface.facets, surface.boxes
     first_leaf = len(boxes) // 2
@@ -183,8 +180,7 @@ def _meets(boxes, i, flight, per_vx, gravity, limit):
 def facet_impact(facets, j, flight, gravity, touching, reach):
     """(time in s, v_n in m/s) at which the flight meets the front of facet `j`; (-1, 0) if it does not.
 
-    The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0.
-    """
+    The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0."""
     x, y, vx, vy = flight
     x0, y0, tx, ty, length = _facet(facets, j)
     b = vy * tx - vx * ty
@@ -215,8 +211,7 @@ def facet_impact(facets, j, flight, gravity, touching, reach):
 def lifted_to_surface(surface, stack, x, y):
     """`y`, or the height of the surface above (x, y) if that point lies in the ground.
 
-    The point lies in the ground if, of the facets straight above it, one more has the ground below than above.
-    """
+    The point lies in the ground if, of the facets straight above it, one more has the ground below than above."""
     facets, boxes = surface.facets, surface.boxes
     first_leaf = len(boxes) // 2
     inside, height = 0, np.inf

@@ -6,8 +6,7 @@ parabola and the block turns freely. The next impact is the first root of a quad
 (`parabola_intersection`).
 
 One release and an ensemble of releases use the same kernel, so a release has the same bits in both, in any order and on
-any number of threads.
-"""
+any number of threads."""
 
 from __future__ import annotations
 
@@ -102,8 +101,7 @@ class PointMassResult(NamedTuple):
     first_and_last : (n, 2, 7) t and state at the start and at the end of each release
     impact_count : (n,) number of impacts of each release
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
-    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN
-    """
+    impacts : (n, room, 11) t and state before, velocities after, facet; rows beyond the last impact are NaN"""
 
     stop: Array
     first_and_last: Array
@@ -150,8 +148,7 @@ def run_point_mass(
     it. Penetration and force of impacts are NaN, because this law does not know them.
 
     Raises ValueError if the state is not six finite numbers; if gravity, time limit or stop speed is not
-    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed`.
-    """
+    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed`."""
     state = np.array(state6, float)  # contiguous, whatever is given: the kernel is compiled once
     if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
@@ -190,8 +187,7 @@ def run_point_mass_batch(
     the largest number of impacts that are recorded of a release.
 
     Raises ValueError if states are not finite, if seeds are not n such numbers, if `impact_room` is negative, if
-    gravity, time limit or stop speed is not positive, or if a zone has no parameters.
-    """
+    gravity, time limit or stop speed is not positive, or if a zone has no parameters."""
     states = np.ascontiguousarray(np.atleast_2d(states), float)
     n = len(states)
     if states.shape != (n, 6) or not np.isfinite(states).all():
@@ -245,8 +241,7 @@ def _track(
 def line_rows(lines: Collection[Array], reach_m: float) -> Array:
     """(n, N_LINE) measure lines (2, 2) as `point_mass_release` reads them, columns LINE_X to LINE_HIGH.
 
-    The range of x is extended by `reach_m`, so that rounding cannot hide a crossing.
-    """
+    The range of x is extended by `reach_m`, so that rounding cannot hide a crossing."""
     rows = []
     for line in lines:
         along = line[1] - line[0]
@@ -262,8 +257,7 @@ def point_mass_release(i, releases, inputs, surface, lines, outputs):
 
     `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
     `outputs`: PointMassResult, with crossings that are NaN.
-    An instant is a tuple (t, x, y, θ, vx, vy, ω).
-    """
+    An instant is a tuple (t, x, y, θ, vx, vy, ω)."""
     mass, radius, size, table, gravity, time_limit, stop_speed = inputs
     impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.first_and_last
     states, seed = releases.states, releases.seeds[i]
@@ -336,8 +330,7 @@ def _store(rows, i, k, instant):
 def _note_crossings(lines, crossings, i, instant, span, gravity):
     """Note the lines that release `i` crosses for the first time in a flight of `span` (s) that starts at `instant`.
 
-    The same operations as in `Track.crossings`, so that both give the same bits.
-    """
+    The same operations as in `Track.crossings`, so that both give the same bits."""
     t, x, y, theta, vx, vy, omega = instant
     end = x + vx * span
     for k in range(lines.shape[0]):

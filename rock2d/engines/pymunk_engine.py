@@ -3,8 +3,7 @@
 Pymunk holds the bodies and shapes, finds the facets near a block, and steps. The elasto-plastic law replaces its
 impulses (`process_collision = False`), the exact parabola its first-order integration of gravity. Collision handlers
 only record the facets; forces are applied once a step, in a fixed order and in one compiled call, so that results are
-bit-identical on all machines. Pymunk ignores exceptions in callbacks; they are kept and raised after the step.
-"""
+bit-identical on all machines. Pymunk ignores exceptions in callbacks; they are kept and raised after the step."""
 
 from __future__ import annotations
 
@@ -87,8 +86,7 @@ class PymunkRelease:
     that depth, without force.
 
     `impacts` (rows of IMPACT_NAMES): an impact begins at the first touch and ends when the ground last presses before
-    the block is clear of it. Then the block may still be in its indentation, where only gravity acts.
-    """
+    the block is clear of it. Then the block may still be in its indentation, where only gravity acts."""
 
     def __init__(
         self,
@@ -245,8 +243,7 @@ class PymunkRelease:
         """Make one pymunk step. Returns the knots at its end and at the events of the law within it, (n, N_ROW) with
         the columns of this module.
 
-        Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
-        """
+        Raises CallbackError (with its cause) if anything fails inside a pymunk callback."""
         dt = self.stride()
         self._knots.clear()
         self.space.step(dt)
@@ -312,8 +309,7 @@ def run_pymunk(
     contact_step_s : contact step; default 0.03 rad of the stiffest contact oscillation
     impact_limit : number of impacts after which the release stops
 
-    Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
-    """
+    Raises CallbackError (with its cause) if anything fails inside a pymunk callback."""
     sim = PymunkRelease(
         block, cross_section, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
     )
@@ -358,8 +354,7 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
     impacts : Impacts; rows : (ROOM, N_ROW) for the knots
 
     Returns (number of knots, number of closed impacts, computed time of the stride in s). If the rows are full, the
-    stride is not complete.
-    """
+    stride is not complete."""
     memory, found, _ = contacts
     current, closed, flags = impacts
     near = (stride.first, stride.last)
@@ -408,8 +403,7 @@ def _knot(row, t, q):
 def depth_and_rest(q, t, touching, world, watch):
     """After a stride: (depth of the centroid below the surface nearby in m, whether the block has come to rest).
 
-    touching : whether an impact is open
-    """
+    touching : whether an impact is open"""
     depth = centroid_depth(q, world)
     if touching:
         return depth, rest.watch_rest(watch, t, q, Body(world.block, world.gravity))

@@ -70,8 +70,7 @@ class Recorder(NamedTuple):
 def note_crossings(interval, q0, q1, flight, body, record):
     """Note the first crossing of each measure line between q0 and q1; returns the number of new ones.
 
-    interval : (time in s at q0, time in s from there to q1)
-    """
+    interval : (time in s at q0, time in s from there to q1)"""
     t, tau = interval
     block, gravity = body
     lines, crossings = record
@@ -151,8 +150,7 @@ def _on_line(x, y, line, ax, ay):
 def is_spent(q, stored, body, record):
     """Whether the remaining energy is too small to reach any measure line that was not crossed.
 
-    stored : energy in J in the springs of contacts
-    """
+    stored : energy in J in the springs of contacts"""
     lines, crossings = record
     highest = q[Y] + (kinetic_energy(q, body.block) + stored) / (body.block.mass * body.gravity)
     for k in range(lines.shape[0]):
@@ -166,8 +164,7 @@ def note_samples(interval, q0, q1, parabola, gravity, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
     interval : (t in s at q0, tau in s from there to q1); parabola: whether it is a free flight; at: index of the first
-    sample after t
-    """
+    sample after t"""
     t, tau = interval
     times, samples = record
     while at < times.size and times[at] <= t + tau:
@@ -224,8 +221,7 @@ def open_impact(current, t, q, memory):
 def note_pressure(current, lifted, force, depth, t, q):
     """Update the open impact with the sum of forces (N) and the largest depth (m) at time t (s).
 
-    Returns whether the block has lifted off, that is the ground no longer presses; notes the state at lift-off.
-    """
+    Returns whether the block has lifted off, that is the ground no longer presses; notes the state at lift-off."""
     current[I_PENETRATION] = max(current[I_PENETRATION], depth)
     current[I_FORCE] = max(current[I_FORCE], force)
     if force > LEAST_PRESSURE * current[I_FORCE]:

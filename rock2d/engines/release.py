@@ -2,8 +2,7 @@
 
 A flight is a few exact parabolas; a lower bound of the time to contact determines their lengths. Near the ground,
 contact steps advance the block: a full step where contacts begin, change or end, fast steps (`fast_contact_steps`) in
-between.
-"""
+between."""
 
 from __future__ import annotations
 
@@ -129,8 +128,7 @@ def run_release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
     saved : (contacts, N_SAVED) contacts with which a suspended release continues (NaN: none); they are overwritten at
         the end. With 0 contacts nothing is read or saved
 
-    Returns (index into STOPS, time in s, number of impacts, number of knots).
-    """
+    Returns (index into STOPS, time in s, number of impacts, number of knots)."""
     block_id, cross_section_id, table_id = ids
     block, ground = _block(packed, block_id), _ground(packed, cross_section_id)
     tree = packed.trees[packed.tree_start[cross_section_id] : packed.tree_start[cross_section_id + 1]]

@@ -76,8 +76,7 @@ def captured(q, world, memory):
 
     Either the block stands on contacts to the left and right of its centroid, which hold it with HOLDING_SHARE of the
     friction (the rest stops it within that distance), and has less than half the energy to tip over the nearer one. Or
-    it is a ball that friction holds, that cannot leave its indentation, and that its rolling spring turns back.
-    """
+    it is a ball that friction holds, that cannot leave its indentation, and that its rolling spring turns back."""
     block, ground, law, ints, reals = world.block, world.ground, world.law, memory.ints, memory.reals
     energy = kinetic_energy(q, block) + stored_energy(memory, law)
     weight, radius = block.mass * world.gravity, block.radius
@@ -138,8 +137,7 @@ def _stands(first, second):
     first, second : (x, y, least slope, greatest slope), the first left and the second right of the origin
 
     The horizontal forces are H and -H, the upward forces f1 = a - b H and f2 = 1 - f1. There must be an H with
-    low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, which are all linear in H.
-    """
+    low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, which are all linear in H."""
     x1, y1, low1, high1 = first
     x2, y2, low2, high2 = second
     if low1 > high1 or low2 > high2:

@@ -5,8 +5,7 @@ it ends at this event. This keeps the order of the scheme and the energy audit.
 
 A Runge-Kutta step conserves energy only to its order. The exact balance is known, and so is the error: if it is large,
 the step is halved; the remaining error is removed from the impulse. Projection onto an invariant keeps the order of a
-scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4).
-"""
+scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4)."""
 
 from __future__ import annotations
 
@@ -93,8 +92,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect,
 
     Returns (why there is no step, or 0; its length in s; (cos θ, sin θ) after it, for a ball before it; (work in J on
     tangential springs, on rolling springs, of effects, velocity in m/s of recoiling ground); (energy error in J, energy
-    in J with which it is compared); factor by which it was halved).
-    """
+    in J with which it is compared); factor by which it was halved)."""
     pressing, active = contacts
     rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
     turning = not is_ball(body.block)
@@ -144,8 +142,7 @@ def _note_outcome(a, loaded, effects):
     """Write the outcome of the trial step for the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
 
     Springs slip at their limits. `effects`: whether effects of the catalogue may act; then their forces are added, and
-    the row must hold RATE_1 and SLIP.
-    """
+    the row must hold RATE_1 and SLIP."""
     rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
     k_l, k_ul, k_t = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T]
     mu, k_r, cap = rows[a, L_LAW + MU], rows[a, L_LAW + K_R], rows[a, L_LAW + ROLLING_CAP]
@@ -186,8 +183,7 @@ def _step_error(q, q1, h, works, body, active, loaded):
         the energy that they store; on springs that slip it is at least that, because friction creates no energy.
 
     The step is too long if its error is too large a share of the energy, or more than a correction of the impulse can
-    remove. The rows of `loaded.trial` hold the outcome of the step, see `_note_outcome`.
-    """
+    remove. The rows of `loaded.trial` hold the outcome of the step, see `_note_outcome`."""
     block, rows, trial, rates = body.block, loaded.rows, loaded.trial, loaded.rates
     work_t, work_r = works
     kinetic = kinetic_energy(q1, block)
@@ -232,8 +228,7 @@ def correct_energy(q, q1, h, error, scale, body, audit):
     contacts do not change, for example along a smooth plane, is not changed.
 
     An error beyond LARGEST_STEP_ERROR stays in the balance. The part that LARGEST_CORRECTION does not allow stays in
-    audit[PENDING]. audit[CORRECTED] is the sum of the magnitudes of all corrections.
-    """
+    audit[PENDING]. audit[CORRECTED] is the sum of the magnitudes of all corrections."""
     if abs(error) <= LARGEST_STEP_ERROR * scale:
         audit[PENDING] += error
     block = body.block
@@ -269,8 +264,7 @@ def _oscillation(q, h, body, rows):
     """Depth in m of a ball on one facet after half a step of h (s) and at its end, and its rate in m/s at the end.
 
     On one branch of the law, m δ'' = m g n_y - F(δ) is a harmonic oscillation, independent of the motion along the
-    facet. The exact solution avoids the numerical damping of a Runge-Kutta step.
-    """
+    facet. The exact solution avoids the numerical damping of a Runge-Kutta step."""
     block, gravity = body
     depth, nx, ny, _, _ = placed(rows, 0, (q[X], q[Y], 1.0, 0.0))
     rate, pull = -(q[VX] * nx + q[VY] * ny), gravity * ny
@@ -298,8 +292,7 @@ def runge_kutta(q, direction, h, body, contacts, q1, effects):
     effects : whether effects of the catalogue may act; compiled twice, because their code slows the plain law down
 
     Returns (work in J on the tangential springs, on the rolling springs and of effects; velocity in m/s that recoiling
-    ground added). Without contacts the step is a free flight.
-    """
+    ground added). Without contacts the step is a free flight."""
     if effects:
         return _with_effects(q, direction, h, body, contacts, q1)
     return _plain(q, direction, h, body, contacts, q1)

@@ -52,8 +52,7 @@ def run_field_test(
     """Calibrate, predict and compare; write tables and figures into `folder`, and return the tables.
 
     Simulated soils are kept in the cache of the user, so that an interrupted study continues, and forecasts reuse them.
-    Raises InputError if the folder already holds results.
-    """
+    Raises InputError if the folder already holds results."""
     check_output_folder(folder, overwrite, KIND)
     seed = scenario.seed if seed is None else seed
     assert scenario.terrain is not None
@@ -99,8 +98,7 @@ def predict_releases(
     """Forecast the releases of a table without stops, calibrated on all known releases, and write one row for each to
     `out`.
 
-    Raises InputError for a mistake in the table, or if `out` exists and `overwrite` is not set.
-    """
+    Raises InputError for a mistake in the table, or if `out` exists and `overwrite` is not set."""
     if scenario.field_test is None:
         raise scenario.error("--predict needs the key field_test", "field_test", code="missing_key", key="field_test")
     if out.suffix.lower() != ".csv":

@@ -1,8 +1,7 @@
 """Simulated descents of a field test: several for each release, each on its own section with its own rough ground.
 
 Direction, roughness and orientation are drawn once for each descent, from its own seed, so that two soils do not differ
-by chance.
-"""
+by chance."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Distances:
     Attributes
     ----------
     metres : (n, m); NaN if a block did not start
-    unresolved : (n, m) bool: whether a descent was cut short or buried
-    """
+    unresolved : (n, m) bool: whether a descent was cut short or buried"""
 
     metres: Array
     unresolved: Array
@@ -56,8 +54,7 @@ class Descents:
     copies : number of descents of each release
     seed : seed of every random draw
     engine : "batch", or "point_mass"
-    other_blocks : name -> block, for releases of blocks that are not in the scenario
-    """
+    other_blocks : name -> block, for releases of blocks that are not in the scenario"""
 
     scenario: Scenario
     releases: FieldReleases

@@ -33,8 +33,7 @@ class Forecast:
     samples_m : (n, s) equally likely distances
     discrepancy_m : (n, s) standard deviation of the discrepancy of each sample
     caught : (n, s) probability that the block is caught anywhere on its way
-    unresolved : share of the descents that were cut short or buried; they count as stopped there
-    """
+    unresolved : share of the descents that were cut short or buried; they count as stopped there"""
 
     samples_m: Array
     discrepancy_m: Array
@@ -68,8 +67,7 @@ def forecast(
     seeds.
 
     The distance of a block that does not start is replaced by another distance of the same release, or of the same
-    kind of block.
-    """
+    kind of block."""
     releases, copies = descents[0].releases, descents[0].copies
     metres, unresolved = np.empty((len(releases), len(soils) * copies)), 0.0
     for i, (soil, some) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
@@ -126,8 +124,7 @@ class PartForecast:
     Attributes
     ----------
     indices : (k,) indices of the releases
-    forecast : that of these releases
-    """
+    forecast : that of these releases"""
 
     indices: Array
     forecast: Forecast
@@ -182,8 +179,7 @@ def score_table(
     inside80, inside90 : share of the releases within their central 80 and 90 %, with Wilson's 95 % intervals
     passing_rmse, rmse_floor : root mean square error of the passing frequencies at the lines, and its median for a
         perfect model with so few releases
-    unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there
-    """
+    unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there"""
     rows: list[dict[str, Any]] = []
     for name, own in forecasts.items():
         spread, quantiles = own.forecast.spread(rng), own.forecast.quantiles_m(rng)

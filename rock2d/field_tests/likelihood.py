@@ -3,8 +3,7 @@
 The likelihood of a soil is estimated from a hundred descents, so it is noisy and takes half a second. A Gaussian
 process smooths it over the simulated soils, and the posterior is drawn with the smooth likelihood (Gutmann and Corander
 2016, J. Mach. Learn. Res. 17(125)). The same simulations give the posterior for any subset of the releases, such as one
-block or a fold.
-"""
+block or a fold."""
 
 from __future__ import annotations
 
@@ -42,8 +41,7 @@ class Unknowns:
     Attributes
     ----------
     scenario : scenario with the key uncertainty
-    quantiles : place -> quantile function
-    """
+    quantiles : place -> quantile function"""
 
     scenario: Scenario
     quantiles: Mapping[str, Callable[[Any], Any]]
@@ -81,8 +79,7 @@ class SimulatedSoils:
     Attributes
     ----------
     u : (k, d) soils in the unit cube
-    log_density : (k, n) log density in 1/m of each measured distance
-    """
+    log_density : (k, n) log density in 1/m of each measured distance"""
 
     u: Array
     log_density: Array
@@ -100,8 +97,7 @@ def log_density(measured_m: Array, simulated_m: Array, sd_m: Array | float, caug
     measured_m : (n,)
     simulated_m : (m,) or (n, m); NaN for blocks that did not start, which are ignored
     sd_m : standard deviation of the normal kernel about each simulated distance, a number or the shape of simulated_m
-    caught : share of blocks that stop anywhere on their way, likewise
-    """
+    caught : share of blocks that stop anywhere on their way, likewise"""
     x, simulated = measured_m[:, None], np.atleast_2d(simulated_m)
     started = np.isfinite(simulated)
     far = np.where(started, simulated, 1.0)

@@ -2,8 +2,7 @@
 blocks.
 
 Both impact laws are treated in the same way, and compared with two forecasts without physics. The effect of shape is
-that on the distances of a sphere, a cube and a slab of equal mass and volume, with the same soils.
-"""
+that on the distances of a sphere, a cube and a slab of equal mass and volume, with the same soils."""
 
 from __future__ import annotations
 
@@ -70,8 +69,7 @@ class Effort:
     ----------
     prior, refined : soils drawn from the prior, and from the posterior in each round
     copies : descents of each release with each soil
-    draws : draws of a posterior for a forecast
-    """
+    draws : draws of a posterior for a forecast"""
 
     prior: int = 256
     refined: int = 64
@@ -119,8 +117,7 @@ def calibrate(
     """Simulate all known releases with soils of the prior, then in rounds with soils of the posterior.
 
     Finished parts are kept in the folder `stages`, if there is one, for later calibrations with the same input and the
-    same version of rock2d.
-    """
+    same version of rock2d."""
     assert scenario.terrain is not None
     effort = effort or Effort()
     unknowns, known = unknowns_of(scenario, engine), scenario.terrain.known

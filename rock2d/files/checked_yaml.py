@@ -1,8 +1,7 @@
 """YAML files as checked models. An error names the line and column of the mistake.
 
 The parser builds nodes only: tags never construct objects, and each key and value keeps its line and column.
-Pydantic checks the plain data. The first mistake that it finds becomes one `InputError`.
-"""
+Pydantic checks the plain data. The first mistake that it finds becomes one `InputError`."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ Model = TypeVar("Model", bound=BaseModel)
 class Checked(BaseModel):
     """A mapping with known keys. Other keys are refused; booleans, texts, nan and inf do not count as numbers.
 
-    `old_keys`: former name of a key -> its name. A file with the former name is read with an `OldKeyWarning`.
-    """
+    `old_keys`: former name of a key -> its name. A file with the former name is read with an `OldKeyWarning`."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     old_keys: ClassVar[Mapping[str, str]] = {}
@@ -151,8 +149,7 @@ class Document:
     Attributes
     ----------
     file : the path as the user gave it
-    data : dicts, lists, str, int, float, bool and None
-    """
+    data : dicts, lists, str, int, float, bool and None"""
 
     def __init__(self, file: str | Path, text: str | None = None) -> None:
         """Read a file, or its `text` if that is known."""

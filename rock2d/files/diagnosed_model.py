@@ -3,8 +3,7 @@
 - some causes are more likely than not: all of these act, with the soil that was fitted together with them
 - else the verdict decides. One effect: this effect and those found beside it act. None or unknown: the refitted soil
   alone. A group that the data cannot tell apart: each effect of the group is an alternative with its probability;
-  outside an assessment, releases use the refitted soil alone
-"""
+  outside an assessment, releases use the refitted soil alone"""
 
 from __future__ import annotations
 
@@ -56,8 +55,7 @@ class FittedValue:
 
         The distribution is lognormal if the value lies nearer to the geometric than to the arithmetic mean of a
         positive interval. Otherwise it is normal. If the interval is not symmetric, each side has its own standard
-        deviation (split normal distribution).
-        """
+        deviation (split normal distribution)."""
         from scipy import stats
 
         if self.known:
@@ -109,8 +107,7 @@ class FittedModel(NamedTuple):
     name : name in tables
     soil : parameters of the contact law, as a scenario gives them
     effects : effect -> parameter -> value; empty for the base law
-    p : its probability among the alternatives
-    """
+    p : its probability among the alternatives"""
 
     name: str
     soil: ContactKeys
@@ -139,8 +136,7 @@ class DiagnosedModel:
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
     model : the model that a run uses
     blocks : blocks of the experiment; empty if the file does not name them
-    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none
-    """
+    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none"""
 
     given: str
     file: Path
@@ -213,8 +209,7 @@ class CauseDraw(NamedTuple):
 def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path | None) -> DiagnosedModel:
     """The diagnosis beside the scenario file, or under the data root.
 
-    Raises InputError with the place in the scenario, or in the diagnosis.
-    """
+    Raises InputError with the place in the scenario, or in the diagnosis."""
     where = ("model", "diagnosis")
     roots = [scenario.document.file.absolute().parent, *([Path(data_root)] if data_root else [])]
     for root in roots:

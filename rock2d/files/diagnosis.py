@@ -21,8 +21,7 @@ IDENTIFYING_KEYS = {"schema", "verdict", "probabilities"}
 def diagnosis_text(content: Mapping[str, Any]) -> str:
     """The text of diagnosis.json.
 
-    Raises ValueError for content that the readers of the file would refuse, or that its schema does not describe.
-    """
+    Raises ValueError for content that the readers of the file would refuse, or that its schema does not describe."""
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if DiagnosisFile.model_validate_json(text).content() != json.loads(text):
         raise ValueError("diagnosis.json: a key that its schema does not describe")
@@ -46,8 +45,7 @@ def read_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
 def read_fitted_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
     """Read a diagnosis that a simulation can use: it has a fitted law, and all its effects are in the catalogue.
 
-    Raises `InputError` with file, line and column of the first mistake.
-    """
+    Raises `InputError` with file, line and column of the first mistake."""
     document, read = read_diagnosis(file)
     if read.schema_ not in KNOWN_SCHEMAS:
         message = f"expected a diagnosis of schema 1 to {KNOWN_SCHEMAS[-1]}, found {read.schema_}"

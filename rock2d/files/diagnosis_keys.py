@@ -1,8 +1,7 @@
 """The keys of diagnosis.json. `DiagnosisFile` describes everything that `rock2d diagnose` writes.
 
 It checks what is written and what is read, and gives the JSON Schema. Keys that are newer than schema 1 are optional,
-so that older files stay readable.
-"""
+so that older files stay readable."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Experiment folders: releases, filmed or simulated, with their trajectories or impacts.
 
 A folder holds `experiment.yaml` and one CSV, trajectories or impacts. Reading refuses values that cannot be true and
-names file and line. A frame that the camera lost is a missing row or has empty cells, which become NaN.
-"""
+names file and line. A frame that the camera lost is a missing row or has empty cells, which become NaN."""
 
 from __future__ import annotations
 
@@ -108,8 +107,7 @@ class Experiment:
     impacts : rows of at least `REQUIRED_IMPACT_COLUMNS`, or None; exactly one of the two is given
     folder : where it was read from, None if made in memory
     smear_offset_s : offset of a block over its speed that all frames share, 1 sigma, in s
-    from_gravity : whether frame rate or scale come from the fall of the blocks; None if they were measured
-    """
+    from_gravity : whether frame rate or scale come from the fall of the blocks; None if they were measured"""
 
     name: str
     gravity_m_s2: float
@@ -141,8 +139,7 @@ def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFram
     """The rows of the trajectories without lost frames.
 
     If a release of a circle has no angle in any frame, its angles are set to 0. With `corners`, this holds for blocks
-    of all shapes. Raises `InputError` if every frame is lost.
-    """
+    of all shapes. Raises `InputError` if every frame is lost."""
     table = experiment.trajectories
     assert table is not None
     blocks = [name for name, block in experiment.blocks.items() if corners or block.shape == "circle"]

@@ -66,8 +66,7 @@ class FieldReleases:
     ----------
     names : (n,) of the releases
     blocks : (n,) of their blocks
-    starts_m, stops_m : (n, 2) horizontal places; NaN where no stop is given
-    """
+    starts_m, stops_m : (n, 2) horizontal places; NaN where no stop is given"""
 
     names: tuple[str, ...]
     blocks: tuple[str, ...]
@@ -99,8 +98,7 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
     """Read a table (CSV) with the columns release, block_id, release_x_m, release_y_m and, with `stops`, stop_x_m and
     stop_y_m. Further columns are ignored. Of releases with identical numbers only the first is kept.
 
-    Raises InputError with the line of the first mistake.
-    """
+    Raises InputError with the line of the first mistake."""
     rows = list(csv.reader(read_text(path).splitlines()))
     header = [cell.strip() for cell in rows[0]] if rows else []
     needed = ("release", "block_id", *STARTS, *(STOPS if stops else ()))

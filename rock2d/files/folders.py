@@ -27,8 +27,7 @@ def atomic_folder(path: str | Path, kind: str = "") -> Iterator[Path]:
 
     An older result of the same `kind` at `path` (its `RESULT_MARKER` says so) or an empty folder is replaced; anything
     else raises `InputError` at once. After an error or an interrupt `path` is unchanged. Temporary folders of killed
-    processes are removed. Raises OSError, which names `path`, if the machine fails (for example a full disk).
-    """
+    processes are removed. Raises OSError, which names `path`, if the machine fails (for example a full disk)."""
     target = check_folder(path, kind)
     process = os.getpid()
     with temporary_folder(path) as partial:
@@ -54,8 +53,7 @@ def atomic_folder(path: str | Path, kind: str = "") -> Iterator[Path]:
 def temporary_folder(path: str | Path) -> Iterator[Path]:
     """Give a hidden folder beside `path`, and remove it after the block. Folders of killed processes are also removed.
 
-    Missing parent folders are created. Raises the errors of `atomic_file`.
-    """
+    Missing parent folders are created. Raises the errors of `atomic_file`."""
     target = Path(os.path.abspath(path))
     partial, unlocked = _hidden(target, "partial"), _hidden(target, "new")
     process = os.getpid()
@@ -175,8 +173,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     """Give a temporary sibling path with the same suffix; it becomes `path` only if the block ends without error.
 
     Missing parent folders are created. After an error or an interrupt `path` is unchanged. Raises InputError if no
-    file can be written there, and OSError, which names `path`, if the machine fails (for example a full disk).
-    """
+    file can be written there, and OSError, which names `path`, if the machine fails (for example a full disk)."""
     process = os.getpid()
     with temporary_folder(path) as folder:
         partial = folder / path.name

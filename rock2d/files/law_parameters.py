@@ -1,8 +1,7 @@
 """Parameters of the impact laws for a block, from the soil classes and the numbers of a scenario file.
 
 Values of a zone take precedence over values of all zones. For the same zone, numbers take precedence over a soil class.
-Parameters that the file does not give come from the diagnosis, if there is one.
-"""
+Parameters that the file does not give come from the diagnosis, if there is one."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ class _Given(NamedTuple):
     soils : parameters that the soil classes give for the block
     numbers : keys of the file for all blocks
     own : keys of the file for this block
-    rest : what holds if the file gives nothing
-    """
+    rest : what holds if the file gives nothing"""
 
     soils: Mapping[str, Any]
     numbers: Mapping[str, Any]

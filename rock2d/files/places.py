@@ -11,8 +11,7 @@ DataPath = tuple[str | int, ...]  # keys and list indices from the top of the da
 def place_of(data: Any, place: str) -> DataPath | None:
     """The keys and list indices that lead to a place in the data of a file; None if there is no such place.
 
-    A key may contain dots: of the keys that fit, the longest is taken.
-    """
+    A key may contain dots: of the keys that fit, the longest is taken."""
     path: list[str | int] = []
     here, rest = data, place
     while rest:

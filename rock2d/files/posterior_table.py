@@ -25,8 +25,7 @@ class Posterior:
     ----------
     given, file : the path as the scenario gives it, and where the table lies
     places : (p,) of the numbers in the scenario file
-    draws : (n, p) values
-    """
+    draws : (n, p) values"""
 
     given: str
     file: Path
@@ -45,8 +44,7 @@ class Posterior:
 def read_posterior(given: str, file: Path) -> Posterior:
     """Read a table (CSV) with a column for each place and a row for each draw.
 
-    Raises InputError with the line if there are no numbers, or too few or too many rows.
-    """
+    Raises InputError with the line if there are no numbers, or too few or too many rows."""
     rows = [row for row in csv.reader(read_text(file).splitlines()) if any(cell.strip() for cell in row)]
     places = tuple(cell.strip() for cell in rows[0]) if rows else ()
     if not places or len(set(places)) != len(places) or not all(places):

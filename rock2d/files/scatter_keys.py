@@ -96,8 +96,7 @@ def block_of_size(name: str, shape: str, size_m: float, aspect: float, density_k
     size_m : diameter of the circle of equal area; the block has the volume of a ball of this diameter
     aspect : length over height, of a rectangle or an ellipse
 
-    Raises BlockError if a size makes no sense.
-    """
+    Raises BlockError if a size makes no sense."""
     mass_kg = density_kg_m3 * np.pi / 6 * size_m**3
     if shape == "circle":
         return make_block(name, shape, mass_kg, "solid_sphere", diameter_m=size_m)

@@ -1,7 +1,6 @@
 """Scenario files: blocks, ground, impact laws and their parameters, number of releases.
 
-`load_scenario` reads and checks a file. A mistake raises `InputError` with its place.
-"""
+`load_scenario` reads and checks a file. A mistake raises `InputError` with its place."""
 
 from __future__ import annotations
 
@@ -239,8 +238,7 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
 
     `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
     Raises `InputError` with file, line and column of the first mistake. Warns with `UnusualWarning` of each number
-    that is possible but unusual.
-    """
+    that is possible but unusual."""
     scenario = checked_scenario(Document(path), None, data_root)
     for doubt in doubts(scenario):
         warnings.warn(UnusualWarning(str(scenario.error(doubt.text, *doubt.key, at="key"))), stacklevel=2)

@@ -239,8 +239,7 @@ class Incident(Checked):
     def draw(self, generator: Any, count: int) -> Any:
         """(count, 6) states in the order of `STATE_NAMES`, drawn with a numpy Generator.
 
-        With `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
-        """
+        With `above_ground`, y_m is the clearance. Raises ValueError for from_experiment."""
         source = self.fixed or self.distribution or self.above_ground or self.along
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")

@@ -31,8 +31,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     >>> from rock2d.files.shipped_scenarios import scenario_file
     >>> site = rock2d.load_scenario(scenario_file("design_site.yaml"))
     >>> rock2d.variant(site, {"embankment.height_m": 5.0}).embankment.height_m
-    5.0
-    """
+    5.0"""
     document, data = scenario.document, copy.deepcopy(scenario.document.data)
     if not uncertain:
         data.pop("uncertainty", None)

@@ -1,7 +1,6 @@
 """Horizontal charts as inline SVG: markers with intervals, bars, spans.
 
-Positions are percentages: a chart fills the available width, while markers and strokes keep their size.
-"""
+Positions are percentages: a chart fills the available width, while markers and strokes keep their size."""
 
 from __future__ import annotations
 
@@ -71,8 +70,7 @@ class Mark:
     """One mark of a chart. Its `kind` is "point" (with a whisker from low to high), "bar" (from zero), "step" (a bar
     from low to high) or "span" (a line from low to high with a marker).
 
-    `model` gives colour and shape ("measured" | "base" | "effect" | "plain"); `label` is the tooltip.
-    """
+    `model` gives colour and shape ("measured" | "base" | "effect" | "plain"); `label` is the tooltip."""
 
     model: str
     value: float

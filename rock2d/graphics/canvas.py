@@ -1,7 +1,6 @@
 """Drawing on pixel images (OpenCV, BGR, anti-aliased, sub-pixel): views, lines, areas and text.
 
-A `Viewport` maps metres to pixels; pixel centres have integer coordinates, row 0 is at the top.
-"""
+A `Viewport` maps metres to pixels; pixel centres have integer coordinates, row 0 is at the top."""
 
 from __future__ import annotations
 
@@ -53,8 +52,7 @@ class Viewport:
 def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m: float) -> Limits:
     """The part of the cross-section to show: the motion, the measure lines and the ground vertices near them.
 
-    The far ends of long facets are left out, so that a short motion on a wide floor is not drawn too small.
-    """
+    The far ends of long facets are left out, so that a short motion on a wide floor is not drawn too small."""
     x, y = np.asarray(x_m, float), np.asarray(y_m, float)
     seen = np.isfinite(x) & np.isfinite(y)
     x, y = x[seen], y[seen]

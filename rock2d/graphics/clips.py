@@ -33,8 +33,7 @@ class Clip:
     t_s, x_m, y_m, theta_rad : (n,) samples, times not decreasing; interpolated linearly
     label, colour : text of the legend and "#rrggbb" (default: name and colour of the block)
     max_gap_s : between samples farther apart than this (lost frames) the block is hidden
-    body : the block that is drawn (default: the one with the name `block`)
-    """
+    body : the block that is drawn (default: the one with the name `block`)"""
 
     block: str
     t_s: Array
@@ -90,8 +89,7 @@ def clip_from_measured(rows: pd.DataFrame) -> Clip:
     """A clip of one filmed release from its rows `block, t_s, x_m, y_m, theta_rad`.
 
     Gaps of lost frames (missing rows or empty cells) up to MOST_BRIDGED_FRAMES frame intervals are interpolated.
-    Raises InputError if fewer than two frames are measured, or the rows belong to several releases.
-    """
+    Raises InputError if fewer than two frames are measured, or the rows belong to several releases."""
     if rows[[c for c in ("release", "block") if c in rows]].drop_duplicates().shape[0] > 1:
         raise InputError("a clip shows one release of one block; the rows given hold several")
     seen = rows[["t_s", "x_m", "y_m", "theta_rad"]].dropna().sort_values("t_s").to_numpy(float)

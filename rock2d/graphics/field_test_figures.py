@@ -60,8 +60,7 @@ def forecasts_figure(
 def passing_figure(table: pd.DataFrame, names: Mapping[str, str]) -> Figure:
     """The share of the releases of each block that pass a distance.
 
-    `table` is that of `field_tests.forecasts.passing_table`; `names` gives the forecasts to draw and their labels.
-    """
+    `table` is that of `field_tests.forecasts.passing_table`; `names` gives the forecasts to draw and their labels."""
     shown = table[table["forecast"].isin(list(names))]
     blocks = list(dict.fromkeys(shown["block"]))
     figure = blank_figure(3.0 * len(blocks) + 0.8, 3.4)

@@ -1,7 +1,6 @@
 """The common style of figures (sizes, lines, frames, legends), and writing them to files.
 
-Figures do not use the global state of matplotlib (`pyplot`), and show text unchanged.
-"""
+Figures do not use the global state of matplotlib (`pyplot`), and show text unchanged."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ FILE_DPI = 200  # resolution of figures that are files
 def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
     """Write `figure` to `path`, completely or not at all; the suffix gives the format.
 
-    Raises InputError if matplotlib does not know the suffix.
-    """
+    Raises InputError if matplotlib does not know the suffix."""
     path = Path(path)
     kind = path.suffix.lower().lstrip(".")
     known = figure.canvas.get_supported_filetypes()

@@ -43,8 +43,7 @@ def packed_columns(values: Array) -> tuple[bytes, list[list[float]]]:
 
     A number is its distance from the minimum in 1/STEPS of the range. For each column, the bytes are the high bytes
     (n,), then the low bytes (n,) of the differences to the previous row (modulo 2^16). These compress well if the
-    numbers change little from row to row.
-    """
+    numbers change little from row to row."""
     low = values.min(axis=0)
     span = np.maximum(np.ptp(values, axis=0), 1e-9)
     whole = np.round((values - low) / span * STEPS).astype(np.uint16)

@@ -36,8 +36,7 @@ def overlay_figure(
 
     `measured` has the columns release, block, t_s, x_m, y_m, theta_rad, with the time of the tracks. Shown
     are the releases with the least, the median, the 90th percentile and the largest rms distance. Raises InputError if
-    no measured release has a track.
-    """
+    no measured release has a track."""
     pairs = _pairs(measured, simulated)
     shown, notes = _selected(pairs)
     columns = len(shown)
@@ -174,8 +173,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
     """Simulated minus measured, a column for each channel: median and 10-90 % band against the time since the start
     of the release, and the distribution at the end of the releases.
 
-    `residuals` has the columns release, block, t_s, dx_m, dy_m, dtheta_rad. Raises InputError if no row is complete.
-    """
+    `residuals` has the columns release, block, t_s, dx_m, dy_m, dtheta_rad. Raises InputError if no row is complete."""
     channels = ["dx_m", "dy_m", "dtheta_rad"]
     rows = residuals.dropna(subset=[*channels, "t_s"])
     if rows.empty:

@@ -68,8 +68,7 @@ class Section:
     Attributes
     ----------
     texts, items : paragraphs, and items of a list
-    video : name of a file in the folder of the page
-    """
+    video : name of a file in the folder of the page"""
 
     title: str = ""
     texts: Sequence[str] = ()
@@ -87,8 +86,7 @@ def page(title: str, sections: Sequence[Section]) -> str:
 def live_page(title: str, above: Sequence[Section], name: str, live: object, below: Sequence[Section]) -> str:
     """A complete HTML page with a live view between the sections `above` and `below`.
 
-    The files of the view are `name`.html.j2, .js and .css; `live` holds the values for the template.
-    """
+    The files of the view are `name`.html.j2, .js and .css; `live` holds the values for the template."""
     view = {"live": live, "view": f"{name}.html.j2", **live_assets(name)}
     context = {"title": title, "sections": above, "below": below, **view}
     return rendered("rock2d.graphics", "sections.html.j2", context)
@@ -97,8 +95,7 @@ def live_page(title: str, above: Sequence[Section], name: str, live: object, bel
 def view(write: Callable[[Path], object], name: str) -> Path:
     """Call `write` with a new temporary folder, open its page `name` in the browser and return the path of the page.
 
-    The folder is not deleted, because the browser reads it later.
-    """
+    The folder is not deleted, because the browser reads it later."""
     import shutil
     import tempfile
     import webbrowser
@@ -139,8 +136,7 @@ def drawn(figure: Figure, alt: str, image_format: str = "png") -> Picture:
 def embedded(figure: Figure, image_format: str = "png") -> str:
     """The data URI of a figure, for `src` of an img element; `image_format` is "png" or "svg".
 
-    The text of an SVG is drawn as paths, so that it looks the same without the font.
-    """
+    The text of an SVG is drawn as paths, so that it looks the same without the font."""
     import matplotlib
 
     buffer = io.BytesIO()

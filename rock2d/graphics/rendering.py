@@ -40,8 +40,7 @@ class Made:
 def page_date() -> str:
     """The present time in UTC, or the time in SOURCE_DATE_EPOCH if that is set.
 
-    Raises InputError if SOURCE_DATE_EPOCH is not a whole number of seconds.
-    """
+    Raises InputError if SOURCE_DATE_EPOCH is not a whole number of seconds."""
     stated = os.environ.get(DATE_VARIABLE)
     try:
         instant = datetime.now(UTC) if stated is None else datetime.fromtimestamp(int(stated), UTC)

@@ -37,8 +37,7 @@ def ground_image(cross_section: CrossSection, view: Viewport, depth_px: float, *
     """The cross-section as a BGR image (height_px, width_px, 3): sky, ground, surface line.
 
     Down to about `depth_px`, the ground has the tone of the zone of the nearest facet; this also holds at vertical
-    facings and overhangs.
-    """
+    facings and overhangs."""
     pad = int(1.8 * depth_px) + 2
     surface = view.pixels(cross_section.points_m) + pad
     canvas = (view.height_px + 2 * pad, view.width_px + 2 * pad)
@@ -142,8 +141,7 @@ def draw_block(
 ) -> None:
     """Draw `block` at `pose` (x_m, y_m, theta_rad), "solid", "ghost" (translucent) or "hollow" (outline).
 
-    A solid block has an orientation mark: a pale half and a dot on a smooth profile, a pale corner on a polygon.
-    """
+    A solid block has an orientation mark: a pale half and a dot on a smooth profile, a pale corner on a polygon."""
     x, y, theta = pose
     turn = np.array([[np.cos(theta), np.sin(theta)], [-np.sin(theta), np.cos(theta)]])
 

@@ -28,8 +28,7 @@ def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Fi
     """Percentiles of height above the ground, speed and energy along the slope, below the cross-section: a colour for
     each block, a line for each percentile, and a band for the 95 % interval of the 95th percentile.
 
-    `envelopes` is the table of `indicators.envelopes`.
-    """
+    `envelopes` is the table of `indicators.envelopes`."""
     names = list(envelopes["block"].unique())
     energies = envelopes.loc[envelopes["quantity"] == "kinetic_J", "value"]
     scale, unit = energy_unit(energies.max() if len(names) else 0.0)

@@ -1,8 +1,7 @@
 """The paths of many releases with few points, for the data of a page.
 
 A flight needs two points: with gravity and the time between them they define its parabola. Contacts, and flights that
-are nearly straight, are simplified as polylines in time (Douglas and Peucker 1973).
-"""
+are nearly straight, are simplified as polylines in time (Douglas and Peucker 1973)."""
 
 from __future__ import annotations
 
@@ -29,8 +28,7 @@ class ThinnedPaths:
     ----------
     instants : (n, 3) t_s, x_m, y_m
     arc : (n,) bool, True if the path from this point to the next is a parabola, False if it is a straight line
-    counts : (paths,) points of each path
-    """
+    counts : (paths,) points of each path"""
 
     instants: Array
     arc: Array
@@ -53,8 +51,7 @@ class ThinnedPaths:
 def thinned_paths(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
     """The simplified paths of tracks (at least one).
 
-    The error is mostly below `tolerance_m`, and up to three times that where blocks are fast.
-    """
+    The error is mostly below `tolerance_m`, and up to three times that where blocks are fast."""
     parts = [_thinned(tracks[i : i + TRACKS_PER_BATCH], tolerance_m) for i in range(0, len(tracks), TRACKS_PER_BATCH)]
     return ThinnedPaths(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("instants", "arc", "counts")))
 
@@ -77,8 +74,7 @@ def _thinned(tracks: Sequence[Track], tolerance_m: float) -> ThinnedPaths:
 def _polyline_vertices(instants: Array, run: Array, tolerance_m: float) -> Array:
     """Which vertices of polylines to keep, (n,) bool; the ends are kept.
 
-    `instants` (n, 3) are the vertices, `run` (n,) the number of the polyline of each.
-    """
+    `instants` (n, 3) are the vertices, `run` (n,) the number of the polyline of each."""
     import shapely
 
     kept = np.bincount(run)[run] <= 2

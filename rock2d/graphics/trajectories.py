@@ -61,8 +61,7 @@ def trajectories_figure(
 
     `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
     `releases`: number of releases of each block, of which `tracks` are the first; default: the number of tracks.
-    Raises InputError if there is no track of a known block.
-    """
+    Raises InputError if there is no track of a known block."""
     from matplotlib.collections import LineCollection
 
     names = [n for n in blocks if any(t.block == n for t in tracks)]
@@ -133,8 +132,7 @@ def cross_section_figure(
 ) -> Figure:
     """The cross-section with its zones and measure lines, drawn to scale.
 
-    `release_m`: the stations (m) between which blocks start; this part is marked.
-    """
+    `release_m`: the stations (m) between which blocks start; this part is marked."""
     points = cross_section.points_m
     limits = motion_limits(cross_section, points[:, 0], points[:, 1], 0.0)
     high_in = float(np.clip(_to_scale_in(limits), 1.6, 6.0))

@@ -1,8 +1,7 @@
 """Videos of trajectories: blocks on the cross-section in slow motion, with clock and scale. No display is needed.
 
 A `Clip` is the simulated or measured motion of one block. The clips of a scene share one clock; scenes are shown one
-after another in the same view.
-"""
+after another in the same view."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ def render_video(
     it is. `progress(done, all)` is called after each picture.
 
     The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4, a panel has
-    no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid.
-    """
+    no clips, or the block of a clip is unknown; ValueError if a size, a rate or the view is invalid."""
     if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
         raise InputError("nothing to show: a panel has no clips")
     layout = Layout(options.size_px, len(labels))

@@ -1,7 +1,6 @@
 """A video file, written completely or not at all: VP9 in WebM, which browsers play, or H.264 in MP4.
 
-One thread draws pictures while another encodes them.
-"""
+One thread draws pictures while another encodes them."""
 
 from __future__ import annotations
 
@@ -56,8 +55,7 @@ ENCODERS = {
 class VideoWriter:
     """Writes a video picture by picture; a context manager that closes the file.
 
-    The suffix of the path chooses the encoder. Raises InputError if it is neither .webm nor .mp4.
-    """
+    The suffix of the path chooses the encoder. Raises InputError if it is neither .webm nor .mp4."""
 
     def __init__(self, path: str | Path, fps: float, size_px: tuple[int, int]) -> None:
         """Open a file with `fps` pictures per second of `size_px` (width, height), both even."""
@@ -152,8 +150,7 @@ def write_video(
     """Write `count` BGR `pictures` (height, width, 3) of `size_px` (width, height) and return the path.
 
     The file is written completely or not at all. Raises InputError if the suffix is neither .webm nor .mp4 or there are
-    no pictures, OSError if a picture could not be written.
-    """
+    no pictures, OSError if a picture could not be written."""
     path = Path(path)
     encoder_of(path)
     done = 0

@@ -36,8 +36,7 @@ class VideoOptions:
     titles : title of each scene; later scenes have the last title
     view : x_min, x_max, y_min, y_max in m; default: the region in which blocks move
     trail : whether the paths of the centroids are drawn
-    hold_s : time for which the last picture of a scene is shown, s
-    """
+    hold_s : time for which the last picture of a scene is shown, s"""
 
     fps_video: float = 25
     slow_motion: float = 10
@@ -194,8 +193,7 @@ class Panel:
     ----------
     clips, ghosts : what moves in it; what moves in it translucently
     all_clips : clips of all panels; names avoid their paths, so that they have the same place in each panel
-    background : ground, names and the older parts of the trails, in a pale colour
-    """
+    background : ground, names and the older parts of the trails, in a pale colour"""
 
     cross_section: CrossSection
     blocks: Mapping[str, Block]

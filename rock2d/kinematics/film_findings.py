@@ -8,8 +8,7 @@ are judged: the depth of a block in its indentation is a property of the soil.
 
 With the true outline, the penetration of a block does not depend on its angle. The depth at the lowest point of each
 impact is fitted with harmonics of the angle between block and ground. The second and the fourth harmonic distinguish
-circles, squares and elongated blocks.
-"""
+circles, squares and elongated blocks."""
 
 from __future__ import annotations
 
@@ -127,8 +126,7 @@ class FilmFindings:
     rests : heights at rest
     without_angle : blocks whose angle was not measured
     from_gravity : quantity that was computed from gravity, so that flights cannot check it; None if scale and frame
-        rate were measured
-    """
+        rate were measured"""
 
     stated_m_s2: float
     fps: float

@@ -31,8 +31,7 @@ class FilmSegments:
     mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
-    order : (releases,) number of earlier releases of the same block
-    """
+    order : (releases,) number of earlier releases of the same block"""
 
     film: Film
     flights: Flights
@@ -97,8 +96,7 @@ class FilmSegments:
     def state_covariance(self, which: Array, dt: Array) -> Array:
         """(n, 6, 6) covariance of the measured states of flights `which`, at recorded instants dt from their middle.
 
-        An angle that was not measured is uniform, and its spin may be that of rolling in either sense.
-        """
+        An angle that was not measured is uniform, and its spin may be that of rolling in either sense."""
         out = np.zeros((len(which), N_STATE, N_STATE))
         rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
         for c in range(N_POSE):

@@ -14,8 +14,7 @@ its effect is added to the error.
 
 Flights are combined within each release, and then releases. If releases disagree by more than their errors explain
 (blocks at different distances from the camera), a scatter between them is added: Paule and Mandel (1982), Journal of
-Research of the National Bureau of Standards 87(5), 377-385.
-"""
+Research of the National Bureau of Standards 87(5), 377-385."""
 
 from __future__ import annotations
 
@@ -73,8 +72,7 @@ class FlightGravity:
     speed_velocity : (flights, 2) mean of speed × velocity over the flight in m²/s², weighted like an acceleration in
         the fit of the parabola
     noise_m, instant_noise_s : σ and τ
-    slow : whether slowly changing errors give the standard error
-    """
+    slow : whether slowly changing errors give the standard error"""
 
     gravity_m_s2: Measured
     tilt_rad: Measured
@@ -91,8 +89,7 @@ class FlightGravity:
 def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGravity | None:
     """Gravity from the flights of a film, as recorded; None if no flight shows it clearly.
 
-    `stated_m_s2`: expected gravity, which distinguishes falls from other smooth motion.
-    """
+    `stated_m_s2`: expected gravity, which distinguishes falls from other smooth motion."""
     paths = [_Path(film.t_s[a:b], film.pose[a:b, POSITION]) for a, b in zip(*_inner(film, flights), strict=True)]
     if not paths:
         return None
@@ -280,8 +277,7 @@ def _are_falls(fits: _Fits, stated_m_s2: float) -> Array:
 
     If gravity would clearly bend the path, it must be bent. Steep paths are steeper than any ground. The noise of other
     flights allows no such test; they must be clear all together. The choice of the test does not depend on the measured
-    acceleration, which would bias the result.
-    """
+    acceleration, which would bias the result."""
     down = np.array([0.0, -1.0 if np.median(fits.acceleration[:, Y]) < 0 else 1.0])
     size, error = _along(fits, down)
     vx, vy = fits.velocity.T

@@ -55,8 +55,7 @@ class Film:
     stated_noise : (3,) noise of the experiment, 1 sigma
     noise : (3,) 1 sigma of a frame; `long_noise` (3,) the same for averages over many frames, which is larger if the
         noise is correlated
-    smear_offset_s : offset of a block over its speed that all frames share, 1 sigma
-    """
+    smear_offset_s : offset of a block over its speed that all frames share, 1 sigma"""
 
     t_s: Array
     pose: Array
@@ -99,8 +98,7 @@ class Flights:
 def load_film(experiment: Experiment) -> Film:
     """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped.
 
-    Raises InputError if every frame is lost.
-    """
+    Raises InputError if every frame is lost."""
     table = seen_frames(experiment, corners=True).sort_values(["release", "t_s"], kind="stable")
     names, release = np.unique(table["release"].to_numpy(), return_inverse=True)
     block_names = list(experiment.blocks)
@@ -157,8 +155,7 @@ def _first_noise(film: Film) -> Array:
 def find_flights(world: World, film: Film) -> Flights:
     """The flights of all releases in a world.
 
-    Sets `film.noise` and `film.long_noise` to estimates from these flights.
-    """
+    Sets `film.noise` and `film.long_noise` to estimates from these flights."""
     blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section)
@@ -222,8 +219,7 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
     Two parts of one flight that was divided in mid-air are joined, because drag, a lens or perspective deform the
     parabola. A segment counts as a flight only if it rises above the ground; hops within the indentation are contact.
     If the ground lies higher than stated, so that blocks do not come down to it, a flight must rise above its own lower
-    end.
-    """
+    end."""
     clearance, noise, size = recording.clearance_m, recording.noise, recording.size_m
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
@@ -247,8 +243,7 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
 def _kinked(recording: _Recording, before: tuple[int, int], after: tuple[int, int]) -> bool:
     """Whether the velocity jumps between two segments, by more than a smooth curve through both explains.
 
-    The fitted curve is a polynomial with an acceleration near gravity, and a jump of velocity between the segments.
-    """
+    The fitted curve is a polynomial with an acceleration near gravity, and a jump of velocity between the segments."""
     t, pose, _, noise, size, g = recording
     frames = np.concatenate([np.arange(*before), np.arange(*after)])
     own = t[frames] - 0.5 * (t[before[1] - 1] + t[after[0]])

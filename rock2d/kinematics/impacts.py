@@ -1,8 +1,7 @@
 """Impacts of a film, the contacts in them, and impacts of a table.
 
 An *impact* of a film is everything between two consecutive flights: one touch of the ground, or several. Between other
-pairs of flights the block touches nothing; they may be one flight.
-"""
+pairs of flights the block touches nothing; they may be one flight."""
 
 from __future__ import annotations
 
@@ -43,8 +42,7 @@ class FlightPairs:
     wait_s : recorded time from the start of the simulation to that beginning
     window_s : recorded time for which the flight after is compared with a simulation
     zone : zone of the nearest facet of the ground
-    tangent : (n, 2) direction of that facet
-    """
+    tangent : (n, 2) direction of that facet"""
 
     before: Array
     after: Array
@@ -68,8 +66,7 @@ class FlightPairs:
 def start_instants(world: World, film: Film, flights: Flights, basis: Basis, states: States) -> Array:
     """(flights,) recorded instant, from the middle of each flight, at which a simulation from it starts.
 
-    It is the last frame at which the block is well above the ground; NaN if the block is never above it.
-    """
+    It is the last frame at which the block is well above the ground; NaN if the block is never above it."""
     flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
     t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
     clearance = block_clearances(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
@@ -128,8 +125,7 @@ class Contacts(NamedTuple):
         flights. Both flights are extrapolated; the instants are those of contact with the ground, or else the instant
         at which the flights are nearest to each other
     arriving, leaving : (n, 6) states at these instants
-    clearance_m : least clearance of the outline between the flights
-    """
+    clearance_m : least clearance of the outline between the flights"""
 
     touch_s: Array
     leave_s: Array
@@ -199,8 +195,7 @@ class ImpactTable:
     impact_block, impact_zone, impact_release : (n,) index of block, zone and release of each impact
     tangent : (n, 2) direction of the nearest facet
     impact_order : (n,) `order` of the release of each impact
-    order : (releases,) number of earlier releases of the same block
-    """
+    order : (releases,) number of earlier releases of the same block"""
 
     before: Array
     after: Array

@@ -2,8 +2,7 @@
 
 The segmentation needs a ground to which the blocks come down. If the blocks lie inside the stated ground, a wrong scale
 or tilt of the camera, or a cross-section that differs from the survey, may be the reason. The correction is good enough
-for the segmentation and for a first fit of the law. The diagnosis then finds the cause among all effects.
-"""
+for the segmentation and for a first fit of the law. The diagnosis then finds the cause among all effects."""
 
 from __future__ import annotations
 
@@ -61,8 +60,7 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
     """A corrected world in which most releases come down just to the ground, and the correction in words; None if there
     is none.
 
-    gravity : (2,) recorded acceleration of flights in m/s², None if it is not known
-    """
+    gravity : (2,) recorded acceleration of flights in m/s², None if it is not known"""
 
     def miss(other: World) -> float:
         """Misfit in block radii: distance of the lowest points of the releases from a usual depth, and from each other,

@@ -3,8 +3,7 @@
 The checks use only the recorded data, without a model of contact. A *fault* makes a diagnosis meaningless and stops it.
 A *remark* is printed and stands in the report. A mirrored axis, or a set-up in which the blocks would sink into the
 ground, would spoil the segmentation. It is corrected only for the segmentation and for a first fit of the law; the
-diagnosis has to find the cause.
-"""
+diagnosis has to find the cause."""
 
 from __future__ import annotations
 
@@ -70,8 +69,7 @@ class Sanity:
     faults, remarks : see the module
     mirror : axis that was recorded with the wrong sign, "" if there is none
     registered : corrected world in which the film is segmented, None if it is the stated one
-    suspects : effects that could have caused the faults
-    """
+    suspects : effects that could have caused the faults"""
 
     faults: list[Fault] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -89,8 +87,7 @@ def check_impacts(impacts: int, landings: int, flying: int, edged: Sequence[str]
     two releases have flights (`flying`).
 
     If blocks stick, few impacts are followed by a flight; then `landings`, which include impacts after which a block
-    stays on the ground, count. `edged`: blocks with corners whose angle was not measured.
-    """
+    stays on the ground, count. `edged`: blocks with corners whose angle was not measured."""
     least = FEWEST_REBOUNDS if landings >= FEWEST_IMPACTS else FEWEST_IMPACTS
     stay = f", {landings - impacts} more end the flight of a block for good" if landings > impacts else ""
     why = ""

@@ -2,8 +2,7 @@
 
 A flight is a range of frames on one parabola; a rest is a range of frames with a fixed pose; all other frames are
 contact. The cost is chi-square plus a fixed cost for each segment, so that the noise decides, not a threshold on speed.
-Accelerations of a flight are free within a prior, so that drag, a tilted camera or a wrong scale do not split it.
-"""
+Accelerations of a flight are free within a prior, so that drag, a tilted camera or a wrong scale do not split it."""
 
 from __future__ import annotations
 
@@ -93,8 +92,7 @@ def partition(t, data, curvature, curvature_sd, fewest_frames):
     curvature, curvature_sd : (3,) half the acceleration that the prior of a flight expects, and its 1 sigma, in units
         of noise / s²
     fewest_frames : fewest frames of a flight or rest
-    Returns (n,) kind of each frame and (n,) number of its segment (-1 for contact).
-    """
+    Returns (n,) kind of each frame and (n,) number of its segment (-1 for contact)."""
     n = t.size
     ts, ds = _sums(t, data)
     best = np.full(n + 1, np.inf)

@@ -26,8 +26,7 @@ def base_start(experiment: Experiment) -> Array:
     """Start of the fit of the base law: Table 4, scaled to the blocks' mass and gravity.
 
     With lengths in units of the block's size L and times in units of √(L / g), stiffness scales with m g / L; the
-    rolling stiffness with m g L.
-    """
+    rolling stiffness with m g L."""
     size = float(np.mean([b.size_m for b in experiment.blocks.values()]))
     mass = float(np.mean([b.mass_kg for b in experiment.blocks.values()]))
     weight = mass / TABLE_MASS_KG * experiment.gravity_m_s2 / 9.81

@@ -2,8 +2,7 @@
 
 The view of the world transforms recorded poses to true ones. Each flight is then the free motion in this world (a
 parabola, with air forces if there are any) from a state that is fitted by least squares. Residuals are coefficients of
-orthonormal polynomials in time of degree 2 and higher; degree 2 is an acceleration, degree 3 a jerk.
-"""
+orthonormal polynomials in time of degree 2 and higher; degree 2 is an acceleration, degree 3 a jerk."""
 
 from __future__ import annotations
 
@@ -44,8 +43,7 @@ class Basis:
     middle : (n,) mean instant, in s as recorded
     slope : (n,) value of degree 1 per s
     level : (n,) value of degree 0
-    degrees : (n,) number of degrees beyond 1 of each flight
-    """
+    degrees : (n,) number of degrees beyond 1 of each flight"""
 
     frames: Array
     start: Array
@@ -92,8 +90,7 @@ class States:
     Attributes
     ----------
     middle : (n, 6) state of the centre of mass at the basis' middle instant
-    residuals : (n, 3, RESIDUAL_DEGREES) coefficients of x, y, theta in units of the noise of a frame
-    """
+    residuals : (n, 3, RESIDUAL_DEGREES) coefficients of x, y, theta in units of the noise of a frame"""
 
     middle: Array
     residuals: Array

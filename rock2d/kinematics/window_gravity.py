@@ -50,8 +50,7 @@ def window_gravity(experiment: Experiment, film: Film) -> Array | None:
     """(2,) acceleration in m/s² of blocks in free flight; None if too few fly, or if their accelerations disagree.
 
     A short window may be a smooth part of an impact. Therefore the result is a mode over the windows of one length, and
-    of all lengths the narrowest mode, because free flights agree with each other.
-    """
+    of all lengths the narrowest mode, because free flights agree with each other."""
     clear: list[_Mode] = []  # of windows in which noise does not hide the stated gravity
     every: list[_Mode] = []
     for window in WINDOWS:
@@ -92,8 +91,7 @@ def _falls(film: Film, window: int) -> _Falls:
     """The windows of frames that lie on a clearly curved parabola.
 
     A sliding or rolling block may move as smoothly as a flying one, but straight along the ground. So the path must be
-    bent, or steeper than any ground.
-    """
+    bent, or steeper than any ground."""
     start = np.arange(0, len(film.t_s) - window, max(window // 2, 1))
     start = start[film.release[start] == film.release[start + window - 1]]
     frames = start[:, None] + np.arange(window)

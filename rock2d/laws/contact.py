@@ -2,8 +2,7 @@
 
 Source: section "DEM modelling" and Table 4 of the paper. Pure functions of one contact point, which all engines call.
 SI units. δ is the penetration, δmax the peak penetration since the contact began, s the tangential displacement of the
-tangential spring, ρ the rotation of the rolling spring.
-"""
+tangential spring, ρ the rotation of the rolling spring."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ class ContactParameters:
     `friction_angle_deg` may be 90 (never slips). `rolling_cap` limits the rolling moment to (arm) × F_n, which the
     paper does not. With `rolling_in_indentation`, the rolling spring acts until the block is clear of the original
     surface, otherwise only while the ground presses on it; the "rotation since this contact began" of the paper allows
-    both readings. Raises ParameterError, a ValueError, on values for which the law makes no sense.
-    """
+    both readings. Raises ParameterError, a ValueError, on values for which the law makes no sense."""
 
     k_l_N_m: float = 1.0e4
     k_ul_N_m: float = 6.0e4
@@ -72,8 +70,7 @@ def contact_table(
 ) -> np.ndarray:
     """(zones, columns) rows in the order of `zone_names`; the key "default" holds for zones that are not named.
 
-    Raises ValueError if a zone has neither its own parameters nor a default.
-    """
+    Raises ValueError if a zone has neither its own parameters nor a default."""
     if isinstance(parameters, ContactParameters):
         parameters = {"default": parameters}
     return np.array([zone.row() for zone in by_zone(parameters, zone_names, "contact")])
@@ -164,8 +161,7 @@ def cross_zone(force_n, force_t, rotation, depth, old, new):
 
     The contact keeps its forces, with two limits. In a softer zone they are reduced so that the stored energy does not
     increase: no change of zone creates energy. The normal force is at most that of first loading to `depth`. The energy
-    lost counts as plastic work.
-    """
+    lost counts as plastic work."""
     force = min(force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL])), new[K_L] * max(depth, 0.0))
     displacement = 0.0
     if new[K_T] > 0.0 and old[K_T] > 0.0:
@@ -185,8 +181,7 @@ def change_feature(p, depth, jump, memory, forces):
 
     The jump exceeds rounding only in the middle of a narrow ridge, or far below the surface. If the new feature is
     deeper, the contact keeps its penetration, as if the ground began deeper, so that no energy is created. Otherwise it
-    unloads. Returns (new offset in m, new normal force, new tangential force in N, lost elastic energy in J).
-    """
+    unloads. Returns (new offset in m, new normal force, new tangential force in N, lost elastic energy in J)."""
     offset, peak = memory
     force_n, force_t = forces
     if offset + jump >= 0.0:

@@ -3,8 +3,7 @@
 Source: section "Probabilistic impact modelling" and Table 3 of the paper; Bourrier & Hungr (2011), with the hyperbolic
 normal restitution of PIERRE. Pure functions of one impact: if the slope reduction is random, the caller passes the
 random number. SI units. With t along the facet, n out of the ground, v_n < 0 on entry and ω counter-clockwise positive,
-the foot of the ball moves at u = v_t + r ω.
-"""
+the foot of the ball moves at u = v_t + r ω."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ class ReboundParameters:
     slope_reduction : "constant" (α at every impact) or "uniform" (drawn from U(0, α) at every impact). The
         text of the paper allows both.
 
-    Raises ParameterError, a ValueError, on values for which the law makes no sense.
-    """
+    Raises ParameterError, a ValueError, on values for which the law makes no sense."""
 
     friction_angle_deg: float
     momentum_half_kg_m_s: float
@@ -80,8 +78,7 @@ class ReboundParameters:
 def rebound_table(parameters: Mapping[str, ReboundParameters], zone_names: tuple[str, ...]) -> np.ndarray:
     """(zones, columns) rows in the order of `zone_names`; the key "default" holds for zones that are not named.
 
-    Raises ValueError if a zone has neither its own parameters nor a default.
-    """
+    Raises ValueError if a zone has neither its own parameters nor a default."""
     return np.array([zone.row() for zone in by_zone(parameters, zone_names, "rebound")])
 
 
@@ -103,8 +100,7 @@ def rebound_local(v_t, v_n, omega, mass, radius, p):
 
     The no-slip formula is the slip formula with J = 2/7 r_t |u|, and ψ < φ means that this J is the smaller one.
     So the code uses the smaller J in both cases. v_t - (2/5) r ω is multiplied by r_t, and |u| by at most r_t:
-    the kinetic energy ½ m (v_n² + 2/7 u² + 5/7 (v_t - 2/5 r ω)²) never increases.
-    """
+    the kinetic energy ½ m (v_n² + 2/7 u² + 5/7 (v_t - 2/5 r ω)²) never increases."""
     hit = max(-v_n, 0.0)
     r_n = normal_restitution(hit, mass, p[M_HALF])
     u = v_t + radius * omega
@@ -129,8 +125,7 @@ def rebound(velocity, tangent, alpha, body, p):
     - the block would not hit the rotated facet (v_n >= 0 in its frame): the law uses the true facet, α = 0;
     - it leaves the rotated facet towards the inside of the true one: a second rebound at once, with α = 0.
 
-    No rebound adds energy.
-    """
+    No rebound adds energy."""
     vx, vy, omega = velocity
     tx, ty = tangent
     travel = np.sign(vx)

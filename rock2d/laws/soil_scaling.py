@@ -6,8 +6,7 @@ Two impacts are similar if all lengths have the ratio of the sizes d, all masses
 - k_l = κ m g / d, k_ul = k_l / e², k_t in proportion to k_l, k_r in proportion to k_l d²
 - M½ = μ m √(g d)
 
-with κ, e and μ of the class alone. docs/theory/soil-classes.md has the derivation and its limits. SI units.
-"""
+with κ, e and μ of the class alone. docs/theory/soil-classes.md has the derivation and its limits. SI units."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """The columns of all arrays and tables with results of a release.
 
-Compiled code uses the integers as indices; tables use the names. SI units, as the names say.
-"""
+Compiled code uses the integers as indices; tables use the names. SI units, as the names say."""
 
 from __future__ import annotations
 

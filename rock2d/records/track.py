@@ -1,8 +1,7 @@
 """The motion of one release as an engine computed it: exact knots, impacts, and how it ended.
 
 Between two knots a block is either in flight (on an exact parabola) or in contact (cubic Hermite interpolation of
-positions and velocities of contact steps). All engines return tracks; measure lines, videos and figures read them.
-"""
+positions and velocities of contact steps). All engines return tracks; measure lines, videos and figures read them."""
 
 from __future__ import annotations
 
@@ -32,8 +31,7 @@ class Track:
     stop : "rest" | "exit" (left the cross-section) | "time" (time limit) | "impacts" (their limit) | "buried"
         (the centroid sank below the surface)
     energy_J : final energy balance, keys of ENERGY_NAMES; empty if the engine computes none
-    gravity_m_s2 : gravity
-    """
+    gravity_m_s2 : gravity"""
 
     release: int
     block: str
@@ -84,8 +82,7 @@ class Track:
     def crossings(self, line: Array) -> Array:
         """States (m, 7: t first) at which the centroid crosses the segment `line` (2, 2), in order of time.
 
-        Sums are written out, so that the compiled code of `point_mass` gives the same bits.
-        """
+        Sums are written out, so that the compiled code of `point_mass` gives the same bits."""
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
         side = (self.knots[:, INSTANT_X] - origin[0]) * normal[0] + (self.knots[:, INSTANT_Y] - origin[1]) * normal[1]

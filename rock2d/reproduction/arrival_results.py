@@ -33,8 +33,7 @@ class ArrivalStages:
     ----------
     sample : hypotheses of DETERMINISTIC_SPACE
     candidates : model -> arrays of `missing_effects`
-    readings : arrays of `table_3_readings`
-    """
+    readings : arrays of `table_3_readings`"""
 
     sample: Sample
     candidates: Mapping[str, Mapping[str, Array]]
@@ -50,8 +49,7 @@ class ArrivalResults:
     values : hypotheses of DETERMINISTIC_SPACE
     with_table_4, predicted : outcomes of the three blocks, with the law of Table 4 and with the calibrated law
     found : the hypothesis with the best agreement with both columns of the paper
-    paper_column, passing, missing_effects, table_3_readings : tables
-    """
+    paper_column, passing, missing_effects, table_3_readings : tables"""
 
     values: Values
     with_table_4: list[Outcome]
@@ -144,8 +142,7 @@ def comparison_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
     """A table `percent` (blocks, lines) of Table 2 and its prediction in %; one row for each block and line.
 
     published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;
-    p: two-sided p-value of the published number under the hypotheses.
-    """
+    p: two-sided p-value of the published number under the hypotheses."""
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):

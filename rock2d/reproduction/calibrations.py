@@ -4,8 +4,7 @@ Both models are calibrated on the sphere's cells of Table 2 and on the statement
 on the cells of its block; the deterministic model with candidate effects on the cells of two blocks. The calibrations
 are modular as in the paper: the rows of the cube and the parallelepiped do not influence the parameters of the sphere,
 and only these rows determine the slope reductions (a cut posterior, Plummer 2015). Statements and cells count the same
-50 releases; their likelihoods are multiplied as if they were independent (assumption).
-"""
+50 releases; their likelihoods are multiplied as if they were independent (assumption)."""
 
 from __future__ import annotations
 
@@ -72,8 +71,7 @@ class Effort:
     hypotheses : number in each posterior, a multiple of twice the moves; two independent runs give half of them each
     releases : number of releases of each block for each hypothesis; powers of 2 are spread most evenly
     moves : rounds of moves at each step of the sampler
-    prior_draws : draws from the prior for each hypothesis
-    """
+    prior_draws : draws from the prior for each hypothesis"""
 
     hypotheses: int = 384
     releases: int = 64
@@ -89,8 +87,7 @@ class Model:
     ----------
     first_impacts : simulates the first impacts of a block for hypotheses of `space`; they do not depend on the law
     crossed : simulates (k, n, lines) whether these releases pass each line
-    space : the unknowns
-    """
+    space : the unknowns"""
 
     first_impacts: Callable[[Values, str, Array], Outcome]
     crossed: Callable[[Values, str, Array], Array]
@@ -107,8 +104,7 @@ def calibrate(
     """The posterior over a space. `factors` gives the factors of the likelihood for standard normal draws.
 
     Half of the hypotheses come from one run of the sampler, half from a second run with other releases. Each run begins
-    with COARSE_SHARE of the releases.
-    """
+    with COARSE_SHARE of the releases."""
     width, half = len(space.quantities), effort.hypotheses // 2
     moves = Moves(effort.moves, redrawn=redrawn, groups=_move_groups(space, redrawn), every_round=True)
     runs: list[Sample] = []
@@ -168,8 +164,7 @@ def first_impacts_factor(model: Model, block: str, draws: Draws) -> Factor:
 def cells_factor(model: Model, block: str, draws: Draws, percent: Array | None = None) -> Factor:
     """The likelihood of the cells of a block in a table `percent` (blocks, lines) of Table 2; default: the experiment.
 
-    For hypotheses that the first impacts do not exclude.
-    """
+    For hypotheses that the first impacts do not exclude."""
     counts = published.counts_by_last_line(published.EXPERIMENT if percent is None else percent, block)
 
     def log_likelihood(u: Array) -> Array:
@@ -196,8 +191,7 @@ def calibrate_deterministic(effort: Effort, seed: np.random.SeedSequence, on_pro
 def calibrate_probabilistic(effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress) -> Sample:
     """Calibrate the probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
 
-    Its posterior has several modes; twice as many hypotheses find them all.
-    """
+    Its posterior has several modes; twice as many hypotheses find them all."""
     effort = replace(effort, hypotheses=2 * effort.hypotheses, prior_draws=2 * effort.prior_draws)
     model = Model(probabilistic_outcome, lambda *of: probabilistic_outcome(*of).crossed, PROBABILISTIC_SPACE)
     return calibrate(PROBABILISTIC_SPACE, _factors(model, ["sphere"]), effort, seed, on_progress)
@@ -225,8 +219,7 @@ def calibrate_with_arrivals(effort: Effort, seed: np.random.SeedSequence, on_pro
     frequencies of the experiment. Here set-up and arrivals explain the paper's deterministic column under Table 4. In
     another factor of the likelihood the parameters of the law are free, and explain the experimental row of the sphere
     from the same arrivals. Assumption: the 50 simulated and the 50 filmed releases of a block are independent draws of
-    one distribution.
-    """
+    one distribution."""
     return calibrate(DETERMINISTIC_SPACE, arrival_factors, effort, seed, on_progress)
 
 
@@ -253,8 +246,7 @@ def calibrate_slope_reductions(
     """block -> (k,) slope reduction in degrees for each hypothesis `sample` (k, d) of PROBABILISTIC_SPACE.
 
     It is drawn from its posterior given the cells of the block, separately for each hypothesis: these cells do not
-    influence set-up, incident states and the parameters of the sphere.
-    """
+    influence set-up, incident states and the parameters of the sphere."""
     draw_seed, run_seed = seed.spawn(2)
     draws, rng = standard_normal_draws(effort.releases, draw_seed), np.random.default_rng(run_seed)
     values = PROBABILISTIC_SPACE.values(sample)

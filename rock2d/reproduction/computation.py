@@ -57,8 +57,7 @@ def compute_results(
 ) -> Results:
     """Calibrate both models and predict the three blocks; stages in `finished` are not computed again.
 
-    With `candidates`, the deterministic model with candidate effects is also calibrated, with held-out blocks.
-    """
+    With `candidates`, the deterministic model with candidate effects is also calibrated, with held-out blocks."""
     seeds = np.random.SeedSequence(seed).spawn(10)
     samples = {
         "deterministic": finished.sample(

@@ -3,8 +3,7 @@
 The paper gives the blocks, the height and crest width of the embankment and the drop height; all other quantities are
 unknowns. A simulated release starts when the block leaves the slope for the last time. Its speeds along and across the
 slope are fractions (0 to 1) of the speed of the drop, its rotation rate lies between zero and rolling, and its mean
-energy is at most that of the drop.
-"""
+energy is at most that of the drop."""
 
 from __future__ import annotations
 
@@ -88,8 +87,7 @@ class IncidentDistributions:
     Attributes
     ----------
     mean, sd : (n, 6) x, y, theta, vx, vy, omega in SI
-    possible : (n,) whether the energy of the mean state is at most that of the drop
-    """
+    possible : (n,) whether the energy of the mean state is at most that of the drop"""
 
     mean: Array
     sd: Array

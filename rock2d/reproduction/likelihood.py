@@ -2,8 +2,7 @@
 
 Both are counts of 50 filmed releases, compared with counts of simulated releases. With Jeffreys' prior for the
 frequencies, the probability of the filmed counts given the simulated counts is Dirichlet-multinomial. It includes the
-sampling error of the simulation.
-"""
+sampling error of the simulation."""
 
 from __future__ import annotations
 
@@ -19,8 +18,7 @@ Array = np.ndarray
 def log_counts(simulated: Array, filmed: Array) -> Array:
     """(k,) log-probability of `filmed` counts (c,) by category, given `simulated` counts (k, c) of each hypothesis.
 
-    Dirichlet-multinomial with 1/2 added to each simulated count.
-    """
+    Dirichlet-multinomial with 1/2 added to each simulated count."""
     return _log_dirichlet_multinomial(simulated + 0.5, filmed)
 
 
@@ -28,8 +26,7 @@ def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array
     """(k,) as `log_counts` if the number that passed one line (0, 1, 2) is unknown.
 
     The releases that ended between the previous and this line, and those that ended between this and the next line,
-    form one category; 1 is added to its simulated count.
-    """
+    form one category; 1 is added to its simulated count."""
     return _log_dirichlet_multinomial(_merge_around_line(simulated + 0.5, line), _merge_around_line(filmed, line))
 
 

@@ -4,8 +4,7 @@ paper's simulations.
 The deterministic model keeps the parameters of Table 4, so that other parameters cannot compensate for a candidate. The
 probabilistic model has parameters that explain the experimental row of the sphere, because those of Table 3 do not. A
 candidate is calibrated on the experimental rows of some blocks and scored on the row of another: hypotheses and sizes
-of the effect are drawn from their priors and weighted by the likelihood.
-"""
+of the effect are drawn from their priors and weighted by the likelihood."""
 
 from __future__ import annotations
 
@@ -57,8 +56,7 @@ def deterministic_candidates(
     DETERMINISTIC_SPACE.
 
     Returns `percent` (candidates, k, blocks, lines) that pass, and the `log_likelihood` (candidates, k, blocks) of the
-    experimental rows.
-    """
+    experimental rows."""
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
         own = {f"candidate.{i}": size for i, size in enumerate(sizes.T)}
@@ -89,8 +87,7 @@ def probabilistic_with(candidate: str, values: Values, block: Block, size: Array
     degrees.
 
     The slope reduction of `shape` is proportional to R / r - 1, with the radii of the circumscribed and the inscribed
-    circle of the block; `slope_reduction` is the same for every block that is not round.
-    """
+    circle of the block; `slope_reduction` is the same for every block that is not round."""
     changed, reduction = dict(values), np.zeros(len(size))
     for zone in ("ditch", "facing"):
         if candidate == "friction":
@@ -161,8 +158,7 @@ class HeldOutScore:
     log_score : log-probability of the filmed numbers of these blocks
     over_none, error : log_score minus that of no candidate, and its standard error over hypotheses
     percent : (blocks, lines) predicted passing frequencies of these blocks in %
-    effective : effective number of hypotheses
-    """
+    effective : effective number of hypotheses"""
 
     log_score: float
     over_none: float

@@ -46,8 +46,7 @@ class Outcome:
     off_normal_deg : (k, n) angle between the velocity before that impact and the normal of the facing, NaN without one
     at_line_2 : (k, n, 7) time and state at the first crossing of line 2, NaN if it was not passed
     possible : (k,) whether the energy of the drop allows the incident states, and most releases do not touch the slope
-        again; the lines are evaluated only for possible hypotheses
-    """
+        again; the lines are evaluated only for possible hypotheses"""
 
     crossed: Array
     first_zone: Array
@@ -83,8 +82,7 @@ def by_last_line(crossed: Array) -> Array:
 def deterministic_outcome(values: Values, block_name: str, draws: Array, change: WorldChange | None = None) -> Outcome:
     """Releases of a block with the deterministic model, for each hypothesis, from standard normal `draws` (n, 6).
 
-    `change` adds a candidate effect to the world of a hypothesis.
-    """
+    `change` adds a candidate effect to the world of a hypothesis."""
     outcome = deterministic_first_impacts(values, block_name, draws, change)
     possible = np.flatnonzero(outcome.possible)
     crossings = np.full((*outcome.first_zone.shape, len(LINES), N_INSTANT), np.nan)
@@ -105,8 +103,7 @@ def deterministic_first_impacts(
     """As `deterministic_outcome`, but only up to the first impact: no line counts as passed.
 
     A release is simulated until its centroid in free fall would be below all ground, so that the first impact must have
-    begun. Its beginning does not depend on the contact parameters; those of Table 4 are used.
-    """
+    begun. Its beginning does not depend on the contact parameters; those of Table 4 are used."""
     values = table_4(values)
     block, n = SETUP_BLOCKS[block_name], len(draws)
     incident = incident_distributions(values, block)

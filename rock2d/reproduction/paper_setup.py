@@ -1,6 +1,5 @@
 """The set-up and arrivals under which Tables 3 and 4 agree best with the paper's columns, as a scenario file; and
-Table 2 next to simulations of a scenario.
-"""
+Table 2 next to simulations of a scenario."""
 
 from __future__ import annotations
 
@@ -50,8 +49,7 @@ class FoundSetup:
     of : number of hypotheses
     releases : simulated releases of each block
     agrees : model -> (blocks, lines) whether the simulated frequency agrees with the paper's, see `summary.agrees`
-    reached : model -> (2, blocks, lines) lowest and highest simulated frequency of all hypotheses, in %
-    """
+    reached : model -> (2, blocks, lines) lowest and highest simulated frequency of all hypotheses, in %"""
 
     place: int
     of: int
@@ -83,8 +81,7 @@ def found_setup(values: Values, with_table_4: list[Outcome], draws: Mapping[str,
     """The hypothesis with which most cells of the deterministic column agree. Among equals, the one with most cells of
     the probabilistic column; among equals, the one with the highest likelihood of both.
 
-    `with_table_4`: outcomes of the three blocks under Table 4, from the standard normal `draws`.
-    """
+    `with_table_4`: outcomes of the three blocks under Table 4, from the standard normal `draws`."""
     ones = np.ones(len(values["slope_deg"]))
     with_table_3 = [
         probabilistic_outcome(table_3(values), block, draws[block], published.SLOPE_REDUCTION_DEG[block] * ones)
@@ -225,8 +222,7 @@ def side_by_side(scenario: Scenario, releases: int = TABLE_2_RELEASES) -> pd.Dat
     deterministic_agrees and probabilistic_agrees: whether they lie in the interval of the paper's model
     (`summary.agrees`).
 
-    Raises KeyError if the scenario lacks a block or a line of the paper.
-    """
+    Raises KeyError if the scenario lacks a block or a line of the paper."""
     columns = {"experiment": published.EXPERIMENT} | {
         f"paper_{model}": column for model, column in published.COLUMNS.items()
     }

@@ -1,6 +1,5 @@
 """Predictions of each calibration for new releases, their errors and conclusions, and the data files: tables (the
-paper's Tables 2 to 4, assumptions, candidate effects), paper_setup.yaml and reproduction.json.
-"""
+paper's Tables 2 to 4, assumptions, candidate effects), paper_setup.yaml and reproduction.json."""
 
 from __future__ import annotations
 
@@ -55,8 +54,7 @@ class Results:
     passing, candidates, cells : tables
     arrivals : results with the arrivals of the paper's simulations
     errors : RMSE in points, by model and the data to which it was fitted
-    conclusions : sentences
-    """
+    conclusions : sentences"""
 
     seed: int
     samples: dict[str, Sample]
@@ -82,8 +80,7 @@ def evaluate(
 ) -> Results:  # fmt: skip
     """Predictions of all calibrations with errors and conclusions.
 
-    `without_block`: held-out block -> posterior of the deterministic model with candidate effects.
-    """
+    `without_block`: held-out block -> posterior of the deterministic model with candidate effects."""
     draw_seed, floor_seed = stream.spawn(2)
     draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)
     values = {model: SPACES[model].values(sample.u) for model, sample in samples.items()}
@@ -248,8 +245,7 @@ def probabilistic_parameters(results: Results) -> pd.DataFrame:
 def deterministic_parameters(results: Results) -> pd.DataFrame:
     """Table 4: the paper's value and the posterior of each parameter of the contact law.
 
-    k_ul is computed from k_l and the restitution.
-    """
+    k_ul is computed from k_l and the restitution."""
     sample = results.samples["deterministic"]
     found = summary.identified_table(DETERMINISTIC_SPACE, sample.u, CONTACT_QUANTITIES)
     paper = published.CONTACT_PARAMETERS

@@ -132,8 +132,7 @@ def monte_carlo_error(outcomes: list[Outcome]) -> float:
 def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
     """RMSE over all nine cells of the best hypothesis, a limit of the model. NaN without hypotheses.
 
-    The hypothesis is chosen with one half of the releases, its RMSE is computed with the other half.
-    """
+    The hypothesis is chosen with one half of the releases, its RMSE is computed with the other half."""
     half = outcomes[0].crossed.shape[1] // 2
     first, second = (
         100 * np.stack([o.crossed[:, part].mean(axis=1) for o in outcomes], axis=1)
@@ -147,8 +146,7 @@ def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
 def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -> pd.DataFrame:
     """Prior range and posterior of each quantity, and the ratio of the standard deviations of posterior and prior.
 
-    `correlated_with` is the quantity with the largest correlation, if it is larger than random correlations.
-    """
+    `correlated_with` is the quantity with the largest correlation, if it is larger than random correlations."""
     correlation = np.corrcoef(u.T)
     np.fill_diagonal(correlation, 0.0)
     rows = []
@@ -207,8 +205,7 @@ def candidates_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     line_1 to line_3, rmse, log_score: predicted passing frequencies in %, their RMSE, log-probability of the filmed
     numbers. share_all_cells: posterior probability with the held-out cells included. bayes_factor: ratio of its
     posterior and prior odds against no candidate. Both held-out blocks estimate the last two from the same data; the
-    difference shows the error.
-    """
+    difference shows the error."""
     rows = []
     for run in runs:
         which, likelihood = run.candidate, np.exp(run.log_score)
@@ -239,8 +236,7 @@ def rmse_without_candidate(run: HeldOutBlock) -> float:
 def held_out_cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
     """The prediction (%) of each validation cell by hypotheses without a candidate effect, fitted to all other cells.
 
-    The hypotheses have importance weights; `effective` is their effective number.
-    """
+    The hypotheses have importance weights; `effective` is their effective number."""
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)

@@ -3,8 +3,7 @@
 The paper gives neither the angle of the facing nor the tilt of the measure lines, and may define its threshold M½ of
 the momentum differently. Each reading limits these three. Within the limits, set-up and arrival are free to explain
 the sphere's first impacts and passing frequencies with the parameters of Table 3. The sphere has no slope reduction, so
-all other quantities are known.
-"""
+all other quantities are known."""
 
 from __future__ import annotations
 
@@ -46,8 +45,7 @@ class Reading:
     ----------
     facing_deg : angle of the facing
     line_tilt_deg : tilt of the measure lines from the vertical
-    momentum_factor : factor on both thresholds M½ of Table 3
-    """
+    momentum_factor : factor on both thresholds M½ of Table 3"""
 
     name: str
     facing_deg: tuple[float, float]

@@ -1,8 +1,7 @@
 """The acting effects of a diagnosis, applied to the releases of a scenario.
 
 An effect acts if it changes blocks, soil or ground. Effects of the camera concern the film only and do not act. Each
-release of a scenario counts as the first of its series.
-"""
+release of a scenario counts as the first of its series."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class ActingEffects:
     ----------
     model : soil and effects
     blocks : blocks of the scenario; their mean mass and size scale the effects
-    cross_section : the cross-section of the scenario, without effects
-    """
+    cross_section : the cross-section of the scenario, without effects"""
 
     model: FittedModel
     blocks: Mapping[str, Block]
@@ -81,8 +79,7 @@ class ActingEffects:
     def applied(self, block: Block, parameters: Array) -> tuple[Block, Array]:
         """Block and parameters (zones, columns) of the contact law of a release with the effects.
 
-        The blocks of the scenario determine the changes of the ground, the block of the release its own changes.
-        """
+        The blocks of the scenario determine the changes of the ground, the block of the release its own changes."""
         if not self.acting:
             return block, parameters
         world = self._with_effects(self.blocks, parameters[None])

@@ -1,8 +1,7 @@
 """The conditions of each release of a scenario: block, ground, parameters of the law, and incident state.
 
 Without `scatter`, `roughness` and `populations`, all releases of a block have the same block, ground and parameters.
-With them each release has its own draws, which do not depend on the number of releases or of processes.
-"""
+With them each release has its own draws, which do not depend on the number of releases or of processes."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ class Condition(NamedTuple):
     ----------
     parameters : rows (zones, columns) of the contact law, with columns of effects if any act; of the engine
         point_mass: zone name, or default -> parameters of the rebound law
-    drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value
-    """
+    drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value"""
 
     block: Block
     cross_section: CrossSection
@@ -67,8 +65,7 @@ class Suspended(NamedTuple):
     Attributes
     ----------
     elapsed_s : (n,) time since the start
-    saved_contacts : (n, contacts, N_SAVED) memory of their contacts
-    """
+    saved_contacts : (n, contacts, N_SAVED) memory of their contacts"""
 
     elapsed_s: Array
     saved_contacts: Array
@@ -86,8 +83,7 @@ class Group(NamedTuple):
     states : (n, 6) incident states
     seeds : (n,) seeds of the random streams of the releases
     conditions : n conditions, or a single one for all
-    suspended : state of suspended releases; None at the start
-    """
+    suspended : state of suspended releases; None at the start"""
 
     block: int
     states: Array
@@ -120,8 +116,7 @@ class Conditions:
     Attributes
     ----------
     blocks : blocks of the scenario, with the effects of its diagnosis; of a population, the block of median size
-    cross_section : the ground, without roughness
-    """
+    cross_section : the ground, without roughness"""
 
     scenario: Scenario
     engine: str
@@ -169,8 +164,7 @@ class Conditions:
     def of_releases(self, block: int, first: int, stop: int) -> list[Condition]:
         """Conditions of releases first .. stop - 1 of a block; a single one if it is the same for all.
 
-        Raises InputError if drawn values make no sense together.
-        """
+        Raises InputError if drawn values make no sense together."""
         common = self.common[block]
         if not self.vary:
             return [common]
@@ -180,8 +174,7 @@ class Conditions:
     def check_starts(self, count: int) -> None:
         """Refuse a scenario in which one of `count` releases of a block starts below the ground.
 
-        Raises InputError, code bad_state, with the place of the incident states in the file.
-        """
+        Raises InputError, code bad_state, with the place of the incident states in the file."""
         if self.scenario.experiment is not None:
             return  # the starts are measured
         for b, block in enumerate(self.blocks):
@@ -364,8 +357,7 @@ def incident_states(scenario: Scenario, seed: int, releases: int | None = None) 
 def starts(conditions: Conditions, releases: int | None = None) -> list[tuple[IncidentState, Condition]]:
     """Incident state and condition of all releases of a scenario, block after block.
 
-    Raises InputError if drawn values make no sense.
-    """
+    Raises InputError if drawn values make no sense."""
     if conditions.scenario.experiment is not None:
         return conditions.measured(releases)
     count = releases or conditions.scenario.releases

@@ -1,7 +1,6 @@
 """The engines of a run by name, with one interface for all.
 
-The engines themselves (`rock2d.engines`) are imported when a release runs, because their import is slow.
-"""
+The engines themselves (`rock2d.engines`) are imported when a release runs, because their import is slow."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Engine:
     chunk_releases : default number of releases of a chunk: large enough that writing takes little time, small enough
         that an interruption loses only some seconds of work
     one_thread_per_chunk : whether each thread of a campaign computes its own chunk, because writing dominates
-    writing_work : time for tables and files of a run over the time for its simulation in one process
-    """
+    writing_work : time for tables and files of a run over the time for its simulation in one process"""
 
     name: str
     law: str

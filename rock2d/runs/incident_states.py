@@ -1,8 +1,7 @@
 """Incident states: drawn from the distributions of a scenario, or fitted to the first frames of a film.
 
 States are drawn for groups of `DRAW_GROUP` releases. Each group of a block has its own random stream and is drawn
-completely, so release i of a block does not depend on the number of releases or of processes.
-"""
+completely, so release i of a block does not depend on the number of releases or of processes."""
 
 from __future__ import annotations
 
@@ -47,8 +46,7 @@ class IncidentState:
 def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: int) -> Array:
     """(stop - first, 6) states of releases first .. stop - 1 of the block with index `block`; first < stop.
 
-    Raises ValueError for measured incident states.
-    """
+    Raises ValueError for measured incident states."""
     return drawn_in_groups(lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop)
 
 
@@ -102,8 +100,7 @@ def fit_first_flight(
 
     Least-squares fit of a free flight, x + v t - g t²/2 and θ + ω t, to the first frames in which the block is clear of
     the ground and which lie on that flight (within OUTLIER_SIGMA times `sigma`: position in m, angle in rad). If the
-    film starts on the ground, the first three frames are used.
-    """
+    film starts on the ground, the first three frames are used."""
     t = frames[:, 0] - frames[0, 0]
     q = frames[:, 1:].copy()
     q[:, 2] = np.unwrap(q[:, 2])

@@ -24,8 +24,7 @@ def releases_for(
     frequency, as a share of the released blocks, is at most `half_width`.
 
     Releases are simulated until the precision is reached. Raises InputError if the scenario has no measure line, or if
-    MOST_RELEASES are not enough.
-    """
+    MOST_RELEASES are not enough."""
     job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(

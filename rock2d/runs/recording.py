@@ -30,8 +30,7 @@ class Recording:
     fps : frames per second
     position_noise_m, angle_noise_rad : added noise, 1 sigma
     times_s : release -> instants of its samples, instead of `fps`
-    seed : seed of the noise
-    """
+    seed : seed of the noise"""
 
     fps: float = 250.0
     position_noise_m: float = 0.0
@@ -46,8 +45,7 @@ def trajectories_table(
     """Tracks as a camera would record them: release, block, t_s, x_m, y_m, theta_rad at every frame.
 
     Poses are those of the centroid of the block that `bodies` returns for a track; without `bodies`, those of the
-    centre of mass. Each release has its own random stream of noise.
-    """
+    centre of mass. Each release has its own random stream of noise."""
     import pandas as pd
 
     sigma = [recording.position_noise_m, recording.position_noise_m, recording.angle_noise_rad]

@@ -1,8 +1,7 @@
 """Remarks on the releases of a run: unresolved releases, releases that do not leave their source, too few releases.
 
 A release is *unresolved* if it was cut short (time limit, limit of impacts) or sank into ground too soft for the law
-(buried): it could still have crossed a measure line, or run farther.
-"""
+(buried): it could still have crossed a measure line, or run farther."""
 
 from __future__ import annotations
 

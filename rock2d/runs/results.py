@@ -36,8 +36,7 @@ class RunResult(Simulation):
     ----------
     scenario, seed : the scenario and the seed of its random draws
     incident_states : the incident state of each release
-    drawn : release -> values drawn for it in addition to its start, see `conditions.Condition`
-    """
+    drawn : release -> values drawn for it in addition to its start, see `conditions.Condition`"""
 
     scenario: Scenario
     seed: int
@@ -47,8 +46,7 @@ class RunResult(Simulation):
     def experiment(self) -> Experiment:
         """The run as an experiment, like a film of it.
 
-        Blocks that differ from release to release have their own names, for example `boulder_17` for release 17.
-        """
+        Blocks that differ from release to release have their own names, for example `boulder_17` for release 17."""
         recording, blocks, rows = self.recording, dict(self.blocks), self.to_pandas(TRAJECTORIES)
         if self.own_blocks:
             named = {t.release: f"{t.block}_{t.release}" for t in self.tracks if t.release in self.own_blocks}
@@ -98,8 +96,7 @@ class RunResult(Simulation):
         ------
         InputError
             Code ``not_a_result`` if the folder exists and is not a result of rock2d, ``not_writable`` if it cannot be
-            written.
-        """
+            written."""
         from rock2d.graphics.figure_files import Figures
         from rock2d.graphics.trajectories import trajectories_figure
 
@@ -150,8 +147,7 @@ class RunResult(Simulation):
         releases, slow_motion : optional
             Replace `video_releases` and `slow_motion` of the key `outputs` of the scenario.
         options
-            Fields of `rock2d.graphics.video_frames.VideoOptions`, for example `size_px`.
-        """
+            Fields of `rock2d.graphics.video_frames.VideoOptions`, for example `size_px`."""
         from rock2d.graphics.clips import clip_from_track
         from rock2d.graphics.video import render_video
         from rock2d.graphics.video_frames import VideoOptions

@@ -1,7 +1,6 @@
 """Run all releases of a scenario with an engine, in several processes if that is faster.
 
-Every release has its own random numbers, so results do not depend on the number of processes.
-"""
+Every release has its own random numbers, so results do not depend on the number of processes."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ def run(
     progress : show a progress bar; or the bars of a command of which this is a stage
 
     Results do not depend on `workers`, the number of processes. Raises InputError if the scenario has no parameters for
-    the engine, or if there is no such engine.
-    """
+    the engine, or if there is no such engine."""
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed
     conditions = Conditions(scenario, chosen.name, seed)

@@ -47,8 +47,7 @@ class Simulation:
     tracks : the motion of each release, in the order of the releases
     recording : how `to_pandas("trajectories")` samples the tracks
     title : title of plots
-    own_blocks : release -> its block, if blocks differ from release to release
-    """
+    own_blocks : release -> its block, if blocks differ from release to release"""
 
     engine: str
     cross_section: CrossSection
@@ -81,8 +80,7 @@ class Simulation:
         Raises
         ------
         InputError
-            Code ``unknown_name`` if there is no such table for these releases.
-        """
+            Code ``unknown_name`` if there is no such table for these releases."""
         if table not in self.table_names():
             known = ", ".join(self.table_names())
             raise InputError(f"unknown table {table!r}, expected one of {known}", code="unknown_name", name=table)
@@ -108,8 +106,7 @@ class Simulation:
         Raises
         ------
         InputError
-            If there is no release.
-        """
+            If there is no release."""
         from rock2d.graphics.trajectories import trajectories_figure
 
         return trajectories_figure(*self.drawn_paths(self.title))
@@ -197,8 +194,7 @@ def simulate(
     >>> states = [[0, 0.2, 0, 0.5, 0, 0], [0, 0.3, 0, 0.5, 0, 0]]
     >>> result = rock2d.simulate(ball, floor, rock2d.ContactParameters(), states)
     >>> result.to_pandas("stops")["stop"].tolist()
-    ['rest', 'rest']
-    """
+    ['rest', 'rest']"""
     from rock2d.laws.contact import contact_table
     from rock2d.runs.conditions import Condition
 

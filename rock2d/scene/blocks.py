@@ -1,8 +1,7 @@
 """Blocks: profile, mass and moment of inertia. `make_block` makes a block from its sizes.
 
 A profile is either *smooth* (circle, ellipse: two semi-axes) or a convex *polygon* (corners). Body axes have their
-origin at the centroid and their x axis along the length; angles are counter-clockwise positive.
-"""
+origin at the centroid and their x axis along the length; angles are counter-clockwise positive."""
 
 from __future__ import annotations
 
@@ -37,8 +36,7 @@ class Block:
     Raises
     ------
     BlockError
-        If mass or inertia are not positive, or if the rounding is too large.
-    """
+        If mass or inertia are not positive, or if the rounding is too large."""
 
     name: str
     shape: str
@@ -200,8 +198,7 @@ def make_block(name: str, shape: str, mass_kg: float, inertia: str | float = "un
     --------
     >>> cube = make_block("cube", "square", 0.0233, side_m=0.019)
     >>> round(cube.inertia_kg_m2 * 1e6, 3)
-    1.402
-    """
+    1.402"""
     if shape not in shapes():
         raise BlockError(name, f"unknown shape {shape!r}", "shape")
     made_from = shapes()[shape]

@@ -2,8 +2,7 @@
 
 Points run from left to right with the air on the left of the direction of travel; vertical facings and
 overhangs are allowed. A vertex where the ground turns away by more than `SMOOTH_TURN_RAD` is a *corner* of
-the ground; smaller turns are joints of a smooth surface.
-"""
+the ground; smaller turns are joints of a smooth surface."""
 
 from __future__ import annotations
 
@@ -34,8 +33,7 @@ class CrossSectionError(ValueError):
     ----------
     key : "points_m", "zones" or "measure_lines"
     facet : index of the facet that is wrong (of two, the later one), or None
-    line : name of the measure line that is wrong, or None
-    """
+    line : name of the measure line that is wrong, or None"""
 
     def __init__(self, message: str, key: str = "", *, facet: int | None = None, line: str | None = None) -> None:
         super().__init__(message)
@@ -64,8 +62,7 @@ class CrossSection:
     >>> ground.zone_names
     ('slope', 'ditch')
     >>> ground.height_m([-0.5, 1.0]).tolist()
-    [0.25, 0.0]
-    """
+    [0.25, 0.0]"""
 
     points_m: Array
     zones: tuple[str, ...]
@@ -213,8 +210,7 @@ class CrossSection:
 def by_zone(parameters: Mapping[str, Parameters], zone_names: Sequence[str], law: str) -> list[Parameters]:
     """Parameters of each zone in the order of `zone_names`; the key "default" holds for zones that are not named.
 
-    Raises ValueError, which names the `law`, if a zone has neither its own parameters nor a default.
-    """
+    Raises ValueError, which names the `law`, if a zone has neither its own parameters nor a default."""
     ordered = []
     for zone in zone_names:
         found = parameters.get(zone, parameters.get("default"))
@@ -315,8 +311,7 @@ def _highest_embankment(y: Array) -> Embankment | None:
     """The vertex of greatest prominence with its two flanks; None if it is so low that it counts as roughness.
 
     Prominence: of the lowest points to the left and to the right, up to higher ground or an end, the height above the
-    higher one.
-    """
+    higher one."""
     best = None
     for top in range(1, len(y) - 1):
         higher = np.flatnonzero(y > y[top])

@@ -46,8 +46,7 @@ class EmbankmentSizes:
     x_m : x of its uphill foot, on the natural ground
     height_m : height of the crest above the natural ground at the foot
     crest_m : width of the crest
-    uphill_deg, downhill_deg : slopes of the facing and of the back; 90 is vertical
-    """
+    uphill_deg, downhill_deg : slopes of the facing and of the back; 90 is vertical"""
 
     x_m: float
     height_m: float
@@ -64,8 +63,7 @@ class DitchSizes:
     ----------
     width_m : width of the bottom
     depth_m : depth of the bottom below the natural ground at the embankment's foot
-    uphill_deg : slope of the uphill wall; 90 is vertical
-    """
+    uphill_deg : slope of the uphill wall; 90 is vertical"""
 
     width_m: float
     depth_m: float
@@ -81,8 +79,7 @@ def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -
     `with_earthworks` builds them one after the other, so that the ground uphill of an embankment does not depend on it.
     Names of zones and measure lines end with the number.
 
-    Raises EarthworkError as `with_earthworks`, and if embankments overlap or have another order.
-    """
+    Raises EarthworkError as `with_earthworks`, and if embankments overlap or have another order."""
     before: EmbankmentSizes | None = None
     for number in sorted(works):
         embankment, ditch = works[number]
@@ -130,8 +127,7 @@ def with_earthworks(
     height. Their names end with `number`, if it is given; the embankments with lower numbers must exist already.
 
     Raises EarthworkError if the parts do not meet the ground or overlap another embankment, CrossSectionError if the
-    name of a new measure line is taken.
-    """
+    name of a new measure line is taken."""
     import shapely
 
     surface = shapely.LineString(ground.points_m)

@@ -17,8 +17,7 @@ def touching_height_m(block: Block, cross_section: CrossSection, x_m: Array, the
     orientations theta_rad (n,).
 
     A smooth profile is replaced by a polygon around it, which is 1e-4 of its size larger. Raises ValueError if the
-    whole width of a block is outside the cross-section.
-    """
+    whole width of a block is outside the cross-section."""
     outline = block.outline(SIDES_OF_A_SMOOTH_PROFILE)
     if block.smooth:
         outline = outline / np.cos(np.pi / SIDES_OF_A_SMOOTH_PROFILE)

@@ -1,8 +1,7 @@
 """Plausibility of a site: impossible and unusual values, with the usual range.
 
 Wrong units are the most expensive mistakes in input files: a block of 4.7 kg instead of 4.7 t runs without an error.
-Each check compares two numbers of the input with each other, or one number with the range in nature.
-"""
+Each check compares two numbers of the input with each other, or one number with the range in nature."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ class Doubt:
     ----------
     text : a sentence with the number and the usual range
     key : path of the key in a scenario
-    impossible : no site has such a value
-    """
+    impossible : no site has such a value"""
 
     text: str
     key: tuple[str, ...]
@@ -52,8 +50,7 @@ def density_kg_m3(block: Block) -> tuple[float, float]:
     """(density of the deepest, of the thinnest plausible body) with this profile.
 
     The depth of the body is the largest, or the smallest, diameter of the profile. A smooth profile counts as a
-    spheroid, which has two thirds of the volume of the prism.
-    """
+    spheroid, which has two thirds of the volume of the prism."""
     volume = block.area_m2 * (2.0 / 3.0 if block.smooth else 1.0)
     return block.mass_kg / (volume * 2.0 * block.radius_m), block.mass_kg / (volume * 2.0 * block.inradius_m)
 
@@ -190,8 +187,7 @@ def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[s
     """A remark on each measure line that the centroid of a block cannot cross, or only far above its foot.
 
     The centroid stays at least the inradius of the block away from the surface, except for the penetration. So blocks
-    cross a line close to a steep facing only above the facing.
-    """
+    cross a line close to a steep facing only above the facing."""
     import shapely
 
     surface = shapely.LineString(cross_section.points_m)

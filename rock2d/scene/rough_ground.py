@@ -19,8 +19,7 @@ class Roughness(NamedTuple):
     Attributes
     ----------
     sd_rad : standard deviation of the local slope
-    length_m : length of a piece of constant slope
-    """
+    length_m : length of a piece of constant slope"""
 
     sd_rad: float
     length_m: float
@@ -39,8 +38,7 @@ def roughened(
     Pieces come in pairs of equal and opposite deviation. So the rough surface returns to every vertex, and its distance
     from the facet is at most the rise of one piece. A facet shorter than `length_m` does not change.
 
-    Raises CrossSectionError if the rough surface crosses itself.
-    """
+    Raises CrossSectionError if the rough surface crosses itself."""
     length = np.hypot(*np.diff(cross_section.points_m, axis=0).T)
     pieces = np.array([_pieces(n, roughness.get(zone)) for n, zone in zip(length, cross_section.zones, strict=True)])
     if not pieces.any():
@@ -70,8 +68,7 @@ def roughened(
 def raised(cross_section: CrossSection, x_m: np.ndarray, height_m: np.ndarray) -> CrossSection:
     """The cross-section with heights (n,) above it at places x_m (n,) in ascending order, linear in between.
 
-    Points above each other move alike, so that the surface cannot cross itself.
-    """
+    Points above each other move alike, so that the surface cannot cross itself."""
     points, zones = list[np.ndarray](), list[str]()
     for a, b, zone in zip(cross_section.points_m[:-1], cross_section.points_m[1:], cross_section.zones, strict=True):
         left, right = min(a[0], b[0]), max(a[0], b[0])

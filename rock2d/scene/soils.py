@@ -1,8 +1,7 @@
 """Soil classes: kinds of ground with numbers for both impact laws that hold for every block size.
 
 `rock2d.laws.soil_scaling` computes the parameters of a law for a block from a class. docs/theory/soil-classes.md
-derives the numbers and says which of them are assumed.
-"""
+derives the numbers and says which of them are assumed."""
 
 from __future__ import annotations
 
@@ -34,8 +33,7 @@ class SoilClass:
     slope_reduction_deg : roughness, for the rebound law: α, drawn from U(0, α) at every impact
     rolling_share : k_r / (k_l d²), without unit
     source : source of description and restitution
-    assumed : the numbers that no source gives
-    """
+    assumed : the numbers that no source gives"""
 
     name: str
     description: str

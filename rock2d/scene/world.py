@@ -1,8 +1,7 @@
 """The world of a simulation: blocks, cross-section, soil and camera.
 
 A world without effects is the model of the paper. Effects return changed copies (`rock2d.effects`); engines and the
-diagnosis read them.
-"""
+diagnosis read them."""
 
 from __future__ import annotations
 
@@ -26,8 +25,7 @@ class View:
 
     A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is changed in this order: rotated
     by `tilt_rad` and scaled, both about the axis; distorted by the factor 1 + `lens_per_m2` r²; mirrored about the
-    origin. The tilt and `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`.
-    """
+    origin. The tilt and `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
@@ -97,8 +95,7 @@ class World:
     gravity_m_s2 : gravity
     view : the camera
     order : (1 or n,) number of releases of the same block that were filmed before
-    slope_rad : (1 or n,) slope of the ground at the next impact minus the slope of the facet
-    """
+    slope_rad : (1 or n,) slope of the ground at the next impact minus the slope of the facet"""
 
     blocks: Mapping[str, Block]
     cross_section: CrossSection

@@ -1,7 +1,6 @@
 """What a release costs by the number of releases and of facets: the measurements of the figure `cost.png`.
 
-ROCK2D_BENCH_LARGE=1 goes on to 10^6 and 10^7 releases, which take an hour and more.
-"""
+ROCK2D_BENCH_LARGE=1 goes on to 10^6 and 10^7 releases, which take an hour and more."""
 
 import os
 

@@ -2,8 +2,7 @@
 
 What is compared runs in one process in turns, round after round;
 a ratio is that of one round, stated as the median over the rounds, from the least to the greatest. Nothing here
-passes or fails by the clock.
-"""
+passes or fails by the clock."""
 
 import itertools
 from functools import cache

@@ -1,8 +1,7 @@
 """What a descent to rest consists of: contact episodes, events of the law, trial steps, and where the time goes.
 
 All of it is measured on the reference kernel in C, which makes the steps of the engine; see `bench_reference`. Shares
-of the time need the profiler `perf`, and a kernel whose parts are not inlined, which is slower by about 15 %.
-"""
+of the time need the profiler `perf`, and a kernel whose parts are not inlined, which is slower by about 15 %."""
 
 import ctypes
 import shutil

@@ -5,8 +5,7 @@ They are never imported here. Install one of them or both into an environment of
     ROCK2D_PEER_PYTHON=peers/bin/python make bench
 
 PlatRock builds a part of itself, and needs GDAL (its 2D model does not). It loads a model of trees from the network as
-soon as a simulation is made; there are no trees here, so that is left out.
-"""
+soon as a simulation is made; there are no trees here, so that is left out."""
 
 import json
 import os

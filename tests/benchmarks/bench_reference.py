@@ -1,7 +1,6 @@
 """How far the batch engine is from the limit of its arithmetic: the same algorithm in plain C on the same releases.
 
-See `bench_engines` for how numbers are taken; these are of one thread, in processor time.
-"""
+See `bench_engines` for how numbers are taken; these are of one thread, in processor time."""
 
 from time import process_time
 

@@ -1,7 +1,6 @@
 """How long a person waits for a command, and what of a first start is compiling.
 
-Each round has the calibration kernel before it. With the variable ROCK2D_DATA, practice films are diagnosed, too.
-"""
+Each round has the calibration kernel before it. With the variable ROCK2D_DATA, practice films are diagnosed, too."""
 
 import os
 import resource

@@ -2,8 +2,7 @@
 
     ROCK2D_PEER_PYTHON=peers/bin/python python -m tests.benchmarks.compare_peers docs/pictures/peers.png
 
-prints the tables of docs/theory/rebound-law.md and draws its figure. `bench_peers` says how to install the peers.
-"""
+prints the tables of docs/theory/rebound-law.md and draws its figure. `bench_peers` says how to install the peers."""
 
 import sys
 from itertools import product

@@ -2,8 +2,7 @@
 
 A leg goes from one contact to the next: x, y, vx, vy after the first, x of the second, whether the block rolls or
 slides, v² at the end if so. Nothing of the peers is changed, except that PlatRock stores its output in double
-precision, loads no model of trees, and draws the greatest angle of roughness each time where the angle is constant.
-"""
+precision, loads no model of trees, and draws the greatest angle of roughness each time where the angle is constant."""
 
 import json
 import os

@@ -16,8 +16,7 @@ class Diagnosed:
 
     share : of the releases, on which effects are explored
     before : imports, reading, base law, start of the processes
-    rounds : fits of sets in each round, and what further effects are expected to gain before it
-    """
+    rounds : fits of sets in each round, and what further effects are expected to gain before it"""
 
     share: float
     before: tuple[float, float, float, float]

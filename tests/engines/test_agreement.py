@@ -1,7 +1,6 @@
 """The batch engine against the reference engine over every block on every zone, from random states.
 
-Both integrate the same law, found and stepped differently.
-"""
+Both integrate the same law, found and stepped differently."""
 
 import numpy as np
 import pytest

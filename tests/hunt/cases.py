@@ -24,8 +24,7 @@ TIME_LIMIT = 250.0  # time limit of a release, in √(radius / g)
 class Site:
     """A block on a cross-section with its soils: what several releases share.
 
-    `sizes` and `soils` are what a scenario file says of the block and of each zone.
-    """
+    `sizes` and `soils` are what a scenario file says of the block and of each zone."""
 
     block: Block
     sizes: dict[str, Any]

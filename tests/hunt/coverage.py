@@ -4,8 +4,7 @@ Each site has numbers that are not known. Its truth is one draw of them, simulat
 intervals are asked to hold it: those of `run`, from few releases of the true site (sampling), and those of its key
 `uncertainty`, from possible sites (not known). Of 95 % intervals, 92 to 98 % should.
 
-    python -m tests.hunt.coverage --sites 200 --seed 1 --workers 2
-"""
+    python -m tests.hunt.coverage --sites 200 --seed 1 --workers 2"""
 
 import argparse
 import tempfile

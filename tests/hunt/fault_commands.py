@@ -32,8 +32,7 @@ class Command:
     ----------
     prepare : puts into the output folder what the command expects there
     kept : names of hidden folders that an interrupted command leaves to continue from
-    whole_exit : exit code of the undisturbed command
-    """
+    whole_exit : exit code of the undisturbed command"""
 
     name: str
     words: str

@@ -6,8 +6,7 @@ traceback, and the same command given again must end with the undisturbed result
 its folder as it found it.
 
 A full disk and a read-only folder are small file systems of their own if the user may mount them. Else a limit on the
-size of files stands for the full disk, and the read-only folder is skipped for a user whom permissions do not bind.
-"""
+size of files stands for the full disk, and the read-only folder is skipped for a user whom permissions do not bind."""
 
 import argparse
 import json

@@ -4,8 +4,7 @@
     python -m tests.hunt.files --repeat scenario/1/17
 
 The files are read in a process of its own, which is stopped when a file takes too long. A failure is printed with its
-name, the smallest set of its changes that still fails, and the traceback.
-"""
+name, the smallest set of its changes that still fails, and the traceback."""
 
 import argparse
 import sys
@@ -61,8 +60,7 @@ def _reading(kind: str) -> Callable[[tuple[Mutant, bool]], Outcome]:
 def hunt(kind: str, count: int, seed: int, read_only: bool) -> Counter[str]:
     """Number of each outcome of `count` mutants, those of the command as "command: ..."; prints each failure.
 
-    `read_only`: no file is used, and none is given to the command.
-    """
+    `read_only`: no file is used, and none is given to the command."""
     sources, reader = KINDS[kind].sources(), Reader(kind)
     counts: Counter[str] = Counter()
     for number in range(count):

@@ -4,8 +4,7 @@ to it.
 Shared with the engines are the laws alone; geometry (`own_geometry`), springs, regimes and time integration (DOP853,
 every change of regime an event) are of its own. The contact law in its regimes: a contact loads for the first time,
 unloads elastically (or loads again), or is free above the bottom of its indentation; its tangential spring holds or
-slips, its rolling spring winds or is at its cap.
-"""
+slips, its rolling spring winds or is at its cap."""
 
 import sys
 from dataclasses import dataclass, field

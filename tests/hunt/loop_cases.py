@@ -46,8 +46,7 @@ class Loop:
     scenario : a shipped scenario; of `import` also the format of the files, of `profile` that of the survey, of
         `outside` the cause
     releases : in all
-    quirks : some of `QUIRKS`
-    """
+    quirks : some of `QUIRKS`"""
 
     kind: str
     scenario: str

@@ -3,8 +3,7 @@
 A loop is a chain of commands as a user types them, on the files that the commands before wrote, to the last step. It
 breaks at a traceback, a warning of numpy, something that is no number, a half-written output, a refusal that is not one
 of `loop_commands.TRUE_REFUSALS`, a page that differs from its tables, or a prediction that breaks what
-`loop_predictions` demands. `--repeat NAME` goes one loop again and shows its commands.
-"""
+`loop_predictions` demands. `--repeat NAME` goes one loop again and shows its commands."""
 
 import argparse
 import itertools

@@ -2,8 +2,7 @@
 
 A mutant says which file of a set is changed, in its text or its structure, and by which changes. It is named by a text,
 `kind/seed/number`, which repeats it. Every change has a random number of its own, so that a mutant can be made again
-with fewer changes.
-"""
+with fewer changes."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Where a block touches a cross-section: a geometry of its own for `integrator`, which shares nothing with the engines.
 
 Features of contact are tuples: ("corner", corner, segment), ("face", vertex, face), ("facet", facet),
-("vertex", vertex, half of the ellipse). Blocks have sharp corners and their centre of mass in the centroid.
-"""
+("vertex", vertex, half of the ellipse). Blocks have sharp corners and their centre of mass in the centroid."""
 
 from math import cos, hypot, pi, sin, sqrt
 from typing import NamedTuple

@@ -2,8 +2,7 @@
 
 Random releases over random sites (`cases`) run in the batch engine. Each is held to what every release must do, see
 FAULTS. The hunt counts what breaks, worst first, and with --save shrinks the worst of each kind and writes scenario
-files that repeat them.
-"""
+files that repeat them."""
 
 from __future__ import annotations
 

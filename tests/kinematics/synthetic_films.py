@@ -59,8 +59,7 @@ def film(
 ) -> Experiment:  # fmt: skip
     """`releases` of each block filmed in a true world whose soil varies by `soil` from release to release.
 
-    The experiment that comes back states the set-up without effects.
-    """
+    The experiment that comes back states the set-up without effects."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     n = releases * len(BLOCKS)
     block = np.repeat(np.arange(len(BLOCKS)), releases)

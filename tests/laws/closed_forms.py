@@ -1,7 +1,6 @@
 """Closed-form results of the contact law for one smooth contact on a plane without gravity, to compare engines with.
 
-ω_l = √(k_l/m), ω_u = √(k_ul/m), u = v_t + r ω (slip velocity). All inputs and results in SI.
-"""
+ω_l = √(k_l/m), ω_u = √(k_ul/m), u = v_t + r ω (slip velocity). All inputs and results in SI."""
 
 from __future__ import annotations
 

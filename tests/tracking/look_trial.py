@@ -9,8 +9,7 @@ of film: films tracked, share of the free frames that are trusted, offset that a
 beside it, frames that are off by more than 3 px, errors over their standard errors (median; root mean square), films
 with g within two standard errors (without wide angles, where no one scale is right), films with the frame rate within
 two standard errors, where the user states a wrong one, error of the restitution and
-number of bounces, impacts where there was none.
-"""
+number of bounces, impacts where there was none."""
 
 import argparse
 import tempfile

@@ -3,8 +3,7 @@ an untidy background, with hands, soft shadows, motion blur, a rolling shutter, 
 picture (JPEG) or of the film (H.264).
 
 Light is summed in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. The tracking trial uses
-twenty looks, drawn from a seed, at three severities.
-"""
+twenty looks, drawn from a seed, at three severities."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ class RealLook:
     room : contrast of floor, furniture and a shadow on the floor, 0 to 1
     shake_px : root mean square displacement of a hand-held camera along each axis; `shake_frames`: its shortest period
     lens : relative shift toward the centre of a point half a picture width away from it
-    uneven : relative variation of the time between frames
-    """
+    uneven : relative variation of the time between frames"""
 
     kind: str
     shape: str
@@ -438,8 +436,7 @@ def through_camera(light: Array, lens: float, way_px: Array) -> Array:
 def compressed(pictures: Sequence[Array], quality_crf: float) -> Iterator[Array]:
     """BGR pictures (height, width, 3), even in size, encoded as one film and decoded again.
 
-    quality_crf : constant rate factor of x264; 18 looks like the original, 28 gives small files
-    """
+    quality_crf : constant rate factor of x264; 18 looks like the original, 28 gives small files"""
     import av
 
     if not pictures:

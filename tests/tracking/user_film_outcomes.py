@@ -39,8 +39,7 @@ class FilmOutcome:
         a wrong one, and as `--fps gravity` finds it; NaN if the user stated the true one
     restitution : (n, 2) errors of the restitutions at true bounces, and their standard errors
     bounces : number of true bounces between flights that are long enough to be measured
-    mid_air : impacts where there is none
-    """
+    mid_air : impacts where there is none"""
 
     film: UserFilm
     said: str

@@ -1,8 +1,7 @@
 """Films like those of users: a ball that falls and bounces, for several kinds of camera and file, with the truth.
 
 Phone, slow motion, shiny balls, a file with an edit list or with frames out of order, a hand-held camera, a wide angle,
-a cluttered room. Light and camera are those of `real_looks`.
-"""
+a cluttered room. Light and camera are those of `real_looks`."""
 
 from __future__ import annotations
 
@@ -41,8 +40,7 @@ class FilmKind:
     frames : length, in frames
     looks : kinds of looks of the ball
     file : "mp4", "edit list" (MP4), "avi" (frames out of order), "webm"
-    shutter : largest open share of the frame interval
-    """
+    shutter : largest open share of the frame interval"""
 
     fps: float
     metres_per_pixel: float

@@ -46,8 +46,7 @@ class Arc:
     bend : its acceleration along v in px per usual time squared, with its standard error
     gravity_ratio : its acceleration over the gravity expected from scale and frame rate
     contrast : median change in grey levels, of the colour that changes most
-    shadow_share : share of its frames that look like a shadow
-    """
+    shadow_share : share of its frames that look like a shadow"""
 
     frames: Array
     places: Array
@@ -105,8 +104,7 @@ def find_arcs(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> l
     """Parabolas through the longest runs of candidates.
 
     candidates : (n,) CANDIDATE of each frame
-    fall_px : acceleration of gravity along v in px per frame squared
-    """
+    fall_px : acceleration of gravity along v in px per frame squared"""
     search = _Search(candidates, fall_px, clock)
     arcs = []
     for i in np.flatnonzero(search.rows["frame"] < len(candidates) - 2).tolist():
@@ -124,8 +122,7 @@ def common_fall(candidates: list[Array], down: int = 1, clock: Clock = EVEN) -> 
     """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
     no arc is curved. `down`: its sign.
 
-    Several accelerations are tried, because strongly curved arcs are found only with about the right one.
-    """
+    Several accelerations are tried, because strongly curved arcs are found only with about the right one."""
     best: list[Arc] = []
     for fall in (0.0, *TRIED_FALLS_PX):
         bent = [a for a in find_arcs(candidates, down * fall, clock) if _bends_downward(a, down)]
@@ -174,8 +171,7 @@ class _Search:
     Attributes
     ----------
     rows : (n,) CANDIDATE, the whole ones of all frames, in the order of frames
-    used : (n,) which of them are part of an arc
-    """
+    used : (n,) which of them are part of an arc"""
 
     def __init__(self, candidates: list[Array], fall_px: float, clock: Clock) -> None:
         self.rows = np.concatenate([np.empty(0, CANDIDATE), *(own[own["whole"]] for own in candidates)])

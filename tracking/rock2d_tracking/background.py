@@ -24,8 +24,7 @@ class Background:
     Attributes
     ----------
     grey : (height, width) float32
-    noise : grey levels, 1 sigma of a pixel from frame to frame
-    """
+    noise : grey levels, 1 sigma of a pixel from frame to frame"""
 
     def __init__(self, frames: Sequence[Array]) -> None:
         """Median of the frames (height, width) uint8; moving objects do not appear in it."""

@@ -1,8 +1,7 @@
 """Pixels to metres and back: scale, direction of y, tilt, radial distortion.
 
 Pixel coordinates (u, v) run to the right and downward from the centre of the image's first pixel. The world's x runs to
-the right and y up, angles counter-clockwise.
-"""
+the right and y up, angles counter-clockwise."""
 
 from __future__ import annotations
 
@@ -25,8 +24,7 @@ class PixelMap:
     origin_px, origin_m : a point of the image, and the same point in the world
     up : -1 if the world's y axis points to the top of the image, +1 if to its bottom (a film upside down)
     tilt_rad : rotation of the image relative to the world: a horizontal line rises by this angle in the image
-    k : radial distortion, seen = true (1 + k ρ²), where ρ is the true distance from `centre_px` over `half_px`
-    """
+    k : radial distortion, seen = true (1 + k ρ²), where ρ is the true distance from `centre_px` over `half_px`"""
 
     metres_per_pixel: float
     origin_px: tuple[float, float]

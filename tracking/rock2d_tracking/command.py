@@ -45,8 +45,7 @@ class TrackSettings:
     last : number of frames after which to stop, None for all
     explain : whether to write the explanation of the tracking also if it succeeds
     progress : whether to show a progress bar
-    report : called with every line for the user
-    """
+    report : called with every line for the user"""
 
     last: int | None = None
     explain: bool = False
@@ -59,8 +58,7 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
 
     `config`: the set-up file; or scale and frame rate, from which a set-up file is written into `out`. If one of the
     two is unknown, it is computed from gravity. If nothing can be tracked, an explanation is written to
-    `OUT_explained`. Raises InputError for invalid input.
-    """
+    `OUT_explained`. Raises InputError for invalid input."""
     from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.film_track import SETUP, TRACKED, NotTrackedError, track_film
 
@@ -105,8 +103,7 @@ def film(
 ) -> None:
     """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a set-up file to track it with.
 
-    `faults`: one of `FAULT_LEVELS`. Raises `InputError` for an experiment that cannot be filmed.
-    """
+    `faults`: one of `FAULT_LEVELS`. Raises `InputError` for an experiment that cannot be filmed."""
     from rock2d.files.experiment import load_experiment, seen_frames
     from rock2d_tracking.setup_file import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
@@ -149,8 +146,7 @@ def import_files(
 ) -> None:
     """Convert the tracks of another program to the experiment folder `out`; the set-up gives scale and frame rate.
 
-    `block`: name of the block; default: that of the first release. Raises InputError for invalid input.
-    """
+    `block`: name of the block; default: that of the first release. Raises InputError for invalid input."""
     from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import import_tracks
     from rock2d_tracking.tracked_film import check_sanity, findings_of, with_measured_noise

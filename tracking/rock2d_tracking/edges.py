@@ -3,8 +3,7 @@
 Along the normal of each point of the outline, the picture changes from the block to the known background. The position
 of the edge on this line is the integral of the block's share (I - B)·(F - B) / |F - B|², with the picture I, the
 background B and the block's colour F just inside the edge. Shading, texture, highlights and colours of the block
-therefore do not matter. The edge is unknown only where the block has the colour of the background.
-"""
+therefore do not matter. The edge is unknown only where the block has the colour of the background."""
 
 from __future__ import annotations
 
@@ -57,8 +56,7 @@ class EdgeFit(NamedTuple):
     pose : (3,) u, v in px and angle in rad
     error : (3,) standard errors
     size : factor on the outline
-    seen : share of the outline with contrast whose edge was found on the outline
-    """
+    seen : share of the outline with contrast whose edge was found on the outline"""
 
     pose: Array
     error: Array
@@ -104,8 +102,7 @@ def fit_edges(
 
     start : (3,) u, v in px and angle in rad in the patch
     symmetric : whether the outline is a circle, which has no angle
-    smear_px : (2,) displacement of the block while the shutter is open
-    """
+    smear_px : (2,) displacement of the block while the shutter is open"""
     p = np.array([start[0], start[1], start[2], 1.0])
     free = np.array([True, True, not symmetric, free_size])
     reach = float(np.hypot(*edge.points.T).max())
@@ -161,8 +158,7 @@ def _errors(columns: Array, weight: Array, left: Array) -> Array:
     Highlights, shadows and compression shift the edge equally along a part of the outline and in every frame. The
     scatter of edge points or frames does not show this, but the fit without this part does (delete-a-group jackknife;
     Shao and Tu 1995, The Jackknife and Bootstrap, section 2.3). Blur before the gamma correction shifts the whole edge
-    in or out; this moves a block of which only one side is seen.
-    """
+    in or out; this moves a block of which only one side is seen."""
     parts = np.arange(len(left)) * JACKKNIFE_PARTS // len(left) == np.arange(JACKKNIFE_PARTS)[:, None]
     targets = np.column_stack([left, np.ones_like(left)])
     curves = np.einsum("gn,n,nj,nk->gjk", parts, weight, columns, columns)
@@ -188,8 +184,7 @@ def _offsets(patch: Patch, edge: EdgePoints, p: Array, half: float, smear_px: Ar
     which motion smears the edge there.
 
     A uniform smear makes the edge wider, but does not change the integral of the block's share. The normals must only
-    be longer, and the block's colour be taken from farther inside.
-    """
+    be longer, and the block's colour be taken from farther inside."""
     import cv2
 
     turned, normals = _placed(edge, p)

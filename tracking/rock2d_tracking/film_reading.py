@@ -1,8 +1,7 @@
 """Reading a video file from its first to its last frame in bounded memory, and its time stamps.
 
 A film is read several times, but decoded once: frames beyond `KEPT_BYTES` are stored in a temporary file, if there is
-room on the disk. FFmpeg decodes in its own threads. Only the brightness of a film without colour is read.
-"""
+room on the disk. FFmpeg decodes in its own threads. Only the brightness of a film without colour is read."""
 
 from __future__ import annotations
 
@@ -47,8 +46,7 @@ class FilmFile:
     size_px : (width, height)
     expected_frames : number of frames that are played as the container states, 0 if it states none
     played_fps, tick_s : frame rate at which it is played, and resolution of its time stamps
-    colourless : whether all colours of its first frame are grey
-    """
+    colourless : whether all colours of its first frame are grey"""
 
     def __init__(self, path: str | Path) -> None:
         """Open it once. Raises InputError if it does not exist, is not a video, or needs a missing codec."""
@@ -122,8 +120,7 @@ class Stamps(NamedTuple):
     ----------
     numbers : (n,) number of each frame as filmed; the numbers of missing frames are left out
     clock : the instant of each frame
-    remark : for the user, "" if the frame rate is constant
-    """
+    remark : for the user, "" if the frame rate is constant"""
 
     numbers: Array
     clock: Clock
@@ -136,8 +133,7 @@ class Frames:
     Attributes
     ----------
     times_s : time stamp of each frame that was read, NaN where the file has none
-    shifts_px : (n, 2) displacement of each picture, which is removed; None to leave frames as they are
-    """
+    shifts_px : (n, 2) displacement of each picture, which is removed; None to leave frames as they are"""
 
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
@@ -149,8 +145,7 @@ class Frames:
     def __iter__(self) -> Iterator[Array]:
         """Read from the first frame, shifted back by `shifts_px` if given.
 
-        Raises InputError if there is no frame, or if the file ends early and `last` is not given.
-        """
+        Raises InputError if there is no frame, or if the file ends early and `last` is not given."""
         if self.shifts_px is None:
             yield from self._as_filmed()
         else:
@@ -192,8 +187,7 @@ class Frames:
 
         At a constant rate, two frames are one or more usual intervals apart, more than one if frames are missing.
         Otherwise the frame rate varies: the stamps are the instants of the frames, scaled if the film was recorded at
-        another rate than it is played. Implausible stamps are ignored.
-        """
+        another rate than it is played. Implausible stamps are ignored."""
         counted_on = np.arange(len(self.times_s))
         # frames come in the order of display; some containers give only the times of decoding
         when_s = np.sort(self.times_s)

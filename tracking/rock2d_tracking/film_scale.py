@@ -1,7 +1,6 @@
 """Scale and frame rate of a film. If one is unknown, it is computed from the acceleration of a falling block.
 
-An acceleration a in px per frame squared means g = a × (metres per pixel) × (frames per second)².
-"""
+An acceleration a in px per frame squared means g = a × (metres per pixel) × (frames per second)²."""
 
 from __future__ import annotations
 
@@ -22,8 +21,7 @@ class FilmScale(NamedTuple):
     Attributes
     ----------
     metres_per_pixel, fps : None for the one that is computed from gravity
-    gravity_m_s2 : at the place of the film
-    """
+    gravity_m_s2 : at the place of the film"""
 
     metres_per_pixel: float | None
     fps: float | None

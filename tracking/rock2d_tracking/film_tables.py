@@ -1,8 +1,7 @@
 """Tables of the flights and impacts of a film, from the equations of free flight fitted to the frames between impacts.
 
 As in Lambert et al., impacts are the breaks between ballistic flights; the equations of a flight give its translational
-and rotational velocity at any time. Deep penetration and low rebounds, which reduce the accuracy, are flagged.
-"""
+and rotational velocity at any time. Deep penetration and low rebounds, which reduce the accuracy, are flagged."""
 
 from __future__ import annotations
 
@@ -35,8 +34,7 @@ def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGra
     the noise), `gravity_m_s2` (acceleration of a flight that clearly falls, otherwise NaN; also NaN if scale or frame
     rate was computed from it) and its standard error.
 
-    gravity : that of the flights; None if no flight shows it
-    """
+    gravity : that of the flights; None if no flight shows it"""
     middle, misfit = data.states(setup_world(experiment)).middle, _misfit(data, experiment)
     film, flights = data.film, data.flights
     error = _errors(data, np.arange(len(flights)), np.zeros(len(flights)), misfit)

@@ -61,8 +61,7 @@ class FilmTrack:
     looks : how each block was recognised
     overlay : WebM of the film with the tracked outlines
     still : (height, width) uint8, the first frame
-    live : the frames for the page
-    """
+    live : the frames for the page"""
 
     film: TrackedFilm
     looks: Mapping[str, Looks]
@@ -154,8 +153,7 @@ class Start(NamedTuple):
     ----------
     follower : follows them with a set-up
     setup_of : gives the set-up from the followed releases, scale and frame rate
-    guessed : whether the set-up is guessed from the film
-    """
+    guessed : whether the set-up is guessed from the film"""
 
     follower: Follower
     setup_of: Callable[[list[FollowedRelease], FilmScale], Setup]
@@ -171,8 +169,7 @@ def track_film(
         from gravity
     last : number of frames after which to stop, None for all
 
-    Raises NotTrackedError if nothing can be tracked, InputError if the file is not a film.
-    """
+    Raises NotTrackedError if nothing can be tracked, InputError if the file is not a film."""
     film = FilmFile(video)
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.shifts_px = camera_shifts(frames, film.expected_frames)
@@ -260,8 +257,7 @@ def _tracked_film(film: FilmFile, kept: list[FollowedRelease], start: Start, ask
     """The film of the releases that moved. A scale or frame rate that is not stated is computed from the acceleration
     of the flights.
 
-    Raises InputError if it is not stated and no flight shows gravity clearly.
-    """
+    Raises InputError if it is not stated and no flight shows gravity clearly."""
     follower = start.follower
     setup = start.setup_of(kept, follower.motion.scale)
     found = tracked_film(kept, len(follower.releases), setup, film.size_px)

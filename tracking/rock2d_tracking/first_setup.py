@@ -52,8 +52,7 @@ class FirstSetup:
     asked : scale and frame rate as stated; one may be unknown
     scale : both, one of them possibly computed from gravity
     size : factor on the size of the candidates
-    ground_px : height of the ground in the picture; None if no bounce was seen
-    """
+    ground_px : height of the ground in the picture; None if no bounce was seen"""
 
     film: FilmFile
     motion: Motion

@@ -48,8 +48,7 @@ class Fitter:
     visible : (height, width) uint8, 0 where soil may hide a block
     least_seen : share of the outline that must be seen
     pace_px : (2,) approximate displacement of the block per frame
-    grey, contrast : those of the block that was fitted last
-    """
+    grey, contrast : those of the block that was fitted last"""
 
     def __init__(self, background: Background, visible: Array, least_seen: float) -> None:
         self.background, self.visible, self.least_seen = background, visible, least_seen
@@ -131,8 +130,7 @@ class Fitter:
         """The fit of the block from a start (3,), or the reason why it failed.
 
         grey : grey of the block, None if it is not known
-        least : share of the outline that must be seen, if not the usual one
-        """
+        least : share of the outline that must be seen, if not the usual one"""
         if looks.kind == "edge":
             return self._fit_edge(number, frame, looks, start, least)
         if looks.kind == "picture":

@@ -51,14 +51,12 @@ class Follower:
     setup, motion : the set-up and the motion from which it starts
     looks : how each block is recognised
     releases : the followed releases, in the order filmed
-    rejected : number of lost frames of objects that were not followed in any frame, by reason
-    """
+    rejected : number of lost frames of objects that were not followed in any frame, by reason"""
 
     def __init__(self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> None:
         """Read the film to learn the background, and the looks of the blocks at the places given by their arcs.
 
-        film : (height, width) or (height, width, 3) uint8
-        """
+        film : (height, width) or (height, width, 3) uint8"""
         named = setup.keys.detection.background_frames
         samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
         samples = samples or motion.samples
@@ -90,8 +88,7 @@ class Follower:
     def follow(self, film: Iterable[Array], on_progress: OnProgress = lambda number, frame, release: None) -> None:
         """Read the film from the start and find all its releases.
 
-        on_progress : called for every frame with its number, its picture and the release being followed, if any
-        """
+        on_progress : called for every frame with its number, its picture and the release being followed, if any"""
         for number, frame in enumerate(film):
             self._read_frame(number, self.mix(frame))
             on_progress(number, frame, self.release)
@@ -442,8 +439,7 @@ def releases_shown(areas_px2: Sequence[float], stated_px2: Sequence[float]) -> l
     areas_px2 : (n,) of the visible objects, fewer than stated releases
     stated_px2 : (m,) of the blocks of the stated releases
 
-    Minimises the sum of |log(area / stated area)|; among equal assignments, it takes the earliest releases.
-    """
+    Minimises the sum of |log(area / stated area)|; among equal assignments, it takes the earliest releases."""
     miss = np.abs(np.log(np.asarray(areas_px2)[:, None] / np.asarray(stated_px2)))
     seen, stated = miss.shape
     least = np.full((seen + 1, stated + 1), np.inf)  # of the first k seen among the first m stated

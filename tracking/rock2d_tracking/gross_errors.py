@@ -24,8 +24,7 @@ APART_PX, APART_RADII, APART_STEPS = 3.0, 0.5, 0.3
 def reject_gross_errors(release: FollowedRelease, fall_px: float) -> None:
     """Reject frames of a release that lie on the background or jump out of its motion.
 
-    `fall_px`: acceleration of gravity along v in px per frame squared.
-    """
+    `fall_px`: acceleration of gravity along v in px per frame squared."""
     _reject_background(release.seen)
     _reject_frames(release.seen, fall_px)
     _reject_flights(release, fall_px)

@@ -3,8 +3,7 @@
 An importer (`rock2d_tracking.importers`, one module for each format) turns a file into `Points`, with the names, units
 and frame numbers or times of the file. `import_tracks` turns points into trajectories. The user states what files do
 not say reliably: the scale, the direction of y, and the frame rate of the camera (a slow-motion film is timed as it is
-played back).
-"""
+played back)."""
 
 from __future__ import annotations
 
@@ -37,8 +36,7 @@ class TrackedFiles:
     ----------
     paths : one for each film
     kind : one of `importer_names()`
-    y : "up" or "down", where the files' y grows
-    """
+    y : "up" or "down", where the files' y grows"""
 
     paths: Sequence[str | Path]
     kind: str
@@ -56,8 +54,7 @@ class ImportOptions:
     centroid : tracks whose mean is the centroid; the first mark if none
     file_fps : frames per unit of the files' time; needed, and used, only where a file has no frame numbers
     min_confidence : points below it were not seen; needed if the file states confidences (0 takes all)
-    gap_frames : more lost frames in a row than this separate two releases; without it each film is one release
-    """
+    gap_frames : more lost frames in a row than this separate two releases; without it each film is one release"""
 
     marks: Sequence[str] = ()
     centroid: Sequence[str] = ()
@@ -69,8 +66,7 @@ class ImportOptions:
 def read_points(path: str | Path, kind: str) -> Points:
     """The points of a file; `kind` is one of `importer_names()`.
 
-    Raises `InputError` with file and line; if the file is of another kind, the message says which.
-    """
+    Raises `InputError` with file and line; if the file is of another kind, the message says which."""
     kinds = importer_names()
     if kind not in kinds:
         raise InputError(f"kind: expected {', '.join(kinds)}, found {shown(kind)}{did_you_mean(kind, kinds)}")
@@ -103,8 +99,7 @@ def import_tracks(
     orientation: for a circle `theta_rad` is then NaN throughout, and `report` gets a remark about it. Any other block
     is refused, since rows without theta would count as lost.
 
-    Raises `InputError`, with file and line, if the files or the statements about them cannot be right.
-    """
+    Raises `InputError`, with file and line, if the files or the statements about them cannot be right."""
     import pandas as pd
 
     if options.file_fps is not None and not 0 < options.file_fps <= LARGEST:

@@ -91,8 +91,7 @@ def _centre_of_picture(
 
     Arcs pass through the centres of changed regions, which highlights and shadows shift. The centroid is where
     the picture changes most across the outline; an edge that is too faint in one frame is visible in the median of
-    many. The error is that of a delete-a-group jackknife over parts of the outline.
-    """
+    many. The error is that of a delete-a-group jackknife over parts of the outline."""
     import cv2
 
     reach = looks.outline.reach_px

@@ -3,8 +3,7 @@
 A picture with distortion k shows true (1 + k ρ²), with ρ over half the diagonal of the picture. A parabola absorbs most
 of this; only its residuals distinguish a lens from another scale. Only long flights across the picture therefore give
 an accurate k. Flights of 10 frames at 30 frames per second give a standard error of about 0.04, as large as the
-distortion of a phone.
-"""
+distortion of a phone."""
 
 from __future__ import annotations
 
@@ -26,8 +25,7 @@ def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int
     """Distortion k that explains the residuals of the parabolas of flights; None if it is not significant.
 
     camera : map of the places in the film, without distortion
-    size_px : (width, height) of the picture
-    """
+    size_px : (width, height) of the picture"""
     middle = 0.5 * (np.array(size_px) - 1.0)
     parts = list(zip(flights.first, flights.last, strict=True))
     freedom = sum(2 * (last - first - PARABOLA) for first, last in parts) - 1

@@ -1,7 +1,6 @@
 """The live view of a tracked film: its frames, one by one, as data for live_frames.js.
 
-The script only computes positions on the screen; all other values are computed here.
-"""
+The script only computes positions on the screen; all other values are computed here."""
 
 from __future__ import annotations
 
@@ -46,8 +45,7 @@ class LiveFrames:
     data : JSON that holds no "<"
     releases : the text of each release in the selection
     speeds : playback speeds over real time; `speed` is the initial one
-    notes : remarks on frames and pictures that are left out
-    """
+    notes : remarks on frames and pictures that are left out"""
 
     data: str
     releases: Sequence[str]
@@ -93,8 +91,7 @@ def live_frames(
 
     frames : the pictures of the film, read once more, from the start
     numbers : (n,) of each row of `film.frames` in the file
-    still : (height, width) the first picture
-    """
+    still : (height, width) the first picture"""
     table, fps = film.frames.iloc[:MOST_FRAMES], film.experiment.fps
     flight, impact = belonging(table, film.flights, film.impacts)
     names = list(dict.fromkeys(table["block"]))
@@ -216,8 +213,7 @@ class FramePictures(NamedTuple):
     stride : every `stride`-th frame is shown, of those that are not important
     rows : (n,) of the table of frames
     boxes_px : (n, 4) left, top, width and height of each in the film
-    images : WebP
-    """
+    images : WebP"""
 
     stride: int
     rows: Array
@@ -233,8 +229,7 @@ def frame_pictures(
     numbers : (n,) of each row in the film
     places_px : (n, 2) centres of the pictures
     radii_px : (n,) of the blocks
-    important : (n,) which rows are preferred
-    """
+    important : (n,) which rows are preferred"""
     stride = 1
     while shown_rows(important, stride).sum() > MOST_TRIED:
         stride *= 2

@@ -44,8 +44,7 @@ class ChannelMix:
 
     Attributes
     ----------
-    weights_bgr : weights of the colours; None for the usual grey
-    """
+    weights_bgr : weights of the colours; None for the usual grey"""
 
     weights_bgr: Array | None = None
 
@@ -75,8 +74,7 @@ class Looks:
     centre_px : (2,) from the middle of this picture to the centroid
     bias_px : standard error of a coordinate that all frames share: for an outline, its distance from the edge fit; for
         a picture, the error of its centre
-    shutter : share of the frame interval in which the shutter is open
-    """
+    shutter : share of the frame interval in which the shutter is open"""
 
     kind: Kind
     outline: Outline

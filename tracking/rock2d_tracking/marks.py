@@ -26,8 +26,7 @@ class Marks:
         recognised.
 
         The angle of the first picture is `near_rad` by definition. Where `counts` (height, width) is 0 soil may hide
-        the block.
-        """
+        the block."""
         rings, hidden = self._rings(frame, centre_px, radius_px), self._rings(counts, centre_px, radius_px)
         if rings is None or hidden is None:
             return None

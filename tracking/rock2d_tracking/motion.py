@@ -2,8 +2,7 @@
 fall.
 
 A block in flight moves on a parabola whose curvature is that of gravity. Hands, sticks, people and flickering light do
-not; a shadow does, but it darkens the background and stays on the ground.
-"""
+not; a shadow does, but it darkens the background and stays on the ground."""
 
 from __future__ import annotations
 
@@ -110,8 +109,7 @@ class Motion:
     samples : pictures of full size, evenly distributed over the film
     arcs : all arcs, of blocks and of other things
     clock : the instants of frames
-    scale : scale and frame rate; one of them possibly computed from the arcs
-    """
+    scale : scale and frame rate; one of them possibly computed from the arcs"""
 
     candidates: list[Array] = field(default_factory=list)
     chains: list[Chain] = field(default_factory=list)
@@ -156,8 +154,7 @@ def motion_of(
     radii_px : radii of the blocks, [] if unknown
     scale : scale and frame rate; one that is None is computed from falling objects
     clock : the instants of frames
-    down : the sign of gravity along v
-    """
+    down : the sign of gravity along v"""
     found, chunk = Motion(clock=clock), []
     stride, number = max(1, expected_frames // FULL_SAMPLES), 0
     coarse = 1

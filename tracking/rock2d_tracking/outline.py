@@ -3,8 +3,7 @@
 The grey value of a pixel is B + (F - B) C, with the background B, the block F and the share C of the pixel that the
 blurred block covers. For a half-plane C = Φ(-d / s), where d is the distance beyond its edge and s the blur. For a
 convex polygon C is the product over its edges, which is exact at right angles. For an ellipse C = Φ(-d / s) with the
-distance to first order, for a circle with the true distance.
-"""
+distance to first order, for a circle with the true distance."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ class Patch(NamedTuple):
     ----------
     image, background : (h, w) float32 grey values, with the block and without; for `fit_edges` also (h, w, 3)
     visible : (h, w) uint8, 0 where soil may hide the block
-    noise : 1 sigma of a pixel in grey levels
-    """
+    noise : 1 sigma of a pixel in grey levels"""
 
     image: Array
     background: Array
@@ -53,8 +51,7 @@ class Outline:
     ----------
     edges : (n, 3) outward normal (2) and distance in px of each edge of a polygon; (0, 3) of an ellipse
     semi_axes_px : (2,) of an ellipse, (0, 0) of a polygon
-    symmetry_rad : angle by which it can be turned without a change; 0 of a circle, which can be turned by any
-    """
+    symmetry_rad : angle by which it can be turned without a change; 0 of a circle, which can be turned by any"""
 
     edges: Array
     semi_axes_px: Array
@@ -192,8 +189,7 @@ class FitSums(NamedTuple):
 def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
     """Fill `curve` (5, 5; lower half) and `grad` (5,) of a Gauss-Newton step at `p`; returns `FitSums`.
 
-    tukey : residual in grey levels beyond which a pixel has no weight
-    """
+    tukey : residual in grey levels beyond which a pixel has no weight"""
     image, background, visible, _ = patch
     curve[:], grad[:] = 0.0, 0.0
     seen = whole = squares = band = difference = covered = 0.0
@@ -249,8 +245,7 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
     start : (5,) u, v in px and angle in rad in the patch, grey, blur in px, in the order FIT_U to FIT_BLUR
     rounds : largest number of steps
     Returns (5,) the fit, (3,) standard errors of u, v, angle, share of the outline that is seen as fitted, and root
-    mean square of the residuals in the band of the edge, over the contrast.
-    """
+    mean square of the residuals in the band of the edge, over the contrast."""
     p = start.copy()
     curve, grad = np.zeros((5, 5)), np.zeros(5)
     sums, contrast = FitSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0

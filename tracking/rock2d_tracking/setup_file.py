@@ -135,8 +135,7 @@ class Setup:
     ----------
     path, text : those of its file
     scale : scale and frame rate; one may be unknown
-    from_gravity : which of them is computed from gravity, and its error when known; None if both are stated
-    """
+    from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
         """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
@@ -239,8 +238,7 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
 
     corners : number of inner corners in a row, and number of rows
 
-    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique.
-    """
+    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
     import cv2
 
     path = path_inside(folder, picture)

@@ -53,8 +53,7 @@ class Sight:
     reason : why the frame is lost, "" if it is not
     covered : share of the outline's inside that differs from the background; NaN if not measured
     number_in_file : its number in the file, while `frame` is its number as filmed
-    when : its instant in units of the usual frame interval; the frame number until it is set
-    """
+    when : its instant in units of the usual frame interval; the frame number until it is set"""
 
     frame: int
     pose: Array
@@ -83,8 +82,7 @@ class FollowedRelease:
     sights : its frames in order
     bias_px : standard error of a coordinate that all frames share; not part of the errors of frames
     radius_px : half the size of the block in the picture
-    shutter : share of the frame interval in which the shutter is open
-    """
+    shutter : share of the frame interval in which the shutter is open"""
 
     block: str
     sights: list[Sight] = field(default_factory=list)
@@ -111,8 +109,7 @@ def lost_sight(frame: int, reason: str) -> Sight:
 def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
     """The flights: (n,) indices into `sights` of frames without a sudden change of velocity.
 
-    `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out.
-    """
+    `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out."""
     t = np.array([s.when for s in sights])
     count, k = len(t), KINK_FRAMES
     places = np.array([s.pose[:2] for s in sights]).reshape(-1, 2)
@@ -138,8 +135,7 @@ def set_errors(release: FollowedRelease, fall_px: float) -> None:
     in the same flight.
 
     The error of a fit includes pixel noise, but not compression, blur and light. It also includes a shift that all
-    frames share; this belongs to `bias_px`.
-    """
+    frames share; this belongs to `bias_px`."""
     seen = release.seen
     if len(seen) < FEWEST_ERROR_FRAMES:
         return

@@ -26,8 +26,7 @@ def camera_shifts(film: Iterable[Array], expected_frames: int) -> Array | None:
     """(n, 2) displacement of each picture from the first one in px; None if the camera does not move.
 
     film : (height, width) or (height, width, 3) uint8, read once or twice
-    expected_frames : approximate number of frames
-    """
+    expected_frames : approximate number of frames"""
     tried = _shifts(islice(film, 0, None, max(1, expected_frames // TRIED_FRAMES)))
     if not len(tried) or np.sqrt(tried.var(axis=0).sum()) < LEAST_SHAKE_PX:
         return None
@@ -57,8 +56,7 @@ def steadied(frame: Array, way_px: Array) -> Array:
 def _shifts(film: Iterable[Array], still: Array | None = None) -> Array:
     """(n, 2) displacement in px of each frame from a still picture, or from the first frame.
 
-    At each level it is the least-squares translation (Lucas and Kanade 1981); moving objects have little weight.
-    """
+    At each level it is the least-squares translation (Lucas and Kanade 1981); moving objects have little weight."""
     ways: list[Array] = []
     first: list[Array] = []
     for frame in film:

@@ -48,8 +48,7 @@ class TrackedFilm:
     experiment : its trusted frames, with the noise found in its flights
     segments, findings : its flights and impacts, and findings on the film, such as its accuracy
     remarks : for the user
-    offset_px : block -> standard error of a coordinate that all its frames share
-    """
+    offset_px : block -> standard error of a coordinate that all its frames share"""
 
     setup: Setup
     frames: pd.DataFrame
@@ -74,8 +73,7 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     """The experiment of a film.
 
     kept : its `moving_releases`, at least one
-    followed : number of objects that were followed
-    """
+    followed : number of objects that were followed"""
     remarks: list[str] = []
     if len(kept) < followed:
         remarks.append(
@@ -125,8 +123,7 @@ def _moves(release: FollowedRelease, fall_px: float) -> bool:
 def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
     """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
 
-    `fall_px`: acceleration of gravity along v in px per frame squared.
-    """
+    `fall_px`: acceleration of gravity along v in px per frame squared."""
     kept = [release for release in releases if _moves(release, fall_px)]
     for release in kept:
         reject_gross_errors(release, fall_px)

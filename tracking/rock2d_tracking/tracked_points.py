@@ -28,8 +28,7 @@ class Points:
         (in the file's unit, mostly s) or both, `u` and `v` (in the file's unit of length) and, if the file has them,
         `confidence` (0 to 1) and `theta_rad` (from u toward v)
     y : direction of the v axis, "up" or "down", if the format defines it; otherwise ""
-    said : scale and time as stated in the file, for the user; "" if nothing
-    """
+    said : scale and time as stated in the file, for the user; "" if nothing"""
 
     path: Path
     line: int

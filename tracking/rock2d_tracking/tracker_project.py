@@ -6,8 +6,7 @@ the point was marked, with `x` and `y` in pixels of the film, y downwards, count
 first pixel. rock2d counts from its centre, so 0.5 is subtracted. `coords` has the calibration (`xscale` in px per unit
 of length, `xorigin`, `yorigin`, `angle` in degrees), and `clipcontrol` the time between two frames in ms (`delta_t`).
 
-Documented in the source of Tracker: `PointMass.Loader`, `ImageCoordSystem.Loader`, `XMLControlElement`.
-"""
+Documented in the source of Tracker: `PointMass.Loader`, `ImageCoordSystem.Loader`, `XMLControlElement`."""
 
 from __future__ import annotations
 

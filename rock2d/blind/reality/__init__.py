@@ -4,8 +4,7 @@ Law, geometry, integrator, causes and camera are written a second time and share
 tested: this package imports numpy, numba and the standard library alone. SI units, angles counter-clockwise in rad.
 
 `draw_hidden` draws the size of a hidden cause, `simulate_poses` simulates releases with it, `record_poses` gives what
-a camera records of them.
-"""
+a camera records of them."""
 
 from __future__ import annotations
 

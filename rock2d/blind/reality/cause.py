@@ -25,8 +25,7 @@ class Scale:
     ----------
     size, mass : means over the blocks
     spring : √(k_l / mass) of the soil in rad/s
-    low, high : corners (x, y) of the box of embankment and ditch, or of the ground's middle third
-    """
+    low, high : corners (x, y) of the box of embankment and ditch, or of the ground's middle third"""
 
     size: float
     mass: float
@@ -83,8 +82,7 @@ class Cause:
     switches : columns of `parameters` that are 1 while the cause acts
     recorded : (poses, view, values) -> poses (releases, frames, 3) that the camera records; None if the recording is
         correct
-    draw_order : position among the causes when a seed assigns them to cases; equal positions are sorted by name
-    """
+    draw_order : position among the causes when a seed assigns them to cases; equal positions are sorted by name"""
 
     sizes: Sizes
     forms: int = 1

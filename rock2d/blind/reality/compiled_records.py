@@ -63,8 +63,7 @@ class MotionInputs(NamedTuple):
     """Inputs that all releases of a call share.
 
     `corners` (blocks, most corners, 2) of which `corner_counts` (blocks,) are used; `bodies` (blocks, 8);
-    `law.soil` has a row for each facet of the set-up.
-    """
+    `law.soil` has a row for each facet of the set-up."""
 
     ground: Ground
     corners: Array

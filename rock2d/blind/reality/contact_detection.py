@@ -2,8 +2,7 @@
 
 A polygon has a contact for each corner and one for each ridge of the ground; a circle has one for each patch of it.
 A `group` of corners (those into which one corner was cut) shares one contact. With a rounding, the corners of the
-polygon are those of the inset polygon and carry circles of that radius.
-"""
+polygon are those of the inset polygon and carry circles of that radius."""
 
 from __future__ import annotations
 

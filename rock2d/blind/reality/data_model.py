@@ -18,8 +18,7 @@ class Block:
 
     radius_m : the circle's radius, or the distance of the farthest corner from the centroid
     vertices_m : (k, 2) corners counter-clockwise about the centroid
-    inertia_kg_m2 : about the centroid
-    """
+    inertia_kg_m2 : about the centroid"""
 
     name: str
     radius_m: float
@@ -51,8 +50,7 @@ class Setup:
     """The cross-section: a polyline from left to right (x strictly increasing), solid below.
 
     zones : name of the soil of each facet
-    face, embankment, ditch : ranges [a, b) of facets; None where there is none
-    """
+    face, embankment, ditch : ranges [a, b) of facets; None where there is none"""
 
     points_m: Array
     zones: tuple[str, ...]
@@ -72,8 +70,7 @@ class Setup:
 class Law:
     """Soil: stiffnesses in N/m, friction coefficient, rolling stiffness in N m/rad.
 
-    indentation : the rolling spring acts until the block is clear of the surface, not only while the ground presses
-    """
+    indentation : the rolling spring acts until the block is clear of the surface, not only while the ground presses"""
 
     k_l: float
     k_ul: float
@@ -110,8 +107,7 @@ class Releases:
     ----------
     block_ids : (n,) index of the block
     states : (n, 6) x, y, theta, vx, vy, omega of the centroid at the first instant, in SI
-    order : (n,) number of earlier releases of the same block
-    """
+    order : (n,) number of earlier releases of the same block"""
 
     block_ids: Array
     states: Array
@@ -127,8 +123,7 @@ class Camera:
     position_noise_m, angle_noise_rad : standard deviations of the noise of a frame
     noise_correlation : of the noise from frame to frame
     lost : share of the frames that are lost (NaN)
-    centre_m, extent_m : centre of the picture, and the length by which distortions scale
-    """
+    centre_m, extent_m : centre of the picture, and the length by which distortions scale"""
 
     position_noise_m: float
     angle_noise_rad: float

@@ -42,8 +42,7 @@ def simulate_poses(
 
     times_s : the instants that the camera states; with a frame-rate error those of the poses differ
     soil_sd : (5,) standard deviations of the logarithms of k_l, k_ul / k_l, k_t, mu, k_r, drawn for each impact;
-        the draws depend on `seed`, the release and the impact alone
-    """
+        the draws depend on `seed`, the release and the impact alone"""
     n = len(np.atleast_2d(releases.states))
     inputs = motion_inputs(world, hidden)
     draws = _impact_draws(n, np.asarray(soil_sd, float), hidden, seed, inputs.ground.points)
@@ -103,8 +102,7 @@ def _impact_draws(n: int, sd: Array, hidden: Sequence[Hidden], seed: int, points
 def _compiled(sources: int) -> Any:
     """The loop over releases, cached on disk by the fingerprint of all `sources`.
 
-    Numba alone does not notice that a function in another file was edited.
-    """
+    Numba alone does not notice that a function in another file was edited."""
 
     @numba.njit(cache=True, parallel=True)
     def releases(
@@ -145,8 +143,7 @@ _simulate_releases = _compiled(_fingerprint())
 def record_poses(poses: Array, times_s: Array, camera: Camera, hidden: Sequence[Hidden], seed: int) -> Array:
     """The recording of true poses (n, frames, 3) at the stated instants.
 
-    A frame-rate error acts on the true poses already, see `simulate_poses`: the recording keeps the stated instants.
-    """
+    A frame-rate error acts on the true poses already, see `simulate_poses`: the recording keeps the stated instants."""
     record = np.array(poses, float)
     view = View(np.array(times_s, float), np.asarray(camera.centre_m, float), camera.extent_m, seed)
     # an axis is mirrored by software, after the lens

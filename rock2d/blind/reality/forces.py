@@ -92,8 +92,7 @@ def contact_force(
 ) -> tuple[float, float, float, bool]:
     """(normal force N, force along the tangent N, moment N m, whether the ground presses); updates `memory`.
 
-    `soil`: the row of the zone; `indentation`: the rolling spring acts until the contact ends.
-    """
+    `soil`: the row of the zone; `indentation`: the rolling spring acts until the contact ends."""
     k_l, k_ul = stiffnesses(soil, memory)
     k_t = soil[K_T]
     depth = motion.depth - memory[START_DEPTH]

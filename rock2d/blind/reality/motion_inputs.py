@@ -123,8 +123,7 @@ def _parameter_values(hidden: Sequence[Hidden], size: float) -> Array:
 def setup_as_built(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
     """The set-up with its facing turned about its foot, or its ditch raised by `rise` times the embankment's height.
 
-    Without an embankment all ground is inclined about its centre, or raised by `rise` times the size of a block.
-    """
+    Without an embankment all ground is inclined about its centre, or raised by `rise` times the size of a block."""
     points = np.array(setup.points_m, float)
     turn, rise = error.get("turn_rad", 0.0), error.get("rise", 0.0)
     if setup.face is None:
@@ -146,8 +145,7 @@ def setup_as_built(setup: Setup, error: dict[str, float], size_m: float) -> Setu
 def rough_profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
     """A rough profile through the vertices of the set-up, and the facet of the set-up below each of its pieces.
 
-    Neighbouring heights are correlated; the slopes of the pieces have the standard deviation `sd_rad`.
-    """
+    Neighbouring heights are correlated; the slopes of the pieces have the standard deviation `sd_rad`."""
     rng = np.random.default_rng(int(rough["profile"]))
     memory = 0.5
     out, pieces = [points[:1]], []
@@ -172,8 +170,7 @@ def hilly_profile(points: Array, hills: dict[str, float]) -> tuple[Array, Array]
     """The ground with smooth hills and dips along x, and the facet of `points` below each of its pieces.
 
     Waves of random phase, with wavelengths of 0.6 to 1.4 `wavelength_m`, make the heights; their root mean square is
-    about `height_m`.
-    """
+    about `height_m`."""
     rng = np.random.default_rng(int(hills["profile"]))
     spread = 0.6 + 0.8 * (np.arange(HILL_WAVES) + rng.random(HILL_WAVES)) / HILL_WAVES
     numbers = 2.0 * np.pi / (hills["wavelength_m"] * spread)
@@ -192,8 +189,7 @@ def block_outline(block: Block, edges: dict[str, float] | None, form: int) -> tu
     """Corners in m, radius of the circles that they carry, and number of corners that share a contact (0: a circle).
 
     A circle gives its centre and radius. With rounded edges (form 0) a polygon gives the inset polygon, with cut edges
-    (form 1) twice as many corners.
-    """
+    (form 1) twice as many corners."""
     if block.vertices_m is None:
         return np.zeros((1, 2)), block.radius_m, 0
     corners = np.array(block.vertices_m, float)

@@ -79,8 +79,7 @@ class Misses:
     ----------
     place_m : (n, 2) centroid at the touch
     block : (n,) index of the block
-    sigma : (n,) root mean square of the residuals in standard deviations
-    """
+    sigma : (n,) root mean square of the residuals in standard deviations"""
 
     place_m: Array
     block: Array
@@ -177,8 +176,7 @@ class ShownImpact:
     ----------
     title : two short lines
     measured : (k, 4) t_s, x_m, y_m, theta_rad of the frames
-    models : model -> (m, 4) prediction
-    """
+    models : model -> (m, 4) prediction"""
 
     title: str
     block: Block

@@ -1,8 +1,7 @@
 """The live view of a diagnosis: a film compared with the model with chosen causes, as data for live_gap.js.
 
 Each combination of causes is one of the fits of the budget: law and causes are fitted together, and each release is
-predicted by the fit without it. Nothing is fitted here. The script only displays what is computed here.
-"""
+predicted by the fit without it. Nothing is fitted here. The script only displays what is computed here."""
 
 from __future__ import annotations
 
@@ -63,8 +62,7 @@ class _Model:
     causes : positions of its causes among the check boxes; the last box is for the learnt changes
     label, gap, share : name, gap, and share of the gap that it closes
     own : the fit with its residuals on held-out releases
-    poses : (n, k, 3) of the segments of the film, each predicted by the fit without its release
-    """
+    poses : (n, k, 3) of the segments of the film, each predicted by the fit without its release"""
 
     causes: Sequence[int]
     label: str
@@ -79,8 +77,7 @@ def live_gap(
 ) -> dict[str, Any] | None:
     """What live_gap.html.j2 shows of a diagnosed film; None if it has no impacts.
 
-    `passing`: passing frequencies of the film and of the models in `named` (name -> model)
-    """
+    `passing`: passing frequencies of the film and of the models in `named` (name -> model)"""
     data = result.data
     assert isinstance(data, FilmData)
     segments = Segments.of(data)
@@ -270,8 +267,7 @@ class Items:
     incident, outgoing : (n, 3) measured velocities of impacts along and across the ground, and spin; else NaN
     squares : (k, n, 3, c) squares of the residuals of the three channels, in standard deviations, clipped
     misses : (k, n, 3, 2) residuals of the channels in SI: of impacts rates and poses; of flights their bend, root mean
-        square over frames, and NaN
-    """
+        square over frames, and NaN"""
 
     phase: Array
     release: Array

@@ -65,8 +65,7 @@ def write_report(
 ) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
-    `content`: that of diagnosis.json; `command`: command line that the page shows.
-    """
+    `content`: that of diagnosis.json; `command`: command line that the page shows."""
     made = Made.now(command, f"{result.seed} (of the bootstrap intervals)")
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made, "live": None}
     context |= live_assets("live_gap") | {"replicates": REPLICATES}

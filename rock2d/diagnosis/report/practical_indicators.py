@@ -2,8 +2,7 @@
 simulated.
 
 Simulated films have the camera's instants and noise and are evaluated in the same way as the measured film. An impact
-table has no flights between impacts, so only the energy after each impact is compared.
-"""
+table has no flights between impacts, so only the energy after each impact is compared."""
 
 from __future__ import annotations
 
@@ -235,8 +234,7 @@ def _velocities(t: Array, pose: Array, at: Array, half: Array) -> Array:
 def _frequency(values: Array, rng: np.random.Generator) -> list[CountedEstimate]:
     """Share in % of the releases that have a value, with Wilson's interval.
 
-    Repetitions are not independent releases, so with several of them the interval is at least that of a bootstrap.
-    """
+    Repetitions are not independent releases, so with several of them the interval is at least that of a bootstrap."""
     passed = np.isfinite(values)
     n = passed.shape[1]
     low, high = wilson_interval(int(passed.sum()), passed.size)

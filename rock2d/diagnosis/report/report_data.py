@@ -38,8 +38,7 @@ def compared_models(result: Diagnosis) -> Models:
     """The base law and the model whose gap is reported; only the base law if there is no gap.
 
     An effect that only widens the scatter predicts the same motion as the base. Unless it is the verdict, the best
-    effect that changes the motion is used instead.
-    """
+    effect that changes the motion is used instead."""
     found = result.found
     assert found is not None
     models: Models = {"base": found.base}
@@ -158,8 +157,7 @@ def video_scenes(
     """Clips of one release of each block, measured and of every model (n, k, 3), and their titles.
 
     If the effect `improves`, it is the release whose distance from the film falls most; else the one with the median
-    distance between base and film.
-    """
+    distance between base and film."""
     distance = {name: distances(film, poses) for name, poses in models.items()}
     gain = (
         distance["base"] - distance["effect"] if improves else -np.abs(distance["base"] - np.median(distance["base"]))

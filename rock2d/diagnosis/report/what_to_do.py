@@ -1,7 +1,6 @@
 """What to do after a diagnosis: correct the record, measure, change the model, film another release, or nothing.
 
-Keys of files and commands stand in backticks.
-"""
+Keys of files and commands stand in backticks."""
 
 from __future__ import annotations
 

@@ -23,8 +23,7 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     If all points have the same z, x is the station and y the height. Otherwise it is a line on a map: the station is
     the distance along it, z the height.
 
-    Raises InputError if the file is not DXF, or if there is no polyline (on this layer).
-    """
+    Raises InputError if the file is not DXF, or if there is no polyline (on this layer)."""
     require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
     require_regular(path)
     document, damaged = _document(path)

@@ -45,8 +45,7 @@ class Profile:
     points_m : (n, 2) station and height in m, left to right
     source : origin in words
     remarks : changes and hints in words
-    stations : conversion to the stations of the survey, in which zones and release areas are given
-    """
+    stations : conversion to the stations of the survey, in which zones and release areas are given"""
 
     points_m: Array
     source: str
@@ -57,8 +56,7 @@ class Profile:
 def checked_profile(points_m: Array, source: str) -> Profile:
     """The profile of these points (n, 2) without repeated points; it falls to the right and starts at x = 0.
 
-    Raises InputError if there are too few or too many points, if one is not finite, or if they form no surface.
-    """
+    Raises InputError if there are too few or too many points, if one is not finite, or if they form no surface."""
     points = np.asarray(points_m, float)
     if points.ndim != 2 or points.shape[1:] != (2,) or not FEWEST_POINTS <= len(points) <= MOST_POINTS:
         raise InputError(f"{source}: expected 2 to {MOST_POINTS} points, found {len(points)}", code="bad_table")

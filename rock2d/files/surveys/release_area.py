@@ -52,8 +52,7 @@ def release_area(profile: Profile, block_m: float) -> ReleaseArea:
     """The upper half of the highest stretch that is steeper than STEEP_DEG, else of the steepest stretch.
 
     `block_m` is the size of the block. Only the upper half, because a block from the foot of a face has a shorter fall
-    than the design must consider.
-    """
+    than the design must consider."""
     relief = float(np.ptp(profile.points_m[:, 1]))
     points = simplified(profile, min(0.5 * block_m, NEGLIGIBLE * relief)).points_m
     slopes = np.degrees(np.arctan2(-np.diff(points[:, 1]), np.diff(points[:, 0])))

@@ -32,8 +32,7 @@ def read_table(path: Path) -> Profile:
     may give the unit, as in "station [m]". A remark names the columns that are not read; `zones.zones_of_points` reads
     the column of zones.
 
-    Raises InputError with the line of the first mistake.
-    """
+    Raises InputError with the line of the first mistake."""
     rows, separator = text_rows(path)
     columns: tuple[int, ...] = (0, 1)
     unread: list[str] = []

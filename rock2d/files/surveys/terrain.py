@@ -33,8 +33,7 @@ class Terrain:
     x_m, y_m : ascending coordinates of the cell centres
     height_m : (y, x), NaN where nothing is known
     from_file : converts points (n, 2) from the coordinates of the file to x and y in m; None if they are the same
-    remarks : changes in words
-    """
+    remarks : changes in words"""
 
     x_m: Array
     y_m: Array
@@ -75,8 +74,7 @@ def read_terrain(path: Path) -> Terrain:
     """A terrain model whose first band is the height in m. If it is in degrees, it is projected to the UTM zone of its
     centre.
 
-    Raises InputError if it cannot be read, or is rotated against the axes.
-    """
+    Raises InputError if it cannot be read, or is rotated against the axes."""
     require("rasterio", f"rasterio is missing, which reads terrain models: {EXTRA}")
     require_regular(path)
     import rasterio
@@ -128,8 +126,7 @@ def _projected(grid: Any, path: Path) -> Terrain:
 def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> Profile:
     """The profile along the straight line between two points (2,).
 
-    Raises InputError if it leaves the ground that is known.
-    """
+    Raises InputError if it leaves the ground that is known."""
     length = float(np.hypot(*(np.asarray(end_m) - start_m)))
     if length < terrain.cell_m:
         raise InputError(f"the line is shorter than a cell of {terrain.cell_m:g} m", code="bad_value")
@@ -142,8 +139,7 @@ def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> P
 def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
     """The profile down the steepest slope from a point (2,) until the ground is level or no longer known.
 
-    Raises InputError if the point is not on the terrain, or on level ground.
-    """
+    Raises InputError if the point is not on the terrain, or on level ground."""
     step, half = STEP_CELLS * terrain.cell_m, 0.5 * terrain.cell_m
     points = [np.asarray(start_m, float)]
     heights = [float(terrain.known_heights_m(points[0], source)[0])]

@@ -1,8 +1,7 @@
 """Straight cross-sections of the terrain along the paths of releases, from a start towards the stops.
 
 The heights of the terrain model are used only near the known starts and stops: elsewhere, a terrain model that was made
-from tracks is a guess. There the ground continues with one inclination.
-"""
+from tracks is a guess. There the ground continues with one inclination."""
 
 from __future__ import annotations
 
@@ -39,8 +38,7 @@ class TerrainSections:
     known : releases with starts and stops
     zones : name -> inclination in degrees from which the ground belongs to it
     edge_m : length of the zone `EDGE` from the start on
-    beyond_deg : inclination of the ground beyond the known starts and stops; positive: it rises
-    """
+    beyond_deg : inclination of the ground beyond the known starts and stops; positive: it rises"""
 
     terrain: Terrain
     known: FieldReleases
@@ -69,8 +67,7 @@ class TerrainSections:
     def section(self, start_m: Array, direction_rad: float) -> CrossSection:
         """The ground along a straight line through a start (2,); x is the horizontal distance from the start.
 
-        Raises InputError if the start is outside the terrain.
-        """
+        Raises InputError if the start is outside the terrain."""
         step = 0.5 * self.terrain.cell_m
         way = np.arange(-BEHIND_M, LENGTH_M + step, step)
         ahead = np.array([np.cos(direction_rad), np.sin(direction_rad)])

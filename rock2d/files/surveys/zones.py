@@ -108,8 +108,7 @@ def facets_with_zones(profile: Profile, zones: ZoneTable | None) -> tuple[Array,
     """The points of the profile (n, 2) with further points where zones begin or end, the zone of each facet, and
     remarks about stretches without a zone, which are "slope".
 
-    Raises InputError for a zone outside the profile, and for a profile with overhangs.
-    """
+    Raises InputError for a zone outside the profile, and for a profile with overhangs."""
     points = profile.points_m
     if zones is None:
         return points, [DEFAULT_ZONE] * (len(points) - 1), []

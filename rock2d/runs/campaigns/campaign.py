@@ -3,8 +3,7 @@ continued.
 
 A chunk is a fixed number of releases of one block. The folder holds campaign.json (what determines the result),
 chunks/<output>/<number>.parquet, and tables that are computed from these at the end. The bytes of the tables do not
-depend on the number of processes or on interruptions.
-"""
+depend on the number of processes or on interruptions."""
 
 from __future__ import annotations
 
@@ -63,8 +62,7 @@ class CampaignOptions:
     engine, seed, releases : replace those of the scenario; releases are those of each block
     keep : names of `OUTPUTS`, default ends and crossings. If only crossings are kept, a release stops as soon as its
         energy is too small to reach another measure line
-    chunk_releases : releases of a chunk; None: default of the engine
-    """
+    chunk_releases : releases of a chunk; None: default of the engine"""
 
     engine: str | None = None
     seed: int | None = None
@@ -89,8 +87,7 @@ def run_campaign(
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
     holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
-    for example of a full disk, and of KeyboardInterrupt say how many chunks are done.
-    """
+    for example of a full disk, and of KeyboardInterrupt say how many chunks are done."""
     from rock2d.files.folders import write_whole
     from rock2d.progress import Bars
     from rock2d.runs.campaigns.campaign_tables import all_counts, campaign_tables

@@ -1,8 +1,7 @@
 """Tables of a campaign from its chunk files. Memory does not grow with the number of releases.
 
 Passing frequencies and stops are counts. Percentiles are exact order statistics; the counts give their leading digits,
-and a pass over the values the rest. The result does not depend on which worker computed a chunk, or when.
-"""
+and a pass over the values the rest. The result does not depend on which worker computed a chunk, or when."""
 
 from __future__ import annotations
 
@@ -50,8 +49,7 @@ def campaign_tables(
       where they left
 
     `counts` are those of each block; `on_progress` gets the number of further files that were read. Raises OSError if a
-    file is missing.
-    """
+    file is missing."""
     import pandas as pd
 
     blocks = [

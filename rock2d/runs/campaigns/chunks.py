@@ -2,8 +2,7 @@
 
 A chunk has one parquet file for each kept output, folder/<output>/<number>.parquet. It is written under another name
 and renamed when complete. Any process can compute any chunk, because the random numbers of a release depend only on its
-number.
-"""
+number."""
 
 from __future__ import annotations
 
@@ -77,8 +76,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     """Simulate a chunk and write its files; returns its number of releases.
 
     At most about `ROW_GROUP` rows of each output are in memory. `on_progress` gets the number of releases of each group
-    that is done. Raises OSError if a file cannot be written. An interruption leaves no incomplete file.
-    """
+    that is done. Raises OSError if a file cannot be written. An interruption leaves no incomplete file."""
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
     token = secrets.token_hex(4)  # a worker that a scheduler has given up may still write the same chunk
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}

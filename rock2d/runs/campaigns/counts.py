@@ -28,8 +28,7 @@ class Counts:
     passed, unresolved, arrived, may_arrive : (lines,) see `PassingCounts`
     stops : (STOPS, zones + 1) releases by kind and zone of their stop; last column: outside the cross-section
     runouts : (DIGITS,) distances from start to end
-    crossings : (lines, LINE_QUANTITIES, DIGITS) values at a line
-    """
+    crossings : (lines, LINE_QUANTITIES, DIGITS) values at a line"""
 
     unclosed: Array
     left_source: Array

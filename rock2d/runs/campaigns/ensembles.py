@@ -33,8 +33,7 @@ class Outcome:
     stop : (n,) index into STOPS
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
-    saved_contacts : contacts of suspended releases
-    """
+    saved_contacts : contacts of suspended releases"""
 
     stop: Array
     ends: Array
@@ -62,8 +61,7 @@ def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcom
     """Simulate a group of releases with the batch engine, and suspend them at `suspend_x_m`. Suspended releases
     continue from their states.
 
-    Times count from the start of a release.
-    """
+    Times count from the start of a release."""
     from rock2d.engines.batch import run_batch
     from rock2d.engines.energy_balance import unclosed
 
@@ -177,8 +175,7 @@ def _all_impacts(impacts: Array, count: Array, run: Callable[[Array, int], Any])
     """All impacts of n releases: their releases (k,) and rows (k, width), in order.
 
     `impacts` (n, room, width) holds the first impacts of the `count` (n,) of each release; `run` (releases, room)
-    repeats releases that had more.
-    """
+    repeats releases that had more."""
     room = impacts.shape[1]
     found_rows = [(np.flatnonzero(count <= room), impacts[count <= room])]
     crowded = np.flatnonzero(count > room)

@@ -29,8 +29,7 @@ class Job(Conditions):
     ----------
     folder : folder with one folder for each of `keep`
     fingerprint : hash of everything that determines the result; each file contains it
-    keep : names of `campaigns.OUTPUTS`
-    """
+    keep : names of `campaigns.OUTPUTS`"""
 
     folder: Path = Path()
     fingerprint: str = ""

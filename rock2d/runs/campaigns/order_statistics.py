@@ -2,8 +2,7 @@
 
 The key of a number is an unsigned integer of 64 bits with the same order. Counts of all numbers by the leading digit of
 their keys (16 bits) give the leading digit of each order statistic. A second pass over the numbers collects the
-candidates with this digit; if these are too many, it counts their next digits instead.
-"""
+candidates with this digit; if these are too many, it counts their next digits instead."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ class OrderStatistics:
     leading : (DIGITS,) counts of all numbers by their leading digits
 
     While `open`: pass all numbers to `add`, in parts and in any order, then call `narrow`. After that, `values` gives
-    the numbers.
-    """
+    the numbers."""
 
     def __init__(self, ranks: Sequence[int], leading: Array) -> None:
         self._ranks = list(ranks)
@@ -100,8 +98,7 @@ def find_order_statistics(
 ) -> None:
     """Find the order statistics of several sets of numbers. In each pass, `parts` gives all numbers of all sets.
 
-    most_collected : most numbers in memory; default MOST_COLLECTED
-    """
+    most_collected : most numbers in memory; default MOST_COLLECTED"""
     most = MOST_COLLECTED if most_collected is None else most_collected
     while any(statistics.open for statistics in sought.values()):
         collect = sum(statistics.candidates for statistics in sought.values()) <= most

@@ -1,7 +1,6 @@
 """Indicators: tables that are computed from the tracks of a run. Every module of this folder that defines `INDICATOR`.
 
-To add an indicator, add a file: `rock2d run` writes its table, and `RunResult.to_pandas` returns it.
-"""
+To add an indicator, add a file: `rock2d run` writes its table, and `RunResult.to_pandas` returns it."""
 
 from __future__ import annotations
 

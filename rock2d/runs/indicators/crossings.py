@@ -1,8 +1,7 @@
 """First crossings of the measure lines: one row for each block that passes a line.
 
 A measure line's *foot* is the end nearer to the ground. A block passes a line when its centroid first crosses it, in
-either direction. The crossing is exact: it lies on the parabola, not between samples.
-"""
+either direction. The crossing is exact: it lies on the parabola, not between samples."""
 
 from __future__ import annotations
 
@@ -36,8 +35,7 @@ def crossings_table(run: Simulation) -> pd.DataFrame:
       moves towards the foot of the line, that is the ground. At a vertical line: the angle below the horizontal.
     - passing_height_m: distance along the line from its foot to the crossing of the centroid.
     - kinetic_J = translational_J + rotational_J = ½ m v² + ½ I ω², with mass and moment of inertia of the block of this
-      release.
-    """
+      release."""
     import pandas as pd
 
     rows, ground = [], run.cross_section
@@ -70,8 +68,7 @@ def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple
     """Index of the release (k,), index of the line (k,) and values (13, k), see `crossing_values`, of all crossings in
     `found` (n, lines, 7: t and state, NaN if there is no crossing), ordered by release.
 
-    `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
-    """
+    `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2)."""
     # arrays of one layout, so that it is compiled once
     given = (np.require(own, float, ("C", "W")) for own in (found, feet, ups, masses))
     rows: tuple[Array, Array, Array] = _rows(*given)

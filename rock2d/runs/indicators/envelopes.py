@@ -33,8 +33,7 @@ def envelope_table(run: Simulation) -> pd.DataFrame:
 
     - x_m: evenly spaced stations; a percentile is left out if too few blocks pass
     - height_m: vertical height of the centroid above the ground at its first passing; speed_m_s and kinetic_J likewise
-    - low95, high95: distribution-free interval of the percentile
-    """
+    - low95, high95: distribution-free interval of the percentile"""
     import pandas as pd
 
     stations, rows = evenly_spaced(run.cross_section, STATIONS), []

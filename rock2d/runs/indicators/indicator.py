@@ -19,8 +19,7 @@ class Indicator(NamedTuple):
     name : name of the table and of its CSV file
     columns : names of the columns with units; a table may have further columns after them
     table : computes the table
-    applies : whether these releases have such a table
-    """
+    applies : whether these releases have such a table"""
 
     name: str
     columns: tuple[str, ...]

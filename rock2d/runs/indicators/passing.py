@@ -3,8 +3,7 @@
 A block *leaves its source* if the horizontal distance from its start to its end is more than LEAVING_SIZES of its
 sizes. It *arrives* if it passes the arrival line or a line behind it. Each embankment has its own arrival line: at the
 line `crest_2`, the arriving blocks are those that came to `arrival_2`. Without an embankment, the first measure line is
-the arrival line. The share of the arriving blocks does not depend on the number of blocks that stay at a flat start.
-"""
+the arrival line. The share of the arriving blocks does not depend on the number of blocks that stay at a flat start."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ class PassingCounts(NamedTuple):
     ----------
     passed, unresolved : of all releases; unresolved ones were cut short or buried before they passed
     arrived, may_arrive : releases that came to the arrival line of this line, and those that were cut short or buried
-        before it
-    """
+        before it"""
 
     passed: Array
     unresolved: Array
@@ -91,8 +89,7 @@ def passing_rows(
 def passing_share(passed: int, unresolved: int, of: int, further: int = 0) -> tuple[float, float, float]:
     """(share, lower, upper end of its 95 % interval); the interval covers that no or all unresolved releases pass.
 
-    `further`: unresolved releases that are not counted in `of`, but may belong to it.
-    """
+    `further`: unresolved releases that are not counted in `of`, but may belong to it."""
     if of == 0:
         return (np.nan,) * 3
     most = of + further
@@ -107,8 +104,7 @@ def passing_table(run: Simulation) -> pd.DataFrame:
     - frequency: share of the released blocks; per_arriving: share of the blocks that arrived, NaN if none did
 
     The 95 % intervals go from the lower bound of the score interval of Wilson (1927) if no unresolved release had
-    crossed, to its upper bound if all had crossed.
-    """
+    crossed, to its upper bound if all had crossed."""
     import pandas as pd
 
     rows, arrive, lines = [], arrivals(run.cross_section), list(run.cross_section.measure_lines)

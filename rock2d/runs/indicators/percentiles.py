@@ -20,8 +20,7 @@ PERCENTILES = (95.0, 99.0)
 def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
     """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
 
-    Percentiles and intervals are those of `statistics.percentile_estimate`: NaN if too few blocks passed.
-    """
+    Percentiles and intervals are those of `statistics.percentile_estimate`: NaN if too few blocks passed."""
     import pandas as pd
 
     rows = []

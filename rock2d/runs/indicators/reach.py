@@ -6,8 +6,7 @@ the end. They are equal for a block that starts at rest. For a block that slides
 angle is the friction angle on any ground.
 
 Sources: A. Heim, Bergsturz und Menschenleben, Zürich 1932; M. Jaboyedoff and V. Labiouse, Technical note: Preliminary
-estimation of rockfall runout zones, Nat. Hazards Earth Syst. Sci. 11 (2011) 819-828.
-"""
+estimation of rockfall runout zones, Nat. Hazards Earth Syst. Sci. 11 (2011) 819-828."""
 
 from __future__ import annotations
 
@@ -53,8 +52,7 @@ def reach_table(run: Simulation) -> pd.DataFrame:
     - not_stopped: releases that left the cross-section or were cut short; because they would run farther, the angles
       are then upper bounds
     - least_deg: smallest angle
-    - exceeded_by_95_deg: angle that 95 % of the blocks exceed, with its 95 % interval
-    """
+    - exceeded_by_95_deg: angle that 95 % of the blocks exceed, with its 95 % interval"""
     import pandas as pd
 
     rows = []

@@ -19,8 +19,7 @@ def stops_table(run: Simulation) -> pd.DataFrame:
     """How and where every release ended; STOP_COLUMNS.
 
     - zone: zone of the facet nearest to the centroid, None if the block left the cross-section
-    - runout_m: horizontal distance from start to end, positive to the right
-    """
+    - runout_m: horizontal distance from start to end, positive to the right"""
     import pandas as pd
 
     rows = []

@@ -1,7 +1,6 @@
 """Shapes of blocks: every module of this folder that defines `SHAPE`.
 
-To add a shape, add a file: its sizes become keys of files and arguments of `make_block`.
-"""
+To add a shape, add a file: its sizes become keys of files and arguments of `make_block`."""
 
 from __future__ import annotations
 

@@ -18,8 +18,7 @@ class BlockError(ValueError):
     Attributes
     ----------
     key : the key that is wrong, for example "diameter_m", or None
-    reason : the message without the name of the block
-    """
+    reason : the message without the name of the block"""
 
     def __init__(self, block: str, reason: str, key: str | None = None) -> None:
         super().__init__(f"block {block}: {reason}")
@@ -44,8 +43,7 @@ class Profile(NamedTuple):
     ----------
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners, counter-clockwise; (0, 2) if smooth
-    inertia_per_mass_m2 : name of a mass distribution -> moment of inertia over mass
-    """
+    inertia_per_mass_m2 : name of a mass distribution -> moment of inertia over mass"""
 
     semi_axes_m: tuple[float, float]
     corners_m: Array
@@ -61,8 +59,7 @@ class Shape(NamedTuple):
     sizes : its sizes
     inertias : names of its mass distributions
     profile : (name of the block, sizes by key) -> its geometry; raises BlockError
-    sizes_of : (semi_axes_m, corners_m) of a block -> its sizes by key
-    """
+    sizes_of : (semi_axes_m, corners_m) of a block -> its sizes by key"""
 
     name: str
     summary: str

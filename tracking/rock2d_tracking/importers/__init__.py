@@ -2,8 +2,7 @@
 `rock2d import --kind`, and it defines `IMPORTER`.
 
 To add a format, add a file `NAME.py` here. Nothing else needs a change: the command line and the error messages take
-the formats from this folder.
-"""
+the formats from this folder."""
 
 from __future__ import annotations
 

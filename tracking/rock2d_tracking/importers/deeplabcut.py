@@ -6,8 +6,7 @@ position even where it is not visible. Its likelihood (0 to 1) is then low, and 
 `pcutoff`, 0.6 by default). Files of manual labels and of points in space (x, y, z) have the same headings; both are
 refused.
 
-Documented in DeepLabCut's user guide, "Analyze new Videos" (`save_as_csv`), deeplabcut.github.io/DeepLabCut.
-"""
+Documented in DeepLabCut's user guide, "Analyze new Videos" (`save_as_csv`), deeplabcut.github.io/DeepLabCut."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ def looks_like(text: str) -> bool:
 def read(path: Path, text: str) -> Points:
     """Points in pixels, tracks `bodypart` or `individual/bodypart`, with `frame` and `confidence`.
 
-    Raises `InputError` with file and line.
-    """
+    Raises `InputError` with file and line."""
     lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
     separator = separator_of(lines[0][1])
     table = [(line, cells(content, separator)) for line, content in lines]

@@ -7,8 +7,7 @@ the size of the table, then lines `row column value` from 1 on. Coordinates are 
 they are measured from the bottom of the image, y up; in version 8 from its top, y down. A file does not say which.
 
 Documented in the source at github.com/tlhedrick/dltdv (`DLTdv7.m`, `sparseSave.m`) and at biomech.web.unc.edu/dltdv;
-the two directions of y in the export formats of github.com/prnvkhndlwl/Kinetrace.
-"""
+the two directions of y in the export formats of github.com/prnvkhndlwl/Kinetrace."""
 
 from __future__ import annotations
 

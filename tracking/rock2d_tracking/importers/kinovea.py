@@ -11,8 +11,7 @@ true only if the capture frame rate was set in Kinovea, and the file states no r
 if it was set, else the rate of the video file (1 if times are frame numbers).
 
 Documented in Kinovea's manual, "Exporting data and measurements", and in its source: `ExporterCSV`,
-`ExporterTXTTrajectory`, `CSVHelper`, `Metadata.GetNumericalTime`, `kva2txt-en.xsl`.
-"""
+`ExporterTXTTrajectory`, `CSVHelper`, `Metadata.GetNumericalTime`, `kva2txt-en.xsl`."""
 
 from __future__ import annotations
 
@@ -39,8 +38,7 @@ def looks_like(text: str) -> bool:
 def read(path: Path, text: str) -> Points:
     """Points in the unit of the export; `time` in s if the file says so, else in the unit of the export.
 
-    Raises `InputError` with file and line.
-    """
+    Raises `InputError` with file and line."""
     if text.lstrip().lower().startswith(TEXT_TITLE):
         return _read_text(path, text)
     return _read_csv(path, text)

@@ -40,8 +40,7 @@ def read(path: Path, text: str) -> Points:
     """Points in calibrated units (pixels if only pixelx and pixely were exported); `time` in s and perhaps `frame`.
     Those of a project are in pixels, y downwards, with `frame`.
 
-    `theta_rad` is read if the file is one of `write_tracker`. Raises `InputError` with file and line.
-    """
+    `theta_rad` is read if the file is one of `write_tracker`. Raises `InputError` with file and line."""
     if looks_like_project(text):
         return read_project(path, text)
     lines = text.split("\n")
@@ -75,8 +74,7 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
     A data track has one start, so each release is a file: `path` itself for a single one, else `path` with `_` and the
     release number at its stem. Every frame from the first to the last has a line, lost ones with empty cells, since
     Tracker reads one line per frame. Lengths are in m, y up, theta in rad, numbers with all their digits. Returns the
-    files written; raises `InputError` if a time is not that of a frame at `fps` (in 1/s).
-    """
+    files written; raises `InputError` if a time is not that of a frame at `fps` (in 1/s)."""
     path = Path(path)
     several = trajectories["release"].nunique() > 1
     texts = {}

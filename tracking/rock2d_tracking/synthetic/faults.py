@@ -46,8 +46,7 @@ class Faults:
     burial_radii : height of the soil heap in front of a block that touches the ground, in radii of the block
     dropped : share of missing frames
     flicker : relative amplitude of the light at `LAMP_HZ`
-    compression : relative reduction of the codec's quality
-    """
+    compression : relative reduction of the codec's quality"""
 
     noise_grey: float = 0.0
     shot_noise: float = 0.0
@@ -126,8 +125,7 @@ class BlockMotion(NamedTuple):
     Attributes
     ----------
     t_s, poses_m : (n,) times and (n, 3) poses x, y in m and theta in rad, interpolated linearly
-    noise_m : 1 sigma of the positions
-    """
+    noise_m : 1 sigma of the positions"""
 
     block: Block
     t_s: Array
@@ -156,8 +154,7 @@ def surface_m(cross_section: CrossSection, x_m: Array) -> Array:
 def heap_m(cross_section: CrossSection, block: Block, pose_m: Array, height_radii: float) -> Array | None:
     """(`HEAP_CORNERS`, 2) outline of the soil heaped in front of a block at `pose_m` (x, y, theta), in m.
 
-    Full height if the block touches the ground; None if it is `HEAP_GAP_RADII` radii or more above it.
-    """
+    Full height if the block touches the ground; None if it is `HEAP_GAP_RADII` radii or more above it."""
     x, y, theta = pose_m
     radius = 0.5 * block.size_m
     c, s = np.cos(theta), np.sin(theta)

@@ -1,7 +1,6 @@
 """Synthetic films with known truth: the trajectories of an experiment, as recorded by a high-speed camera.
 
-The scene is drawn anti-aliased: the share of the block in a pixel is the covered share of its area.
-"""
+The scene is drawn anti-aliased: the share of the block in a pixel is the covered share of its area."""
 
 from __future__ import annotations
 
@@ -40,8 +39,7 @@ class Shot:
     frame : its number, counted from 0 as filmed; the numbers of missing frames are left out
     release, block, t_s : as in the experiment; before the block is released, t_s is less than its first
     pose_px : u, v in px and angle in rad, in the image; None where no block is in the picture
-    pose_m : x, y in m and theta in rad; None likewise
-    """
+    pose_m : x, y in m and theta in rad; None likewise"""
 
     image: Array
     frame: int
@@ -61,8 +59,7 @@ class FilmOptions:
     seed : seed of soil, noise, dust and dropped frames; the same seed makes the same film
     faults, look : faults of the film; light and colours
     releases : numbers of the releases, in this order; all if None
-    rest_frames : empty frames before each release
-    """
+    rest_frames : empty frames before each release"""
 
     seed: int
     faults: Faults = CLEAN
@@ -79,8 +76,7 @@ def film_frames(
     A row of a trajectory is a frame, at `experiment.fps`; rows that are missing or NaN give no frame.
 
     Raises InputError if the experiment has no trajectories or no such release, or two rows of a release are within one
-    frame interval.
-    """
+    frame interval."""
     table = experiment.trajectories
     if table is None:
         raise InputError(f"experiment {experiment.name}: only trajectories can be filmed, it has impacts")
@@ -145,8 +141,7 @@ def write_film(
     empty cells if no block is in the picture. Motion JPEG stores `fps_video` as a whole number.
 
     Both files are written completely or not at all. Raises InputError if the suffix is not .avi, the size is odd or not
-    that of the shots, there are no shots, or this OpenCV lacks the codec.
-    """
+    that of the shots, there are no shots, or this OpenCV lacks the codec."""
     import cv2
 
     path, (width, height) = Path(path), size_px

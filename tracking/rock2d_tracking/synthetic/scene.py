@@ -39,8 +39,7 @@ class Look:
     rough_px : 1 sigma of the roughness of the soil's surface
     gradient_grey : difference of the background between opposite corners
     blur_px : 1 sigma of the lens' point spread
-    marked : shapes of blocks that carry marks: a line and three dots
-    """
+    marked : shapes of blocks that carry marks: a line and three dots"""
 
     block_grey: float = 215.0
     mark_grey: float = 40.0
@@ -120,8 +119,7 @@ class Scene:
     def _cover(self, outlines_px: Sequence[Array]) -> tuple[Window, Array]:
         """Share of the light from within outlines, blurred by the lens, and the window in the image.
 
-        The blur of the lens is computed on a finer grid, because it acts before the pixels sample the image.
-        """
+        The blur of the lens is computed on a finer grid, because it acts before the pixels sample the image."""
         points, reach = np.concatenate(outlines_px), self._reach_px
         beyond = np.array(self.size_px) + reach
         low = np.clip(np.floor(points.min(axis=0) + 0.5) - reach, -reach, beyond - 1).astype(int)
@@ -158,8 +156,7 @@ def coverage(outlines_px: Sequence[Array], box: PixelBox) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
     Exact: the outlines are split at the borders of the pixels; each piece adds the area to its right to its pixel, and
-    its height to all pixels beyond. All outlines must have the same orientation.
-    """
+    its height to all pixels beyond. All outlines must have the same orientation."""
     left, top, right, bottom = box
     width, height = right - left, bottom - top
     if not outlines_px:

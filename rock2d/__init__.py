@@ -26,8 +26,6 @@ Next steps:
 
 Names are imported at their first use, so that ``import rock2d`` is fast."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

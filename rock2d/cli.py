@@ -1,7 +1,5 @@
 """The command line. Heavy imports happen inside the commands, so that `rock2d --help` is instant."""
 
-from __future__ import annotations
-
 import os
 import sys
 from functools import cache

@@ -6,8 +6,6 @@ edited law. Therefore the name of the cache folder contains a hash of all compil
 Numba also optimizes each function, with everything that it calls, once more in every caller. Here compiled functions
 are parts, which are optimized only in the functions that Python calls."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import hashlib

@@ -1,7 +1,5 @@
 """The cache folder of rock2d, and listeners that are told when numba begins and ends to compile."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Signal handlers of the command line for Ctrl-C and SIGTERM."""
 
-from __future__ import annotations
-
 import signal
 
 

@@ -1,7 +1,5 @@
 """Registries: things of one kind, one file each, found by the folder that they lie in."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from importlib import import_module

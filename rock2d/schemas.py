@@ -1,7 +1,5 @@
 """JSON Schemas of the files that rock2d reads and writes, by the name of their kind."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

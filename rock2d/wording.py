@@ -1,7 +1,5 @@
 """Numbers and names as words of a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import zip_longest
 

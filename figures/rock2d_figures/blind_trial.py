@@ -2,8 +2,6 @@
 
 `python -m rock2d_figures.blind_trial TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 from pathlib import Path

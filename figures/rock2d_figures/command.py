@@ -1,7 +1,5 @@
 """`rock2d reproduce`: the paper's tables and figures from the scenario of its set-up, in one command."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

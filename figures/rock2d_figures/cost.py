@@ -8,8 +8,6 @@ its 1 m cube, on the same profile with more and more facets and a small smooth u
 run in turns on all threads; times do not include compilation. Runs above COST_RELEASES_PER_CALL releases repeat the
 first incident states call by call, so that memory stays bounded; the point mass has other seeds in each call."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

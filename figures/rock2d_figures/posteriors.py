@@ -1,8 +1,6 @@
 """What a reproduction finds out: arrivals that explain the paper's own simulations, against the statements of its text,
 and the posteriors of set-up and laws within their prior ranges."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

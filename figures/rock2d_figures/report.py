@@ -1,7 +1,5 @@
 """report.md: the page that holds the tables and figures of a reproduction together."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from rock2d.reproduction import published

@@ -1,7 +1,5 @@
 """Figures 1 to 3 of the paper: the set-up, the sphere at line 2, and the trajectories."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -5,8 +5,6 @@ same releases without the hidden causes: same incident states, soil draws and no
 case from a real record has none. Twins are sealed like the labels, because a comparison with the films would reveal the
 causes. Only the measurement of the true floor may read them; a diagnosis does not see it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Sequence

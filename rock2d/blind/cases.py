@@ -3,8 +3,6 @@
 Every case has its own child of the seed, so that case 17 of 200 equals case 17 of 500 except for its causes. These are
 assigned so that all effects occur equally often."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

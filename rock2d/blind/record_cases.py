@@ -3,8 +3,6 @@
 What the law and the catalogue miss of the real motion remains in the record, as do the causes that it already contains.
 The scores of these cases are reported separately."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

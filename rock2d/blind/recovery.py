@@ -3,8 +3,6 @@
 Known causes of known sizes are added to the record, which is diagnosed again. The detection curves of the linear model
 (`diagnosis.detection`) are corrected by the effects that were named."""
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

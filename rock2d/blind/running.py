@@ -3,8 +3,6 @@
 A diagnosis is compared with films that it did not see: it predicts the held-out releases, and the share of the gap that
 it truly closes is measured there."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 A named effect is right if it, or an effect that it shares its name with, is hidden, whatever its strength. Effects that
 the original record of a case contains count neither as right nor as wrong."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

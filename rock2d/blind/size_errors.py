@@ -4,8 +4,6 @@ engine have the same meaning.
 The reality engine has several forms of each effect. A form whose value means something else, such as a drag with
 another power of speed, is not compared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter

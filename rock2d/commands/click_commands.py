@@ -1,7 +1,5 @@
 """Arguments, options and help of the commands about a site: `run`, `profile`, `design`, `soils`."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command `rock2d profile`: write a scenario and its picture from a table, drawing or terrain model."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

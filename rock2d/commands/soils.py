@@ -1,7 +1,5 @@
 """The command `rock2d soils`: the soil classes, and their parameters for a block."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any

@@ -5,8 +5,6 @@ sites that share all values but one with the first. From these follow Sobol indi
 the variance. The sites of a group have the same releases (common random numbers). Different groups have different
 releases, so that the error of sampling appears in the spread of the sites."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass

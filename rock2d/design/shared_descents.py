@@ -4,8 +4,6 @@ Uphill of an embankment or a ditch nothing depends on its size, and most of the 
 release is suspended before the grounds differ, with the memory of its contacts, and continues from there with each
 size."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The frequencies of the sites are Beta(mu nu, (1 - mu) nu), the counts binomial. 
 its logarithm. So sites that agree support each other: 0 of 200 blocks at each of 30 sites say more about a further site
 than 0 of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3."""
 
-from __future__ import annotations
-
 import numpy as np
 
 Array = np.ndarray

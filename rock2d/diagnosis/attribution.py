@@ -4,8 +4,6 @@ The parameters of the base are free in every model. The criterion is the gain in
 compared release by release, so that a few unusual impacts cannot decide. The verdict is "none" if no gain is
 significant, and "unknown" if the residuals of even the best effect can be predicted (`residual_regression`)."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The base law: the paper's law with its own parameters refitted, and the image in which the film is divided for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

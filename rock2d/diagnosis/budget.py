@@ -8,8 +8,6 @@ Causes that overlap share what they close: the share of each is the mean over al
 (Shapley 1953), given with the range over these orders. Intervals come from a bootstrap over releases. They include the
 uncertainty of the floor: if the gap is small compared with this uncertainty, shares are hardly known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations

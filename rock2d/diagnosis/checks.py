@@ -10,8 +10,6 @@ A check contains several patterns, for example one for each zone and channel. It
 standard deviations of the replicates. The smallest p value of all checks is compared with that of the same replicates
 (Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

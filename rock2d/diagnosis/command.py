@@ -1,7 +1,5 @@
 """The commands `rock2d diagnose`, `rock2d predict` and `rock2d compare`: files in, files out."""
 
-from __future__ import annotations
-
 import gc
 import json
 import os

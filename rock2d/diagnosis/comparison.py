@@ -1,7 +1,5 @@
 """Comparison of two diagnoses: what agrees, what differs, and what cannot be compared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from math import hypot
 from typing import Any

@@ -7,8 +7,6 @@ the other folds is small.
 
 `save_fit` keeps a fit and its scores in a file, so that an interrupted diagnosis can continue."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self

@@ -6,8 +6,6 @@ release. A bootstrap over the releases gives the probability that the gain, beyo
 suffices to name the effect. This probability is a logistic curve over the logarithm of the size. It needs no fit. Full
 diagnoses of records with an added effect correct it: `blind.recovery`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A whole diagnosis: from an experiment to the content of diagnosis.json."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The content of diagnosis.json: the results of a diagnosis as numbers and words."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import Any
 

@@ -9,8 +9,6 @@ that may be the same in every release is tested together with what is learnt of 
   explains a part of what they explain. They hardly gain more than a true cause.
 - Rivals: which effects gain as much in its place? They share its probability."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ An acceleration a(t) along the measured path displaces the block by its double i
 1 of a flight absorb a part of that as another state; the rest remains in the residuals. Both are linear in the
 acceleration, so no simulation is needed."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

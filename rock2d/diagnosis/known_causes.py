@@ -1,7 +1,5 @@
 """A known cause of known size in a fitted model: the parameters of the model with the cause."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

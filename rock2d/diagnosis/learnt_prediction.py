@@ -7,8 +7,6 @@ Changes after an impact were learnt from blocks that fly on. They act only if a 
 film: the state at lift-off changes, learnt accelerations act until the block touches the ground again, and the engine
 simulates the rest. For a block that rolls, slides or lies still the engine alone determines the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

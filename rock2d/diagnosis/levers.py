@@ -10,8 +10,6 @@ regression without mechanics (`residual_regression`) needs many impacts to find 
 all channels together. For each pair of lever and basis, one Newton step with free parameters of the model gives the
 gain on held-out releases."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass

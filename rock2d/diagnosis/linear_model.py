@@ -7,8 +7,6 @@ Newton step with these columns and one without; the parameters of the fit are fr
 few simulations for each effect, where a fit takes a hundred. An effect that is strong, or whose first small step does
 nothing, has a second column: the change of the residuals between no effect and its size as a single effect."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,8 +1,6 @@
 """A model to be fitted: the base law with effects and learnt changes, and parameters on dimensionless scales of similar
 size."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The next release: the one for which the two best explanations predict the most different outcomes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

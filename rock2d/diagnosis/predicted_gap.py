@@ -3,8 +3,6 @@
 Fits compare only the first instants after an impact. A segment continues: blocks bounce again, roll and come to rest.
 So these are the errors to expect of `rock2d predict` for another film of the set-up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ the features of impacts for the regression of the residuals.
 A *basis* is additive over its quantities. Splines follow any smooth curve, harmonics an angle, a line passes through
 zero; kinds, for example blocks or zones, have one value each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any

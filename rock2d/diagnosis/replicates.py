@@ -5,8 +5,6 @@ half the mean square difference of their residuals estimates the variance of noi
 variogram; Matheron 1963, Economic Geology 58(8), 1246-1266). If it is smaller than the mean square of the residuals,
 the model misses something that depends on the state."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The residuals of the right model cannot be predicted. A ridge regression on the 
 extremely randomised trees on its residuals, are fitted on some releases and tested on others. They contain no
 mechanics, so the share of the gap that they close is a lower bound for what a cause would close."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

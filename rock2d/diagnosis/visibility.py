@@ -3,8 +3,6 @@
 Flights alone do not show impacts, a table of impacts does not show the air, a ball without marks does not show its
 spin. Effects that the data cannot show are not tried: they remain possible."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The numbers are typical of films with 200 to 450 impacts. The work of searching and learning is estimated again during
 the diagnosis: the expected gains of further effects show how much the best set leaves unexplained."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from time import perf_counter
 

@@ -1,7 +1,5 @@
 """Wet soil pulls on the leaving block."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

@@ -1,7 +1,5 @@
 """Quadratic drag in flight."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The recorded orientation has a constant offset."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The image axes are turned against the vertical."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

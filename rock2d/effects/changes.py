@@ -1,7 +1,5 @@
 """Changes of a world that effects use; every function returns a changed copy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -3,8 +3,6 @@
 A contact row has the columns of `rock2d.laws.contact`, followed by those of the effects. 0 always means no effect, so a
 row with only the columns of the law has no effects."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.effects import catalogue

@@ -1,7 +1,5 @@
 """The embankment moves as a body during an impact."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

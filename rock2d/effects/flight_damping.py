@@ -1,7 +1,5 @@
 """Drag linear in velocity, for translation and rotation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

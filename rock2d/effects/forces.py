@@ -16,8 +16,6 @@ columns, in the order of `Effect.columns`. The engines call a law only if one of
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity
 of the contact point in m/s. No law adds energy; the dissipated energy is the share "effects" of the energy audit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rock2d.compiled import kernel

@@ -1,7 +1,5 @@
 """The true frame rate differs from the stated one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view

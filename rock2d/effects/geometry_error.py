@@ -1,8 +1,6 @@
 """The built cross-section differs from the surveyed one: angle of the embankment's facing, level of the ditch; without
 an embankment, slope and level of the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The moment of inertia differs from the stated block's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Radial distortion of the image, about the point that the camera aims at: see `changes.aim_and_width`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view

@@ -1,7 +1,5 @@
 """Force across the velocity, proportional to the spin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

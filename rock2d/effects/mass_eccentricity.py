@@ -1,7 +1,5 @@
 """The centre of mass is not the centroid that is tracked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

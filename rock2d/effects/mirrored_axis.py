@@ -1,7 +1,5 @@
 """An axis, or the sense of rotation, is recorded with the wrong sign."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view

@@ -1,7 +1,5 @@
 """Motion leaves the plane at impacts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The block ploughs: tangential resistance that grows with depth and speed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

@@ -1,7 +1,5 @@
 """Corners of polygons are rounded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Metres per pixel are off."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.effects.changes import AIM_PARAMETERS, with_view

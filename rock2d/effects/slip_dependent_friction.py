@@ -1,7 +1,5 @@
 """Friction that changes with the sliding speed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

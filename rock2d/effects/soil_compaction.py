@@ -3,8 +3,6 @@
 k_t does not change: in the paper's law it regularises sticking and is not a property of the soil. So the stiffnesses of
 `zone_contrast` and `soil_compaction` differ only in where and when they change."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The local slope varies from impact to impact, or from place to place."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

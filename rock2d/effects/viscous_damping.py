@@ -1,7 +1,5 @@
 """Rate-dependent normal force in contact."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from rock2d.compiled import kernel

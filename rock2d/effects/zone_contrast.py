@@ -1,7 +1,5 @@
 """The embankment's soil, or that of its face alone, differs from the ditch's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Each release may have its own block, cross-section and parameters. Releases are independent, so results do not depend on
 the number of threads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

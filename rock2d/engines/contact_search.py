@@ -3,8 +3,6 @@ before its contacts can change. Compiled.
 
 A contact follows its feature from facet to facet, so it keeps its memory at joints."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.compiled import copy, kernel

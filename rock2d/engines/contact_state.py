@@ -4,8 +4,6 @@ rows for the next steps, with their forces.
 A polygon has a contact for each corner and VERTEX_CONTACTS for ground corners under its faces; a circle or ellipse has
 SMOOTH_CONTACTS."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

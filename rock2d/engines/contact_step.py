@@ -4,8 +4,6 @@ The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *
 step, features do not change, and the law is evaluated at four Runge-Kutta stages. `trial_step` ends the step at the
 first event. Without contacts a step is exact."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

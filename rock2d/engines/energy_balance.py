@@ -1,7 +1,5 @@
 """The final energy balance of releases: it compares the dissipation in the audit of an engine with the energy lost."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The first event within a trial step: of the law, or where a contact begins, ends or changes its feature, compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.compiled import kernel

@@ -8,8 +8,6 @@ A ball that rolls or slides fast trembles, and is above the bottom of its indent
 gravity acts: each hop is one exact parabola and one contact step. Within a run of facets that are nearly in line, a
 contact moves from facet to facet without a change."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ Before a block touches a facet, a corner (or the lowest point of a circle) must 
 block must reach the facet itself. The later of the two times is a lower bound. For a circle above the middle of a facet
 it is the time of contact. With the tree, ten thousand facets cost little more than ten."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.compiled import kernel, njit

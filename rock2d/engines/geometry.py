@@ -11,8 +11,6 @@ material of the block there, so that a force k δ along the normal is conservati
 Only the nearest feature gives the depth. Depths are continuous at joints, so dividing a facet changes nothing. A
 rounded corner is a circle; a convex ground corner touches it or the flat part of a face, never both."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

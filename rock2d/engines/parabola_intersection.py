@@ -8,8 +8,6 @@ facets.
 Parallel code uses numbers and whole arrays only: a view of a row changes a reference count, for which all threads would
 wait."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@ parabola and the block turns freely. The next impact is the first root of a quad
 One release and an ensemble of releases use the same kernel, so a release has the same bits in both, in any order and on
 any number of threads."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 

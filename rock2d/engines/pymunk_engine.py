@@ -5,8 +5,6 @@ impulses (`process_collision = False`), the exact parabola its first-order integ
 only record the facets; forces are applied once a step, in a fixed order and in one compiled call, so that results are
 bit-identical on all machines. Pymunk ignores exceptions in callbacks; they are kept and raised after the step."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Recording of line crossings, samples, knots and impacts while a release runs, compiled."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ A flight is a few exact parabolas; a lower bound of the time to contact determin
 contact steps advance the block: a full step where contacts begin, change or end, fast steps (`fast_contact_steps`) in
 between."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Detection of rest in the engines of the contact law, compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.compiled import kernel

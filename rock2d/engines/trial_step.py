@@ -7,8 +7,6 @@ A Runge-Kutta step conserves energy only to its order. The exact balance is know
 the step is halved; the remaining error is removed from the impulse. Projection onto an invariant keeps the order of a
 scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

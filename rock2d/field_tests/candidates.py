@@ -1,7 +1,5 @@
 """Changes of the model of a field test, and their gains on held-out releases."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from dataclasses import astuple, replace

@@ -1,7 +1,5 @@
 """`rock2d run` of a scenario with a field test: the study, or the forecast of a list of releases."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager

@@ -3,8 +3,6 @@
 Direction, roughness and orientation are drawn once for each descent, from its own seed, so that two soils do not differ
 by chance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

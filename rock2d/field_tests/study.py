@@ -4,8 +4,6 @@ blocks.
 Both impact laws are treated in the same way, and compared with two forecasts without physics. The effect of shape is
 that on the distances of a sphere, a cube and a slab of equal mass and volume, with the same soils."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write and read diagnosis.json. Its keys stand in `diagnosis_keys`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

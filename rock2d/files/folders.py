@@ -1,7 +1,5 @@
 """Output files and folders, which are written completely or not at all, and paths that must stay inside a folder."""
 
-from __future__ import annotations
-
 import errno
 import glob
 import json

@@ -1,7 +1,5 @@
 """Places of numbers in the data of a file: keys and list indices joined by dots, such as `embankment.height_m`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, TypeGuard
 

@@ -1,7 +1,5 @@
 """The posterior of a calibration as a table: equally likely draws of numbers of a scenario file."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arrays in .npz files, and a fingerprint of the data and the code that they were computed from."""
 
-from __future__ import annotations
-
 import hashlib
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenarios that differ from a given one in some numbers. Places such as `embankment.height_m` name the numbers."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The scenario files that come with rock2d."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """Text files of the user: only regular files in UTF-8 are read."""
 
-from __future__ import annotations
-
 import json
 import stat
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compact data for the live views of pages, and the scripts that show them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib

@@ -1,7 +1,5 @@
 """Figures that compare measured releases with their simulation: laid over each other, and their residuals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 

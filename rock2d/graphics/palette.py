@@ -1,7 +1,5 @@
 """Colours of videos and figures: the set of Okabe & Ito for blocks, muted earth tones for zones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 BLOCK_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9C4F86", "#B07C00", "#3A9BC9")

@@ -1,7 +1,5 @@
 """A matplotlib figure that never reads text as mathematics."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from matplotlib.figure import Figure

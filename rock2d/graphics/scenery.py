@@ -1,7 +1,5 @@
 """Draw the cross-section with its zones, measure lines and names, and blocks, on pixel images."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

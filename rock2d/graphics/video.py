@@ -3,8 +3,6 @@
 A `Clip` is the simulated or measured motion of one block. The clips of a scene share one clock; scenes are shown one
 after another in the same view."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -10,8 +10,6 @@ With the true outline, the penetration of a block does not depend on its angle. 
 impact is fitted with harmonics of the angle between block and ground. The second and the fourth harmonic distinguish
 circles, squares and elongated blocks."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Flights and impacts of a film with measured states, without a model of contact."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass, field, fields, replace
 from typing import Self

@@ -16,8 +16,6 @@ Flights are combined within each release, and then releases. If releases disagre
 (blocks at different distances from the camera), a scatter between them is added: Paule and Mandel (1982), Journal of
 Research of the National Bureau of Standards 87(5), 377-385."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Segmentation of filmed releases into flights, contacts and rests, and the noise of the film from its flights."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import cached_property

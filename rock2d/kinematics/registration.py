@@ -4,8 +4,6 @@ The segmentation needs a ground to which the blocks come down. If the blocks lie
 or tilt of the camera, or a cross-section that differs from the survey, may be the reason. The correction is good enough
 for the segmentation and for a first fit of the law. The diagnosis then finds the cause among all effects."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 from collections.abc import Iterator

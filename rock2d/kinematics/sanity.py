@@ -5,8 +5,6 @@ A *remark* is printed and stands in the report. A mirrored axis, or a set-up in 
 ground, would spoil the segmentation. It is corrected only for the segmentation and for a first fit of the law; the
 diagnosis has to find the cause."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

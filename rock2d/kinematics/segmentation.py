@@ -4,8 +4,6 @@ A flight is a range of frames on one parabola; a rest is a range of frames with 
 contact. The cost is chi-square plus a fixed cost for each segment, so that the noise decides, not a threshold on speed.
 Accelerations of a flight are free within a prior, so that drag, a tilted camera or a wrong scale do not split it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The world of an experiment before any fit: its stated set-up with the paper's law."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.files.experiment import Experiment

@@ -4,8 +4,6 @@ Source: section "DEM modelling" and Table 4 of the paper. Pure functions of one 
 SI units. δ is the penetration, δmax the peak penetration since the contact began, s the tangential displacement of the
 tangential spring, ρ the rotation of the rolling spring."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

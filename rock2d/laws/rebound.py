@@ -5,8 +5,6 @@ normal restitution of PIERRE. Pure functions of one impact: if the slope reducti
 random number. SI units. With t along the facet, n out of the ground, v_n < 0 on entry and ω counter-clockwise positive,
 the foot of the ball moves at u = v_t + r ω."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ Two impacts are similar if all lengths have the ratio of the sizes d, all masses
 
 with κ, e and μ of the class alone. docs/theory/soil-classes.md has the derivation and its limits. SI units."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.laws.contact import ContactParameters

@@ -2,8 +2,6 @@
 
 Compiled code uses the integers as indices; tables use the names. SI units, as the names say."""
 
-from __future__ import annotations
-
 # a state of the centre of mass
 STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 X, Y, THETA, VX, VY, OMEGA = range(len(STATE_NAMES))

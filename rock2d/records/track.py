@@ -3,8 +3,6 @@
 Between two knots a block is either in flight (on an exact parabola) or in contact (cubic Hermite interpolation of
 positions and velocities of contact steps). All engines return tracks; measure lines, videos and figures read them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,8 +1,6 @@
 """Results with the arrivals inferred from the paper's simulations: agreement with these simulations, predictions of the
 calibrated law, and the effects that the paper's models lack."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

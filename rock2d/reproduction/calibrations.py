@@ -6,8 +6,6 @@ are modular as in the paper: the rows of the cube and the parallelepiped do not 
 and only these rows determine the slope reductions (a cut posterior, Plummer 2015). Statements and cells count the same
 50 releases; their likelihoods are multiplied as if they were independent (assumption)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

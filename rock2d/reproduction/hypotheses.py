@@ -5,8 +5,6 @@ unknowns. A simulated release starts when the block leaves the slope for the las
 slope are fractions (0 to 1) of the speed of the drop, its rotation rate lies between zero and rolling, and its mean
 energy is at most that of the drop."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache

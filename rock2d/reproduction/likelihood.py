@@ -4,8 +4,6 @@ Both are counts of 50 filmed releases, compared with counts of simulated release
 frequencies, the probability of the filmed counts given the simulated counts is Dirichlet-multinomial. It includes the
 sampling error of the simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import gammaln, logsumexp, xlogy
 

@@ -6,8 +6,6 @@ probabilistic model has parameters that explain the experimental row of the sphe
 candidate is calibrated on the experimental rows of some blocks and scored on the row of another: hypotheses and sizes
 of the effect are drawn from their priors and weighted by the likelihood."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

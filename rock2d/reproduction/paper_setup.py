@@ -1,8 +1,6 @@
 """The set-up and arrivals under which Tables 3 and 4 agree best with the paper's columns, as a scenario file; and
 Table 2 next to simulations of a scenario."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

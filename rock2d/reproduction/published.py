@@ -1,7 +1,5 @@
 """Published data: the experiment, the results of the paper's two models, and its statements on first impacts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.scene.blocks import make_block

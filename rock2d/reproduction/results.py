@@ -1,8 +1,6 @@
 """Predictions of each calibration for new releases, their errors and conclusions, and the data files: tables (the
 paper's Tables 2 to 4, assumptions, candidate effects), paper_setup.yaml and reproduction.json."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Hashable

@@ -1,8 +1,6 @@
 """Statistics of the calibrations: passing frequencies with intervals and tests, errors, the sampling floor, identified
 quantities, and predictions of held-out cells with each candidate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ the momentum differently. Each reading limits these three. Within the limits, se
 the sphere's first impacts and passing frequencies with the parameters of Table 3. The sphere has no slope reduction, so
 all other quantities are known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The number of releases that a given precision of the passing frequencies needs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

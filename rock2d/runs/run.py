@@ -2,8 +2,6 @@
 
 Every release has its own random numbers, so results do not depend on the number of processes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

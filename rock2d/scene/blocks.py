@@ -3,8 +3,6 @@
 A profile is either *smooth* (circle, ellipse: two semi-axes) or a convex *polygon* (corners). Body axes have their
 origin at the centroid and their x axis along the length; angles are counter-clockwise positive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property

@@ -5,8 +5,6 @@ ground. With a ditch, the facing goes further down to the bottom of the ditch, w
 slope. Several embankments are numbered 1, 2, ... from uphill to downhill; the names of their zones and measure lines
 end with the number, as in `crest_2`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The facet of a cross-section that is nearest to a point, for many points at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.compiled import njit

@@ -1,7 +1,5 @@
 """Place a block so that it just touches the ground from above."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.scene.blocks import Block

@@ -3,8 +3,6 @@
 Wrong units are the most expensive mistakes in input files: a block of 4.7 kg instead of 4.7 t runs without an error.
 Each check compares two numbers of the input with each other, or one number with the range in nature."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

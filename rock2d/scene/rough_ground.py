@@ -1,7 +1,5 @@
 """Rough ground: a cross-section whose local slope varies about that of its facets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

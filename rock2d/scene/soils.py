@@ -3,8 +3,6 @@
 `rock2d.laws.soil_scaling` computes the parameters of a law for a block from a class. docs/theory/soil-classes.md
 derives the numbers and says which of them are assumed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

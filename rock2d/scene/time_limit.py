@@ -1,7 +1,5 @@
 """Default time limit of a release."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.scene.cross_section import CrossSection

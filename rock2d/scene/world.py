@@ -3,8 +3,6 @@
 A world without effects is the model of the paper. Effects return changed copies (`rock2d.effects`); engines and the
 diagnosis read them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -4,8 +4,6 @@ Random releases over random sites (`cases`) run in the batch engine. Each is hel
 FAULTS. The hunt counts what breaks, worst first, and with --save shrinks the worst of each kind and writes scenario
 files that repeat them."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -2,8 +2,6 @@
 
 ω_l = √(k_l/m), ω_u = √(k_ul/m), u = v_t + r ω (slip velocity). All inputs and results in SI."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.laws.contact import ContactParameters, contact_time_s, penetration_m

@@ -1,7 +1,5 @@
 """Heights on a cross-section: where they are added, and where not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

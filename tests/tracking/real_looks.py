@@ -5,8 +5,6 @@ picture (JPEG) or of the film (H.264).
 Light is summed in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. The tracking trial uses
 twenty looks, drawn from a seed, at three severities."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

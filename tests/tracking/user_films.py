@@ -3,8 +3,6 @@
 Phone, slow motion, shiny balls, a file with an edit list or with frames out of order, a hand-held camera, a wide angle,
 a cluttered room. Light and camera are those of `real_looks`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

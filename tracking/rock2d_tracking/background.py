@@ -1,7 +1,5 @@
 """The background: the picture without a block, from the first frames and updated outside the block."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pixel coordinates (u, v) run to the right and downward from the centre of the image's first pixel. The world's x runs to
 the right and y up, angles counter-clockwise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Candidates: regions of a frame that differ from the background, blocks or other things."""
 
-from __future__ import annotations
-
 import numpy as np
 
 Array = np.ndarray

@@ -5,8 +5,6 @@ of the edge on this line is the integral of the block's share (I - B)·(F - B) /
 background B and the block's colour F just inside the edge. Shading, texture, highlights and colours of the block
 therefore do not matter. The edge is unknown only where the block has the colour of the background."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

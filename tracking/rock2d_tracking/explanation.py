@@ -1,7 +1,5 @@
 """Explanation of a tracking result: a film with the candidates, counts of reasons, and keys to try next."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path

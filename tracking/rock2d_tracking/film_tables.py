@@ -3,8 +3,6 @@
 As in Lambert et al., impacts are the breaks between ballistic flights; the equations of a flight give its translational
 and rotational velocity at any time. Deep penetration and low rebounds, which reduce the accuracy, are flagged."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Tracking a whole film, for the command `rock2d track` and the function `rock2d.track`."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The first set-up file of a film of which only scale and frame rate are known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

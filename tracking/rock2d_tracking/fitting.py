@@ -1,7 +1,5 @@
 """Fit of a block to a frame: its position and angle, and whether the fit can be trusted."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.scene.cross_section import CrossSection

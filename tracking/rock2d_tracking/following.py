@@ -1,7 +1,5 @@
 """Following blocks through a film, frame by frame: position, angle and confidence of each."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence

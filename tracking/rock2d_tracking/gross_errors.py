@@ -1,7 +1,5 @@
 """Rejection of frames in which something other than the block was fitted: jumps, and fits to the background."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Learning the looks of the blocks of a film, from frames in which arcs give their places."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import islice

@@ -5,8 +5,6 @@ of this; only its residuals distinguish a lens from another scale. Only long fli
 an accurate k. Flights of 10 frames at 30 frames per second give a standard error of about 0.04, as large as the
 distortion of a phone."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rock2d.kinematics.flight_gravity import PARABOLA, Measured

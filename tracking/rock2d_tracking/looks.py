@@ -1,8 +1,6 @@
 """The looks of the blocks of a film, learned at the places given by their arcs: the colour with the best contrast, the
 size, and the suitable kind of fit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple

@@ -1,7 +1,5 @@
 """Orientation of a round block from its marks: rings of its picture are rotated to match those of the first one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 Array = np.ndarray

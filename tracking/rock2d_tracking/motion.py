@@ -4,8 +4,6 @@ fall.
 A block in flight moves on a parabola whose curvature is that of gravity. Hands, sticks, people and flickering light do
 not; a shadow does, but it darkens the background and stays on the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The film with the tracked outlines drawn into it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sights: position, angle and confidence of a block in each frame of a release."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 

@@ -1,7 +1,5 @@
 """The motion of a hand-held camera, measured on the background and removed from a film."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import islice
 

@@ -1,7 +1,5 @@
 """The experiment of a tracked film: metres, seconds, and only trusted frames."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

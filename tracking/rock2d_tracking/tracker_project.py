@@ -8,8 +8,6 @@ of length, `xorigin`, `yorigin`, `angle` in degrees), and `clipcontrol` the time
 
 Documented in the source of Tracker: `PointMass.Loader`, `ImageCoordSystem.Loader`, `XMLControlElement`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -6,8 +6,6 @@ tested: this package imports numpy, numba and the standard library alone. SI uni
 `draw_hidden` draws the size of a hidden cause, `simulate_poses` simulates releases with it, `record_poses` gives what
 a camera records of them."""
 
-from __future__ import annotations
-
 from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, draw_hidden
 from rock2d.blind.reality.data_model import Block, Camera, Hidden, Law, Releases, Setup, World
 from rock2d.blind.reality.ensemble import record_poses, simulate_poses

@@ -1,7 +1,5 @@
 """All causes that can be hidden, found by their files, and the draw of their sizes."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a file in `known/` or `outside/` needs to describe a cause that a blind trial can hide."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple

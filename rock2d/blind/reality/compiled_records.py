@@ -1,7 +1,5 @@
 """Records of the compiled motion: named tuples of arrays and numbers."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from rock2d.blind.reality.data_model import Array

@@ -4,8 +4,6 @@ A polygon has a contact for each corner and one for each ridge of the ground; a 
 A `group` of corners (those into which one corner was cut) shares one contact. With a rounding, the corners of the
 polygon are those of the inset polygon and carry circles of that radius."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numba

@@ -1,7 +1,5 @@
 """Blocks, set-up, soil law, camera, and hidden causes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

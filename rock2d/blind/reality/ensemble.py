@@ -1,7 +1,5 @@
 """Films of many releases in one world: their motion, in parallel, and what a camera with its flaws records of it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path

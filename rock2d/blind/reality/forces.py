@@ -1,8 +1,6 @@
 """The contact law of the soil with the causes that may be hidden in it, compiled: which contacts of a block begin and
 end, and the forces that they exert."""
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 

@@ -1,7 +1,5 @@
 """One release, compiled: half drift, kick, half drift; small steps in contact, parabolas in flight."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numba

@@ -1,8 +1,6 @@
 """Inputs of the compiled motion: ground, blocks, soil and parameters, with the hidden causes. Shapes as they are
 built may differ from the stated ones: cross-section, roughness, corners of the blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Columns of the row of numbers by which hidden causes reach the compiled motion; 0 has no effect."""
 
-from __future__ import annotations
-
 (
     DRAG,  # acceleration DRAG |v|^DRAG_POWER against the velocity, (m/s)^(1-DRAG_POWER)/s
     DRAG_POWER,

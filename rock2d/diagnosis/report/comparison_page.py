@@ -1,7 +1,5 @@
 """The page that compares two diagnoses, and the same as lines for a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

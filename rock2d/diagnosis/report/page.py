@@ -1,7 +1,5 @@
 """The report of a diagnosis: an HTML page that needs no network, and a video."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any

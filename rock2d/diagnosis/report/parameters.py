@@ -1,7 +1,5 @@
 """Fitted parameters as a report shows them: value, 95 % interval, and whether the data determine it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ simulated.
 Simulated films have the camera's instants and noise and are evaluated in the same way as the measured film. An impact
 table has no flights between impacts, so only the energy after each impact is compared."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """Data for the report: residuals of each impact, the impacts that the effect improves most, and the releases of the
 video."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The video of a report: film and simulations side by side, with a still picture and a description."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

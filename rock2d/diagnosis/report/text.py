@@ -1,7 +1,5 @@
 """Texts of the report: the meaning of the numbers of a diagnosis in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -2,8 +2,6 @@
 
 Keys of files and commands stand in backticks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

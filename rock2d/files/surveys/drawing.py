@@ -1,7 +1,5 @@
 """Profiles from DXF drawings: the longest polyline, or the longest of one layer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

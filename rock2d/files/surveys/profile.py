@@ -1,7 +1,5 @@
 """A slope profile: horizontal station and height, with the slope falling to the right, simplified."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Release areas: the upper half of the highest stretch of a profile that is steep enough to be a rockfall source."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

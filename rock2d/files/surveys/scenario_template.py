@@ -1,7 +1,5 @@
 """A scenario file for a profile. It is complete and runs; comments mark everything that is assumed."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Profiles from text tables: a column of stations and a column of heights."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

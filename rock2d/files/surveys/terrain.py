@@ -1,7 +1,5 @@
 """Profiles from terrain models (GeoTIFF, ESRI ASCII grid): along a straight line, or down the fall line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property

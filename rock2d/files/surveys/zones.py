@@ -1,7 +1,5 @@
 """Zones along a survey: tables of start, end and name, and the zones of the facets of a profile."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ The key of a number is an unsigned integer of 64 bits with the same order. Count
 their keys (16 bits) give the leading digit of each order statistic. A second pass over the numbers collects the
 candidates with this digit; if these are too many, it counts their next digits instead."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 

@@ -2,8 +2,6 @@
 
 To add a shape, add a file: its sizes become keys of files and arguments of `make_block`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Circles: balls and discs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

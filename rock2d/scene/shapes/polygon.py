@@ -1,7 +1,5 @@
 """Convex polygons."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Squares: cubes seen from the side."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -8,8 +8,6 @@ refused.
 
 Documented in DeepLabCut's user guide, "Analyze new Videos" (`save_as_csv`), deeplabcut.github.io/DeepLabCut."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

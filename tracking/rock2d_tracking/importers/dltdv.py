@@ -9,8 +9,6 @@ they are measured from the bottom of the image, y up; in version 8 from its top,
 Documented in the source at github.com/tlhedrick/dltdv (`DLTdv7.m`, `sparseSave.m`) and at biomech.web.unc.edu/dltdv;
 the two directions of y in the export formats of github.com/prnvkhndlwl/Kinetrace."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

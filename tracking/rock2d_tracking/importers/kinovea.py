@@ -13,8 +13,6 @@ if it was set, else the rate of the video file (1 if times are frame numbers).
 Documented in Kinovea's manual, "Exporting data and measurements", and in its source: `ExporterCSV`,
 `ExporterTXTTrajectory`, `CSVHelper`, `Metadata.GetNumericalTime`, `kva2txt-en.xsl`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

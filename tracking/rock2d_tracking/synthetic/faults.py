@@ -1,7 +1,5 @@
 """Faults of a film: sensor, lens, shutter, dust, shadow, soil, light, codec. Each has a size; 0 is off."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 """The filmed scene: ground, light and block, drawn anti-aliased: the share of the block in a pixel is the covered share
 of its area."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

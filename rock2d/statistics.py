@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 DESIGN_PERCENTILE = 95.0  # that structures are designed by
 NORMAL_95 = 1.959964  # standard errors of a 95 % interval

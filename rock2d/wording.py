@@ -5,7 +5,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 # ends of names, and the units that they say; the longest first
 UNITS = {

@@ -22,7 +22,7 @@ FLOORS = {
     ("laws",): "pure functions of state and parameters",
     ("scene", "records", "calibration"): "blocks, ground, worlds; tracks; posteriors",
     (
-        "compiled", "compiling", "progress", "processes", "cluster", "registry", "statistics", "wording", "errors",
+        "arrays", "compiled", "compiling", "progress", "processes", "cluster", "registry", "statistics", "wording", "errors",
         "version",
     ): "helpers",
 }  # fmt: skip

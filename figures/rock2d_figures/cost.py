@@ -21,6 +21,7 @@ import numba
 import numpy as np
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
@@ -32,7 +33,6 @@ from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
 from rock2d.version import __version__
 
-Array = np.ndarray
 Key = TypeVar("Key", bound=Hashable)
 
 OUTPUT_FOLDER = Path(__file__).resolve().parents[1]

@@ -8,14 +8,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import incident_distributions
 from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
 from rock2d_figures.style import STYLES, finish_with_legend
-
-Array = np.ndarray
 
 STATEMENT_COLOUR = "#cfcfcf"
 N = published.RELEASES

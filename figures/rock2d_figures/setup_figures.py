@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.figure_style import TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.trajectories import draw_cross_section, positions_of
@@ -13,8 +14,6 @@ from rock2d.reproduction.results import Results
 from rock2d.runs.results import RunResult
 from rock2d.scene.cross_section import CrossSection
 from rock2d_figures.style import STYLES, finish_with_legend
-
-Array = np.ndarray
 
 WIDE_IN = 7.2
 AXIS_IN = WIDE_IN - 0.6  # width of the axes of Figure 1

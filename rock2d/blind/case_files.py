@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.record_cases import Record, bases_of, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
@@ -21,8 +22,6 @@ from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
 from rock2d.files.text_files import read_json, read_text
 from rock2d.processes import as_finished
-
-Array = np.ndarray
 
 KIND = "blind trial"  # of a folder of results
 CASES, LABELS, INDEX_FILE = "cases", "labels.json", "cases.json"

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.blind import reality
-
-Array = np.ndarray
 
 # Shares of all cases. A cause from outside the catalogue acts alone in half of its cases, and together with one or two
 # effects in the others. The remaining cases hide one effect.

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.known_causes import with_cause
 from rock2d.diagnosis.model import Model
@@ -29,7 +30,6 @@ from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, TIME
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
-Array = np.ndarray
 Worlds = Callable[[Array], tuple[World, World]]
 
 COUNTED_IMPACTS = 16  # largest number of impacts of a stretch whose instants are compared

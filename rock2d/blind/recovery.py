@@ -29,8 +29,6 @@ from rock2d.files.experiment import load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder, write_whole
 from rock2d.files.text_files import read_json
 
-Array = np.ndarray
-
 # largest added effect, and largest sum with that of the record, as a share of the plausible range
 LARGEST_SHARE_OF_RANGE = 0.9
 # largest error of an effect that the original record has, too, as a share of the added size

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT, read_index
 from rock2d.cluster import as_finished_on_cluster, require_dask
 from rock2d.diagnosis.base_law import fit_base
@@ -31,8 +32,6 @@ from rock2d.kinematics.sanity import Sanity
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.processes import as_finished
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 RESULTS = "results"
 LEAST_NOISE = 1e-9  # m and rad, for a camera without stated noise

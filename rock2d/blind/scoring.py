@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
 from rock2d.blind.size_errors import SizeError, median, size_errors, size_summary
@@ -20,8 +21,6 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.statistics import wilson_share
-
-Array = np.ndarray
 
 SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
 CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow to name the cause

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.blind import reality
 from rock2d.blind.cases import Case
-
-Array = np.ndarray
 
 STATE_STEP = 0.003  # change of a component of the incident state, in units of the block's scale
 # of the factors on the parameters of the law: a step as large as the scatter of a soil, so that most blocks answer

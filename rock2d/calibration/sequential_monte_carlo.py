@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 EFFECTIVE_SHARE = 0.5  # effective sample size after a step, over the number of hypotheses
 WALK_SCALES = (1.0, 0.3)  # factors on the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)

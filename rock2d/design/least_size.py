@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.cluster import JobRunner
 from rock2d.design.possible_sites import IN_THIS_PROCESS, SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
@@ -31,8 +32,6 @@ from rock2d.statistics import Estimate
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-Array = np.ndarray
 
 DEFAULT_RELEASES = 1000  # per block and site, for a scenario without the key `uncertainty`
 STEPS_OF_RANGE = 50  # range over the default tolerance

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
@@ -28,8 +29,6 @@ from rock2d.runs.simulation import Simulation
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import Estimate, least_count, percentile_estimate
 from rock2d.wording import energy_unit, listed, spoken, with_interval
-
-Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # largest size of the data in a page
 # for up to FEW paths, the tolerance is the width of the view over FINE, else over COARSE

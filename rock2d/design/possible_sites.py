@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.cluster import JobRunner
 from rock2d.design.shared_descents import SharedDescents
 from rock2d.errors import InputError
@@ -23,8 +24,6 @@ from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import arrivals
 from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
-
-Array = np.ndarray
 
 EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # quantiles that count as extreme
 IN_THIS_PROCESS: JobRunner = Processes(1).as_finished

@@ -6,7 +6,7 @@ than 0 of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 201
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 DRAWS = 4000
 MEAN_VALUES = 120  # values of mu, equally spaced in arcsin sqrt mu, where Jeffreys' prior is uniform

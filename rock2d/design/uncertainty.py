@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.design.possible_sites import PossibleSites, SiteResults
 from rock2d.design.site_frequencies import further_site_draws
 from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = np.ndarray
 
 UNCERTAIN_COLUMNS = (
     "block", "line", "quantity", "sites", "releases", "value", "low95", "high95", "share_not_known", "share_sampling",

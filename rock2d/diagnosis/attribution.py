@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
 from rock2d.diagnosis.cause_sets import TWINS, Search
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
@@ -37,8 +38,6 @@ from rock2d.diagnosis.workload import EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.processes import Processes
-
-Array = np.ndarray
 
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors from which on a dependence counts as unexplained
 LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
@@ -15,8 +16,6 @@ from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 BASE_STARTS = 2  # places from which the base law is fitted
 # effects whose fit to all flights and impacts locates the ground in the image, and an effect that imitates them in

@@ -15,13 +15,12 @@ from math import comb
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Names
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.likelihood import chi_square, standard_deviations
 from rock2d.diagnosis.replicates import Ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals
-
-Array = np.ndarray
 
 BOOTSTRAPS = 1000
 # ratio of the gap that the true law would leave to the floor: median, and standard deviation of its logarithm; measured

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explore_on_some, fit_effects, total_on_some
@@ -26,8 +27,6 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.saved_arrays import load_arrays, save_arrays
 from rock2d.processes import Processes
-
-Array = np.ndarray
 
 MOST_CAUSES = 5  # in a set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step

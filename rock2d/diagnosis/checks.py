@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import path_quantities
@@ -36,8 +37,6 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.diagnosis.replicates import near_pairs
 from rock2d.kinematics.impacts import ground_axes
-
-Array = np.ndarray
 
 # probability that any check of means fails although the model is right; the same for spreads
 FALSE_ALARMS = 0.03

@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import Fit
@@ -28,7 +29,6 @@ from rock2d.diagnosis.model import Model, choice_positions
 from rock2d.diagnosis.significance import Gain
 from rock2d.files.saved_arrays import load_arrays, save_arrays
 
-Array = np.ndarray
 Names = frozenset[str]
 
 FOLDS = 4

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.quantities import (
     SERIES,
     TIME_S,
@@ -41,8 +42,6 @@ from rock2d.records.columns import (
     Y,
 )
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow three columns later
 COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, Model, choice_positions, from_scale, scatter_positions
 from rock2d.records.columns import N_STATE
-
-Array = np.ndarray
 
 DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
 

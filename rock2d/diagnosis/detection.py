@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
@@ -40,8 +41,6 @@ from rock2d.errors import InputError
 from rock2d.files.diagnosis_keys import Limit
 from rock2d.files.text_files import read_json
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 LIMITS, TRUTH = "limits.json", "truth.json"  # files in the folder of a study
 EXPECTED = (

@@ -21,8 +21,6 @@ from rock2d.effects import air_drag, catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
-Array = np.ndarray
-
 LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
 # relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
 # measured on films whose effects are known (`blind.size_errors`)

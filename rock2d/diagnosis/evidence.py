@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr  # scipy.stats takes over a second to import
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
 from rock2d.diagnosis.cause_sets import TWINS, Reduction, Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_gain
@@ -31,8 +32,6 @@ from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 from rock2d.records.columns import RATES
-
-Array = np.ndarray
 
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
 LEAST_CHANCE = 1e-6  # smallest p value

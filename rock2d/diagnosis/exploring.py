@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions, to_scale
-
-Array = np.ndarray
 
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
 SCAN_VALUES = 9  # tried values of a parameter in a scan

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
@@ -21,8 +22,6 @@ from rock2d.diagnosis.likelihood import (
     scatter_errors,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions
-
-Array = np.ndarray
 
 MOST_ITERATIONS = 30
 START_DAMPING = 1e-3

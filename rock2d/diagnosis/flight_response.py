@@ -9,13 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis import quantities as q
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 
 @dataclass

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, GapBootstrap, ResidualSizes, Share, budget, share
 from rock2d.diagnosis.data import Data, FilmData
@@ -28,8 +29,6 @@ from rock2d.kinematics.states import centroid_poses
 from rock2d.records.columns import N_STATE, THETA, X
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 SIGNIFICANT_CELL_Z = 2.0  # standard errors from which on the gap in a place is significant
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.model import Model, is_factor, to_scale
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 
 def size_parameter(effect: Effect, world: World) -> Parameter | None:

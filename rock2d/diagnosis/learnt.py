@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
@@ -18,8 +19,6 @@ from rock2d.diagnosis.learnt_prediction import KnownChange
 from rock2d.diagnosis.levers import LEVERS, Dependence, Levers, find_dependences
 from rock2d.diagnosis.model import LeverResponse
 from rock2d.diagnosis.significance import Gain, SummedGain
-
-Array = np.ndarray
 
 MOST_LEARNT = 3  # number of learnt changes
 TRIED_AT_ONCE = 2  # dependences that are fitted, of which the best is kept

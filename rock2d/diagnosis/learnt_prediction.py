@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis import quantities as q
 from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.flight_response import flight_paths, flight_response, path_quantities
@@ -41,8 +42,6 @@ from rock2d.records.columns import (
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.rough_ground import raised
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 COUNTED_IMPACTS = 16  # impacts of a segment that are searched for a flight after them
 STEPS_OF_LEAST_FLIGHT = 8  # time steps in the shortest flight

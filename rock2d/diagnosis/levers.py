@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import FlightPaths, flight_paths, flight_response
@@ -38,8 +39,6 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.diagnosis.significance import SummedGain
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
-
-Array = np.ndarray
 
 LAW, SLOPE, PROFILE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
     "law", "slope", "profile", "incident state", "outcome", "frame", "flight",

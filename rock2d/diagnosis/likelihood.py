@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.model import BASE_WIDTH, Model
-
-Array = np.ndarray
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
 FLIGHT_STUDENT_DF = 8.0  # degrees of freedom for a coefficient of a flight

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
@@ -28,8 +29,6 @@ from rock2d.diagnosis.likelihood import (
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, to_scale
 from rock2d.diagnosis.significance import SummedGain
 from rock2d.effects.effect import Effect, Parameter
-
-Array = np.ndarray
 
 CHANCE_DRAWS, CHANCE_SEED = 100, 0
 LARGEST_STEP = 1.0  # largest step of an effect's parameter, on the scale of `Model`

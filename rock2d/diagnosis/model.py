@@ -8,13 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.effects.effect import FLIGHT, Effect, Parameter
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.records.columns import N_STATE
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
 # positions of the base parameters: k_l, k_ul / k_l, k_t, tan phi, k_r

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
 from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, OMEGA
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
 # releases that differ from the filmed ones: text, factor on speed, spin added in √(g / radius)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
 from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, PROFILE, STATE
@@ -34,7 +35,6 @@ from rock2d.scene.world import View, World
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = np.ndarray
 # faults with which a film cannot be predicted
 UNREADABLE_FAULTS = {
     sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,

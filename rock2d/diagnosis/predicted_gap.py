@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Validated, folds
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.replay import Segments, with_drawn_soils
 from rock2d.records.columns import THETA
-
-Array = np.ndarray
 
 TAIL_PERCENTILE = 95.0  # percentile of the errors that is their tail
 REPLICATES = 4  # replicates of each segment, for the floor

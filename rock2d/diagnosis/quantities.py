@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, RATES, THETA, X, Y
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 CONSTANT = "nothing"  # name of the dependence of a constant
 SPLINE, HARMONICS, KINDS, LINE, WAVES = "spline", "harmonics", "kinds", "line", "waves"

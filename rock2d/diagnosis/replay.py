@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
@@ -20,7 +21,6 @@ from rock2d.kinematics.states import centroid_poses
 from rock2d.records.columns import THETA, X
 from rock2d.scene.world import World
 
-Array = np.ndarray
 Signs = tuple[float, float, float]
 
 END_MARGIN_S = 1e-9  # so that the simulation includes the last frame

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.quantities import LEAN_RAD, NORMAL_SPEED_M_S, PLACE_M, SPIN_M_S, TANGENTIAL_SPEED_M_S
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 NEAR_SHARE = 0.03  # share of all pairs that count as near-replicates
 FEWEST_NEAR_PAIRS = 20

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 TREES = 60
 LARGEST_RESIDUAL_SD = 5.0  # limit of residuals in units of their standard deviation

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.statistics import student
-
-Array = np.ndarray
 
 # Limit of the gain in log likelihood of a release. Without it, the releases that show an effect most would increase the
 # spread so much that the effect is not significant.

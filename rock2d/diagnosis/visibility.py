@@ -8,14 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
-
-Array = np.ndarray
 
 # effect -> the effect from which it differs only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}

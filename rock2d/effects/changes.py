@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects.effect import Parameter
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, ditch_facets, embankment_facets
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 # Point where the camera's axis meets the plane. It is rarely measured, so it is a parameter of every effect that
 # depends on it.

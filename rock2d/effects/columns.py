@@ -5,10 +5,9 @@ row with only the columns of the law has no effects."""
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
-
-Array = np.ndarray
 
 FIRST_EFFECT_COLUMN = len(CONTACT_LAW_COLUMNS)
 _effects = catalogue().values()

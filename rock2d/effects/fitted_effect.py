@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects.effect import Effect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain, point
-
-Array = np.ndarray
 
 TRACK_AGAIN = "Track the film again and diagnose again."
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
@@ -35,8 +36,6 @@ from rock2d.records.track import Track, impact_mappings
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 FIRST_KNOTS = 4096  # first room for the knots of a track
 KNOTS_PER_IMPACT = 64  # knots per impact for which there is room

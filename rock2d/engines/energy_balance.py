@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import (
     AUDIT_NAMES,
     CORRECTED,
@@ -24,8 +25,6 @@ from rock2d.records.columns import (
 )
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 AUDIT_TOLERANCE = 1e-6  # largest residual of a balance that closes, as a share of the initial energy
 # the same with effects: their work is known only as well as the motion, so contact steps are not corrected

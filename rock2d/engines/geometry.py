@@ -16,12 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import kernel
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
-
-Array = np.ndarray
 
 CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 # numbers of a loaded feature (see `load_feature`): ground point (2), facet normal (2), shape of the block there (4)

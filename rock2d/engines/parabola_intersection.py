@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import njit
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 LEAF_FACETS = 4  # facets in a leaf of the tree
 # columns of a facet: start, unit tangent, length

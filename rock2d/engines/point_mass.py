@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import in_threads, njit
 from rock2d.engines.parabola_intersection import (
     ALONG_X,
@@ -55,8 +56,6 @@ from rock2d.records.columns import (
 from rock2d.records.track import Track, impact_mappings
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 # columns of a rebound: the instant before, the velocities after, the facet
 VX_AFTER, VY_AFTER, OMEGA_AFTER, FACET = range(N_INSTANT, N_INSTANT + 4)

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.errors import InputError
@@ -21,8 +22,6 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.placing import touching_height_m
 from rock2d.scene.rough_ground import roughened
-
-Array = np.ndarray
 
 NOT_STARTED_M = 10.0  # a block that stops before counts as not started
 START_STREAM, GROUND_STREAM = range(2)  # spawn keys of the random streams of a descent

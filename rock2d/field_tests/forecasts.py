@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.likelihood import Unknowns, log_density
 from rock2d.files.field_releases import FieldReleases
 from rock2d.statistics import wilson_interval
-
-Array = np.ndarray
 
 QUANTILES = (0.05, 0.10, 0.25, 0.50, 0.75, 0.90, 0.95)
 QUANTILE_NAMES = ("q05", "q10", "q25", "q50", "q75", "q90", "q95")

@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import posterior, prior_draws
 from rock2d.field_tests.descents import Descents
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
-
-Array = np.ndarray
 
 # share of unexplained stops, which lie anywhere up to a distance
 UNEXPLAINED_SHARE, UNEXPLAINED_REACH_M = 0.002, 200.0

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import Forecast, PartForecast, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
@@ -30,7 +31,6 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.scene.blocks import Block, make_block
 
-Array = np.ndarray
 OnProgress = Callable[[str, int, int], Any]  # (what, done, total)
 
 FOLDS = 5

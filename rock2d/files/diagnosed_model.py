@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
@@ -26,8 +27,6 @@ from rock2d.files.scenario_keys import ContactKeys
 if TYPE_CHECKING:
     from rock2d.effects.effect import Parameter
     from rock2d.files.scenario import Scenario
-
-Array = np.ndarray
 
 PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{PLACE}.cause"

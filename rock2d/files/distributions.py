@@ -7,11 +7,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from rock2d.arrays import Array
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
 from rock2d.files.places import is_number
 from rock2d.files.setup_keys import Coordinate
 
-Array = np.ndarray
 Value = Annotated[float, Field(ge=-1.0e15, le=1.0e15)]
 
 

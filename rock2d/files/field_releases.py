@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, mistake
 from rock2d.files.setup_keys import FARTHEST_M, Name
 from rock2d.files.text_files import read_text
-
-Array = np.ndarray
 
 STARTS, STOPS = ("release_x_m", "release_y_m"), ("stop_x_m", "stop_y_m")
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_text
-
-Array = np.ndarray
 
 ROW = "posterior"  # name of the row number among the unknown values of a site
 FEWEST_DRAWS, MOST_DRAWS = 10, 100_000

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.folders import atomic_file
-
-Array = np.ndarray
 
 
 def fingerprint(*arrays: Array) -> str:

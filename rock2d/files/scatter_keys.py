@@ -8,12 +8,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from rock2d.arrays import Array
 from rock2d.files.checked_yaml import Checked, mistake
 from rock2d.files.distributions import Draw, Variation, quantiles
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.rough_ground import Roughness
-
-Array = np.ndarray
 
 DRAWS_OF_A_BLOCK = 4  # random numbers that a block of a population takes
 WITH_ASPECT = ("rectangle", "ellipse")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.files.places import number_at, place_of, value_at
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident, Soil
     from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 POSSIBLE_STARTS = 200  # drawn starts of a block that are checked for plausibility
 

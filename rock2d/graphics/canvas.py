@@ -13,10 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.palette import INK, rgb
 from rock2d.scene.cross_section import CrossSection
 
-Array = np.ndarray
 Limits = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in m
 
 PIXEL_FRACTION_BITS = 6  # fractional bits of cv2's fixed-point coordinates: 1/64 px

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.graphics.palette import MEASURED_COLOUR
 from rock2d.records.columns import TIME
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.scene.blocks import Block
-
-Array = np.ndarray
 
 STEP_S = 1e-3
 MOST_BRIDGED_FRAMES = 6.0  # consecutive lost frames through which a block is still drawn

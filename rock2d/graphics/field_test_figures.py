@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, ZONE_TONES, block_colours
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 INTERVALS = ((0.05, 0.95, 1.5), (0.10, 0.90, 4.0), (0.25, 0.75, 8.0))  # from, to, width of the bar
 

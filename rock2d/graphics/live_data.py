@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, zone_tones
 from rock2d.graphics.rendering import asset
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 STEPS = 65535  # steps of the 16-bit numbers of `packed_columns`
 

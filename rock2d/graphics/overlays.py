@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, block_colours, mixed
@@ -15,8 +16,6 @@ from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.wording import length
-
-Array = np.ndarray
 
 OUTLINE_POINTS = 64  # of a smooth block
 

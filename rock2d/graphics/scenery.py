@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.canvas import (
     PIXEL_FRACTION_BITS,
     Viewport,
@@ -22,7 +23,6 @@ from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-Array = np.ndarray
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
 SHADES = 64  # shades of a tone, from the surface to the deep ground

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.live_data import packed, packed_columns
 from rock2d.records.columns import INSTANT_X, INSTANT_Y, TIME
 from rock2d.records.track import Track
-
-Array = np.ndarray
 
 TYPICAL_SPEED_M_S = 10.0  # converts time to length where polylines in time are simplified
 TRACKS_PER_BATCH = 500

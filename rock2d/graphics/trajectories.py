@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, counted
 from rock2d.graphics.canvas import Limits, fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
@@ -21,8 +22,6 @@ from rock2d.wording import spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = np.ndarray
 
 STOP_MARKERS = {
     "rest": ("o", "came to rest"),

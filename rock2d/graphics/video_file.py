@@ -15,12 +15,11 @@ from typing import NamedTuple
 
 import av
 import cv2
-import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_file
 
-Array = np.ndarray
 Progress = Callable[[int, int], None]
 
 ENCODER_THREADS = 2  # fixed, because the file must not depend on the machine

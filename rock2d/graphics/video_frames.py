@@ -10,6 +10,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.canvas import Limits, Viewport, bgr, draw_text, fill, polyline, text_size
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import INK, SKY, mixed
@@ -17,8 +18,6 @@ from rock2d.graphics.scenery import Box, draw_block, draw_measure_lines, draw_na
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.wording import length
-
-Array = np.ndarray
 
 PAPER = "#ffffff"
 LINE_TOLERANCE_PX = 0.1  # largest error of a drawn path

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects.air_drag import coefficient
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.errors import comma_list, counted
@@ -30,8 +31,6 @@ from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 FILM_FILE = "film.json"
 SCALE_OR_RATE = ("scale_error", "frame_rate_error")

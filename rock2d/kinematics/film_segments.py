@@ -6,13 +6,12 @@ from typing import Self
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.kinematics.flights import Film, Flights, find_flights
 from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 KEPT_STATES = 4  # worlds whose states are kept
 

@@ -21,12 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
 from rock2d.kinematics.window_gravity import AGREEING_SPREAD, CLEAR_CURVATURE, LARGEST_RATIO, LEAST_RATIO, STEEP
 from rock2d.records.columns import POSITION, X, Y
 from rock2d.statistics import NORMAL_95, student, weighted_median
-
-Array = np.ndarray
 
 PARABOLA = 3  # polynomials of a parabola
 SLOW_DEGREES = 2  # largest number of polynomials of the next higher degrees

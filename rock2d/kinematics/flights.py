@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import kernel, njit
 from rock2d.engines.geometry import (
     CONVEX,
@@ -22,8 +23,6 @@ from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.segmentation import ACCELERATION_SD, FLIGHT, SPIN_ACCELERATION_SD, partition
 from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 FEWEST_FLIGHT_FRAMES = 8
 NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise

@@ -11,6 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film, Flights, block_clearances, clearances
@@ -18,8 +19,6 @@ from rock2d.kinematics.states import Basis, States, move_freely
 from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION, STATE_NAMES
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation of an impact starts
 COMPARISON_WINDOW = 2.0  # length of the compared part of the flight after an impact, in √(radius / g)

@@ -11,13 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.effects.changes import aim_and_width
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
-
-Array = np.ndarray
 
 CAMERA_GRID = 21  # number of tried positions of the camera's axis along x and along y, within the image width
 CROSS_SECTION_GRID = 9  # number of tried values of each parameter of the cross-section

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
@@ -27,8 +28,6 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO, window_gravity
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.scene.world import View, World
-
-Array = np.ndarray
 
 FEWEST_RELEASES = 2  # so that one can be held out
 FEWEST_IMPACTS = 15

@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.experiment import Experiment
 from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 # the paper's Table 4, where the fit of the base law starts: k_l, k_ul / k_l, k_t, tan phi, k_r
 TABLE_LAW = np.array([1.0e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])

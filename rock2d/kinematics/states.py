@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import njit
 from rock2d.engines.free_flight import fly
 from rock2d.engines.geometry import BlockArrays
@@ -20,8 +21,6 @@ from rock2d.kinematics.flights import Film, Flights
 from rock2d.records.columns import VX, VY, X, Y
 from rock2d.scene.blocks import poses_at
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
 FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees

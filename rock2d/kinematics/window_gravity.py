@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
 from rock2d.records.columns import POSITION, X, Y
-
-Array = np.ndarray
 
 WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # lengths in frames of the windows for fits of parabolas
 FEWEST_WINDOWS = 20  # fewest windows of one length

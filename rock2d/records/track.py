@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import counted
 from rock2d.records.columns import I_ZONE, IMPACT_NAMES, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
-
-Array = np.ndarray
 
 
 @dataclass(repr=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, Values, table_4
@@ -14,8 +15,6 @@ from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
 from rock2d.reproduction.paper_setup import FoundSetup, found_setup
 from rock2d.reproduction.table_3_readings import readings_table
-
-Array = np.ndarray
 
 SIGNIFICANT_ERRORS = 2.0  # a candidate must be better than none by this many standard errors
 CELL_COLUMNS = (

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Factor, Moves, Quantity, Sample, Space, posterior, prior_draws
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, SETUP_QUANTITIES, Values, table_4
@@ -33,7 +34,6 @@ from rock2d.reproduction.outcomes import (
 )
 from rock2d.scene.world import World
 
-Array = np.ndarray
 Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
 

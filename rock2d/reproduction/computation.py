@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.files.folders import make_folder
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
@@ -22,7 +23,6 @@ from rock2d.reproduction.missing_effects import deterministic_candidates, probab
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.table_3_readings import compute_readings
 
-Array = np.ndarray
 OnProgress = Callable[[float], None]
 
 PREDICTIONS, FIGURES = "predictions", "figures"  # stages after the calibrations

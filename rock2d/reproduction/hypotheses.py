@@ -11,13 +11,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
 from rock2d.reproduction.published import BLOCKS, CREST_M, DROP_M, GRAVITY_M_S2, HEIGHT_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-Array = np.ndarray
 Values = Mapping[str, Array]
 
 ZONES = ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out")

@@ -7,10 +7,9 @@ sampling error of the simulation."""
 import numpy as np
 from scipy.special import gammaln, logsumexp, xlogy
 
+from rock2d.arrays import Array
 from rock2d.reproduction import published
 from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
-
-Array = np.ndarray
 
 
 def log_counts(simulated: Array, filmed: Array) -> Array:

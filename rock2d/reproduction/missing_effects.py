@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.reproduction import published
 from rock2d.reproduction.calibrations import (
     CANDIDATES,
@@ -28,7 +29,6 @@ from rock2d.reproduction.likelihood import passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.scene.blocks import Block
 
-Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
 Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 

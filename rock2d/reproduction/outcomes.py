@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.engines.batch import BatchResult, Ensemble, run_batch
 from rock2d.engines.point_mass import FACET, run_point_mass_batch
 from rock2d.laws.rebound import ReboundParameters
@@ -22,8 +23,6 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 RELEASES_PER_CALL = 40_000  # of the batch engine
 TIME_LIMIT_S = 3.0

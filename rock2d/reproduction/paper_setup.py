@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.files.scenario import Scenario
 from rock2d.files.setup_keys import block_keys
 from rock2d.records.columns import STATE_NAMES
@@ -24,8 +25,6 @@ from rock2d.reproduction.likelihood import log_counts
 from rock2d.reproduction.outcomes import TIME_LIMIT_S, Outcome, probabilistic_outcome
 from rock2d.runs.before_after import Model, model_table
 from rock2d.wording import listed
-
-Array = np.ndarray
 
 SCENARIO_FILE = "paper_setup.yaml"
 NAME = "paper_setup"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.arrival_results import ArrivalResults, ArrivalStages, arrival_results
@@ -33,8 +34,6 @@ from rock2d.reproduction.hypotheses import (
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
 from rock2d.reproduction.paper_setup import SCENARIO_FILE, scenario_text
 from rock2d.reproduction.summary import HeldOutBlock
-
-Array = np.ndarray
 
 SPACES = {"deterministic": DETERMINISTIC_SPACE, "probabilistic": PROBABILISTIC_SPACE}
 PREDICTION_RELEASES = 128  # per block and hypothesis

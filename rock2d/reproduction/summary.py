@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import betaincinv  # scipy.stats takes over a second to import
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
 from rock2d.reproduction.calibrations import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
 from rock2d.reproduction.hypotheses import Values
 from rock2d.reproduction.likelihood import log_counts_without_line, passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome
-
-Array = np.ndarray
 
 VALIDATION_ROWS = np.s_[1:]  # rows of Table 2 that are not used for the deterministic calibration
 SAMPLING_FLOOR_DRAWS = 20_000

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Factor, Space
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.calibrations import (
@@ -26,8 +27,6 @@ from rock2d.reproduction.calibrations import (
 )
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES, Values, arrival_quantities, table_3
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
-
-Array = np.ndarray
 
 BLOCK = "sphere"
 SHARE_OF_HYPOTHESES = 0.5  # of those of a calibration; one block has fewer unknowns

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
 from rock2d.records.columns import OMEGA, THETA, VX, VY
@@ -23,8 +24,6 @@ from rock2d.scene.world import World
 if TYPE_CHECKING:
     from rock2d.files.diagnosed_model import FittedModel
     from rock2d.files.scenario import Scenario
-
-Array = np.ndarray
 
 ROUGHNESS = "surface_roughness"
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at, place_of
@@ -40,8 +41,6 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
 from rock2d.scene.placing import touching_height_m
 from rock2d.scene.rough_ground import Roughness, roughened
-
-Array = np.ndarray
 
 
 class Condition(NamedTuple):

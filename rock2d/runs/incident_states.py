@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.experiment import seen_frames
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -18,8 +19,6 @@ from rock2d.scene.cross_section import CrossSection
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident
-
-Array = np.ndarray
 
 DRAW_GROUP = 1000  # releases that are drawn together
 CHECKED_TOGETHER = 100 * DRAW_GROUP

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
 from rock2d.runs.incident_states import NOISE_STREAM
@@ -15,8 +16,6 @@ from rock2d.scene.blocks import Block, poses_at
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = np.ndarray
 
 FRAME_TOLERANCE = 1e-9  # share of a frame interval, so that rounding does not remove a frame at the end
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, UnusualWarning, comma_list, counted
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from rock2d.graphics.canvas import Limits
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
-
-Array = np.ndarray
 
 TRAJECTORIES = "trajectories"
 

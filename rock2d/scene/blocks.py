@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.shapes import inertia_words, shapes
 from rock2d.scene.shapes.shape import BlockError, polygon_moments
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

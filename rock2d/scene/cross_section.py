@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import comma_list
 
-Array = np.ndarray
 Parameters = TypeVar("Parameters")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)

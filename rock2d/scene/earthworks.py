@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.cross_section import (
     BACK_ZONE,
     CREST_ZONE,
@@ -18,8 +19,6 @@ from rock2d.scene.cross_section import (
     CrossSection,
     CrossSectionError,
 )
-
-Array = np.ndarray
 
 DITCH_ZONE = "ditch"
 ARRIVAL_LINE, CREST_LINE, FACING_LINES = "arrival", "crest", ("facing_1_3", "facing_2_3")

@@ -2,10 +2,9 @@
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 SIDES_OF_A_SMOOTH_PROFILE = 256
 

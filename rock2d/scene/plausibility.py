@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, Embankment, ditch_before
-
-Array = np.ndarray
 
 USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
 POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-
-Array = np.ndarray
 
 # Newton's method for the inverse of the lens ends at a step this small, relative to the largest distance.
 LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30

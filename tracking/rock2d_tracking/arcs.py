@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.statistics import weighted_median
 from rock2d_tracking.candidates import CANDIDATE
 from rock2d_tracking.film_reading import EVEN, Clock
-
-Array = np.ndarray
 
 # largest difference between the changes of two candidates that are the same block, over the larger
 CHANGE_RATIO = 0.6

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d_tracking.candidates import shrunk
-
-Array = np.ndarray
 
 LEARNING_RATE = 0.02  # weight of a frame in the background
 LEARNING_INTERVAL = 4  # one frame of this many is used, with a larger weight

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 UNDISTORTION_ROUNDS = 20  # rounds of the fixed-point iteration that removes distortion
 

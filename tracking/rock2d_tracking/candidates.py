@@ -2,7 +2,7 @@
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 # A candidate: its frame; centroid (u, v) and area in the film's pixels; mean change of its colours in grey levels, all
 # equal in a grey film; whether it does not touch the edges of the picture, and whether it only darkens the background.

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.statistics import weighted_median
 from rock2d_tracking.outline import TUKEY_SIGMAS, Outline, Patch
-
-Array = np.ndarray
 
 POINT_SPACING_PX = 1.5  # spacing of the points on the outline
 FEWEST_POINTS, MOST_POINTS = 24, 120

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.folders import write_whole
 from rock2d.graphics.video_file import VideoWriter
 from rock2d.kinematics.film_findings import with_error
@@ -17,8 +18,6 @@ from rock2d_tracking.film_scale import Proposal, proposal
 from rock2d_tracking.following import Follower
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.overlay import put_text, reduced, reduced_size
-
-Array = np.ndarray
 
 PICTURE_WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)

@@ -14,13 +14,12 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, counted
 from rock2d_tracking.steadying import steadied
 
 if TYPE_CHECKING:
     import av
-
-Array = np.ndarray
 
 KEPT_BYTES = 2_000_000_000  # of decoded frames in memory
 # largest share of the free disk for the temporary file; otherwise each reading decodes the film

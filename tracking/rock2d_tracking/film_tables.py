@@ -6,6 +6,7 @@ and rotational velocity at any time. Deep penetration and low rebounds, which re
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
@@ -15,8 +16,6 @@ from rock2d.kinematics.impacts import Contacts, FlightPairs, find_contacts
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration above which the ground hides part of the block
 # in block sizes: rebound below which a flight is too short for precise velocities

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, counted
 from rock2d.files.experiment import write_experiment_files
 from rock2d.files.folders import atomic_folder, write_whole
@@ -31,8 +32,6 @@ from rock2d_tracking.setup_file import LARGEST_DISTORTION, Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.steadying import camera_shifts
 from rock2d_tracking.tracked_film import PLACE, TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
-
-Array = np.ndarray
 
 PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()

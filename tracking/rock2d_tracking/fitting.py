@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
@@ -19,8 +20,6 @@ from rock2d_tracking.outline import (
     fit_pose,
 )
 from rock2d_tracking.sights import Sight, lost_sight
-
-Array = np.ndarray
 
 FIT_ROUNDS = 25
 START_ANGLE_STEP_RAD = np.deg2rad(22.5)

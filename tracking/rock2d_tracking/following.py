@@ -7,6 +7,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d_tracking.background import Background
 from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
@@ -17,8 +18,6 @@ from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion,
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
-
-Array = np.ndarray
 
 FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in noise
 FOREGROUND_GREY = 8.0  # and in grey levels

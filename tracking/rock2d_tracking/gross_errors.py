@@ -4,9 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d_tracking.sights import FollowedRelease, Sight, flights_of
-
-Array = np.ndarray
 
 COMPARED_FRAMES = 4  # frames on each side with which a frame is compared
 JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours

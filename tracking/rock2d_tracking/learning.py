@@ -6,13 +6,12 @@ from itertools import islice
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
 from rock2d_tracking.looks import BlockFrame, Looks, learned_picture
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.sights import Sight
-
-Array = np.ndarray
 
 FEWEST_BLOCK_FRAMES, MOST_BLOCK_FRAMES = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work

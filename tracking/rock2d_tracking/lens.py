@@ -7,12 +7,11 @@ distortion of a phone."""
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import PARABOLA, Measured
 from rock2d.kinematics.flights import Film, Flights
 from rock2d.records.columns import POSITION
 from rock2d_tracking.camera import PixelMap
-
-Array = np.ndarray
 
 LENS_ROUNDS = 4  # in which places without the lens are found
 CLEAR_ERRORS = 5.0  # least k in standard errors

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.errors import counted
 from rock2d.graphics.live_data import in_page
 from rock2d_tracking.film_tables import MID_AIR
@@ -19,8 +20,6 @@ from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import Outline
 from rock2d_tracking.sights import REASONS
 from rock2d_tracking.tracked_film import LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII, TrackedFilm
-
-Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # of data in a page
 MOST_FRAMES = 10_000  # in the view; each takes FRAME_BYTES in addition to its picture

@@ -7,10 +7,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d_tracking.edges import EdgePoints, edge_points
 from rock2d_tracking.outline import Outline
-
-Array = np.ndarray
 
 GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
 COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used

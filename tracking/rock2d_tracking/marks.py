@@ -2,7 +2,7 @@
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 RING_SAMPLES = 256  # samples on a ring
 RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, over that of the block

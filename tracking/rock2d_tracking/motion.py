@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d_tracking.arcs import (
     AREA_RATIO,
@@ -22,8 +23,6 @@ from rock2d_tracking.arcs import (
 from rock2d_tracking.candidates import candidates_of, shrunk
 from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.film_scale import UNKNOWN, FilmScale
-
-Array = np.ndarray
 
 COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at most
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least

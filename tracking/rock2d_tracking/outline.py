@@ -14,10 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.compiled import kernel, njit
 from rock2d.scene.blocks import Block
-
-Array = np.ndarray
 
 FIT_U, FIT_V, FIT_ANGLE, FIT_GREY, FIT_BLUR = range(5)  # parameters of `fit_pose`
 SHARP_EDGE_BLURS = 4.0  # distance from an edge, in blurs, beyond which a pixel is all block or all background

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.graphics.video_file import VideoWriter
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
-
-Array = np.ndarray
 
 OVERLAY_WIDTH_PX = 560
 SEEN_BGR, LOST_BGR, TRAIL_BGR = (60, 200, 60), (40, 40, 230), (230, 160, 0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, live_page
@@ -18,8 +19,6 @@ from rock2d_tracking.tracked_film import TrackedFilm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = np.ndarray
 
 LISTED_IMPACTS = 8  # up to this many, the restitution of each impact is listed
 SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel

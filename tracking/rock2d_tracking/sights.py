@@ -5,7 +5,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 # frames on each side of one whose scatter about their parabola is compared with its error
 ERROR_NEIGHBOURS = 3

@@ -5,7 +5,7 @@ from itertools import islice
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 COMPARED_WIDTH_PX = 640  # of the picture in which the background is compared, at most
 TRIED_FRAMES = 40  # frames, evenly distributed over the film, that show whether the camera moves

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, LINE, PLACE_M, SPLINE, WAVES, ZONE, Curve
 from rock2d.graphics.canvas import motion_limits
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.diagnosis.learnt import Change
-
-Array = np.ndarray
 
 # colour and line of each model, distinguishable without colour
 MODEL_STYLES: dict[str, tuple[str, Any]] = {

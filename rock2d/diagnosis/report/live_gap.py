@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.budget import Share
 from rock2d.diagnosis.checks import REPLICATES, Check
 from rock2d.diagnosis.cross_validation import Validated
@@ -35,8 +36,6 @@ from rock2d.graphics.palette import block_colours
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X
 from rock2d.wording import listed, spoken
-
-Array = np.ndarray
 
 MOST_BYTES = 1_900_000  # size of the data in a page
 MOST_NUMBERS = 2_000_000  # packed numbers of frames, of about two bytes each

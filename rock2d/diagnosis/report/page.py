@@ -46,7 +46,6 @@ from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
 from rock2d.wording import interval, length, listed, number, percent, plus_minus, spoken
 
-Array = np.ndarray
 Progress = Callable[[str], None]
 
 PAGE = "report.html"

@@ -15,8 +15,6 @@ from rock2d.diagnosis.report.text import in_degrees
 from rock2d.graphics.pages import download
 from rock2d.wording import interval, number, spoken
 
-Array = np.ndarray
-
 UNDETERMINED_WIDTH = 0.7  # share of the prior's width: a parameter with a wider interval is undetermined
 EDGE_DISTANCE = 0.01  # share of the plausible range; a parameter nearer to an end is at the end
 LAW = (

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
@@ -17,8 +18,6 @@ from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, ground_axes
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, crossing_values
 from rock2d.scene.blocks import Block
 from rock2d.statistics import wilson_interval
-
-Array = np.ndarray
 
 PASSING = "Passing frequency"
 COMPARED_PERCENTILES = (50.0, 75.0, 95.0)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import HeldOut, Validated
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
@@ -19,8 +20,6 @@ from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-
-Array = np.ndarray
 
 # the models that a report compares: the "base" law, and if there is a gap to explain, the model with the "effect"
 Models = dict[str, Validated]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.replay import Releases
 from rock2d.diagnosis.report import report_data
@@ -13,8 +14,6 @@ from rock2d.errors import InputError
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.pages import data_uri, download
 from rock2d.wording import length
-
-Array = np.ndarray
 
 VIDEO = "side_by_side.webm"
 VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses

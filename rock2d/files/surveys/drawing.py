@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, require
 from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
-
-Array = np.ndarray
 
 POLYLINES = "LWPOLYLINE POLYLINE"
 

@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
-
-Array = np.ndarray
 
 EXTRA = "pip install 'rock2d[profile]'"  # for drawings and terrain models
 MOST_POINTS = 100_000

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.surveys.profile import Profile, simplified
-
-Array = np.ndarray
 
 STEEP_DEG = 45.0  # least slope of a rockfall source (GNS Science, Otago rockfall study, 2022)
 SIMILAR_DEG = 5.0  # facets that are flatter than the steepest one by at most this belong to its stretch

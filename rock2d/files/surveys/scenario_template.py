@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.surveys.profile import Profile
 from rock2d.files.surveys.release_area import ReleaseArea
 from rock2d.files.surveys.zones import DEFAULT_ZONE
 from rock2d.scene.cross_section import BACK_ZONE, CREST_ZONE, FACING_ZONE
 from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES, rough_zones
-
-Array = np.ndarray
 
 DEFAULT_CLASS = "medium_scree"
 FILL_CLASS = "compacted_fill"  # of an embankment

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, require
 from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
-
-Array = np.ndarray
 
 # The suffix chooses the driver, so that no file can call another of the many drivers.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.files.surveys.terrain import Terrain
-
-Array = np.ndarray
 
 EDGE = "edge"  # zone of the ground at the start
 BEHIND_M, LENGTH_M = 5.0, 250.0  # extent of a section behind the start and ahead of it

@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.setup_keys import plain_name
 from rock2d.files.surveys.profile import Profile
 from rock2d.files.surveys.table import ZONE_COLUMNS, column_of, number, profile_columns, text_rows
 from rock2d.files.text_files import reads_as_number
-
-Array = np.ndarray
 
 DEFAULT_ZONE = "slope"
 START_COLUMNS, END_COLUMNS, NAME_COLUMNS = ("start", "from"), ("end", "to"), ("name", *ZONE_COLUMNS)

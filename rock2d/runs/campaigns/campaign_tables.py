@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import STOPS
 from rock2d.runs.campaigns.chunks import add_counts, chunk_path
 from rock2d.runs.campaigns.counts import Counts
@@ -22,8 +23,6 @@ from rock2d.statistics import percentile_estimate, percentile_ranks
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
-
-Array = np.ndarray
 
 STOP_COUNT_COLUMNS = ["block", "stop", "zone", "releases", "frequency"]
 RUNOUT_COLUMNS = ["block", "quantity", "percentile", "releases", "value", "low95", "high95"]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, STOP_EXIT, STOPS
 from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.ensembles import Outcome
@@ -30,8 +31,6 @@ from rock2d.scene.nearest_facet import nearest_facets
 if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
-
-Array = np.ndarray
 
 SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)

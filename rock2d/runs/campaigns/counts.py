@@ -7,14 +7,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.campaigns.order_statistics import DIGITS, leading_digits
 from rock2d.runs.indicators.crossings import CROSSING_VALUES
 from rock2d.runs.indicators.passing import PassingCounts
 from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import I_TIME, I_ZONE, INSTANT_THETA, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.conditions import Condition, Group
@@ -17,8 +18,6 @@ from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.engines.batch import Ensemble
-
-Array = np.ndarray
 
 UNRESOLVED = np.isin(STOPS, UNRESOLVED_STOPS)  # (STOPS,) bool
 FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; releases with more are repeated

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.runs.conditions import Conditions, Group
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.indicators.crossings import foot_and_up
@@ -17,8 +18,6 @@ from rock2d.runs.recording import FRAME_TOLERANCE
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.runs.campaigns.ensembles import Outcome
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True)

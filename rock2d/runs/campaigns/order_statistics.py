@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
 
 KEY_BITS, DIGIT_BITS = 64, 16
 DIGITS = 1 << DIGIT_BITS

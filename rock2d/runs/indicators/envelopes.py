@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.runs.simulation import Simulation
-
-Array = np.ndarray
 
 ENVELOPE_COLUMNS = ("block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95")
 QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.records.columns import UNRESOLVED_STOPS
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.cross_section import CrossSection
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.runs.simulation import Simulation
-
-Array = np.ndarray
 
 PASSING_COLUMNS = (
     "block", "line", "releases", "left_source", "arrived", "passed", "unresolved", "frequency", "low95", "high95",

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.scene.shapes.shape import NO_AXES, BlockError, Profile, Shape, Size, polygon_moments
-
-Array = np.ndarray
 
 
 def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:

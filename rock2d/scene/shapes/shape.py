@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.arrays import Array
+
 NO_CORNERS = np.empty((0, 2))
 NO_AXES = (0.0, 0.0)
 

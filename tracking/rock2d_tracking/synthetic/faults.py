@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
-
-Array = np.ndarray
 
 LAMP_HZ = 100.0  # a lamp on 50 Hz mains lights up twice a period
 HEAP_GAP_RADII = 0.2  # gap below a block at which no soil is heaped up

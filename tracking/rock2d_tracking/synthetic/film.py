@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import atomic_file
@@ -23,8 +24,6 @@ from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
 if TYPE_CHECKING:
     import cv2
-
-Array = np.ndarray
 
 TRUTH_COLUMNS = ("frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", "x_m", "y_m", "theta_rad")
 

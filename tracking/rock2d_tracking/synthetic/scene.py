@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.arrays import Array
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import HEAP_CORNERS, Faults, heap_m, shadow
 
-Array = np.ndarray
 Pose = tuple[float, float, float]
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
 Window = tuple[slice, slice]

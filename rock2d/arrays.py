@@ -1,0 +1,5 @@
+"""The type of arrays."""
+
+import numpy as np
+
+Array = np.ndarray

@@ -22,8 +22,8 @@ FLOORS = {
     ("laws",): "pure functions of state and parameters",
     ("scene", "records", "calibration"): "blocks, ground, worlds; tracks; posteriors",
     (
-        "arrays", "compiled", "compiling", "progress", "processes", "cluster", "registry", "statistics", "wording", "errors",
-        "version",
+        "arrays", "compiled", "compiling", "progress", "processes", "cluster", "registry", "statistics", "wording",
+        "errors", "version",
     ): "helpers",
 }  # fmt: skip
 

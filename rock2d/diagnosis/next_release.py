@@ -10,6 +10,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
 from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, OMEGA
 from rock2d.scene.world import World
+from rock2d.wording import three_digits
 
 FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
 # releases that differ from the filmed ones: text, factor on speed, spin added in √(g / radius)
@@ -57,7 +58,7 @@ def next_release(
     if not proposal:
         return f"Longer flights: no impact separates {names}."
     lead = "" if attribution.verdict != "none" else "No effect stands out. "
-    difference = f"there {names} differ by {best:.2g} standard deviations in one impact."
+    difference = f"there {names} differ by {three_digits(best)} standard deviations in one impact."
     return f"{lead}{proposal[0].upper()}{proposal[1:]}: {difference}"
 
 

@@ -228,6 +228,15 @@ def test_without_a_cause_nothing_is_corrected(verdict):
     assert not any("Set `" in line for line in lines)
 
 
+def test_a_block_that_sinks_is_asked_about_before_nothing_is_corrected():
+    """A size ten times too large leaves no gap in flights and impacts; the remark must not stand apart."""
+    own = content("none")
+    own["sanity"]["remarks"] = ["block cube sinks 0.08 m into the ground: are its size and the origin right?"]
+    lines = what_to_do(own, EXPERIMENT)
+    assert lines[0].startswith("Answer this first") and lines[0].endswith(own["sanity"]["remarks"][0])
+    assert "correct nothing" in lines[1]
+
+
 @pytest.mark.parametrize(("chance", "rivals"), [(0.6, ("geometry_error",)), (0.3, ())])
 def test_in_doubt_the_next_release_comes_before_any_correction(chance, rivals):
     lines = what_to_do(content("camera_tilt", chance, rivals), EXPERIMENT)

@@ -34,8 +34,11 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
         return _after_faults(content)
     if verdict == "none":
         fitted = content.get("law", {}).get("fitted", True)
+        asked = [remark for remark in content["sanity"]["remarks"] if remark.endswith("?")]
         return [
-            "Correct nothing." + " Go on with the law as it was refitted (`base` in diagnosis.json)." * fitted,
+            *(f"Answer this first; if it is wrong, nothing else here holds: {remark}" for remark in asked),
+            ("If all is right there, correct nothing." if asked else "Correct nothing.")
+            + " Go on with the law as it was refitted (`base` in diagnosis.json)." * fitted,
             "A weak effect may still hide in noise and soil. More releases, or the one below, would show it.",
             *_next_release(content),
         ]

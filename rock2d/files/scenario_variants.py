@@ -44,6 +44,8 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
         path = place_of(data, place)
         if path is None or number_at(data, place) is None:
             message = f"there is no number at {place}{did_you_mean(place, places_of_numbers(data))}"
+            if (part := place.partition(".")[0]) not in data:
+                message += f"; the file has no key {part}"
             raise document.error(message, *place.split("."), code="unknown_name")
         here = value_at(data, path[:-1])
         whole = isinstance(here[path[-1]], int) and float(value).is_integer()

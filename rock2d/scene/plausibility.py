@@ -25,7 +25,10 @@ USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
-UNITS = {1000.0: "t instead of kg", 1e-3: "g instead of kg"}
+UNITS = {
+    1000.0: "mass in t instead of kg", 1e-3: "mass in g instead of kg",
+    1e6: "size in cm instead of m", 1e9: "size in mm instead of m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,7 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
     lightest, heaviest = density_kg_m3(block)
     if heaviest < low or lightest > high:
         density = heaviest if heaviest < low else lightest
-        unit = next(
-            (f". Is the mass in {said}?" for times, said in UNITS.items() if low <= times * density <= high), ""
-        )
+        unit = next((f". Is the {said}?" for times, said in UNITS.items() if low <= times * density <= high), "")
         text = (
             f"block {block.name} has a density of {density:.3g} kg/m³ ({block.mass_kg:g} kg, {block.size_m:.3g} m); "
             f"usual: {_range(USUAL_DENSITY_KG_M3)}{unit}"

@@ -43,6 +43,7 @@ def test_a_table_is_read_however_it_is_written(put, text):
         ("", "empty", 1),
         ("0,40\n20,abc\n", "expected numbers", 2),
         ("0;40\n20;25,5\n", "decimal points, not commas", 2),
+        ("0,5;40,0\n20,0;25,5\n", "decimal points, not commas", 1),
         ("a,b\n0,40\n", "expected columns of station and height", 1),
         ("0,40\n20\n", "expected 2 columns", 2),
         ("0,92\n25,62,5\n", "decimal points, not commas", 2),

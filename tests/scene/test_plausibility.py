@@ -75,6 +75,7 @@ def test_what_is_unusual_is_told_with_its_place(tmp_path, old, new, words):
     ("old", "new", "words"),
     [
         ("mass_kg: 2700", "mass_kg: 2.7", "density of 2.7 kg/m³ .* Is the mass in t instead of kg"),
+        ("mass_kg: 2700", "mass_kg: 2.7e-3", "density of .* Is the size in cm instead of m"),
         ("mass_kg: 2700", "mass_kg: 2.7e+6", "density of .* Is the mass in g instead of kg"),
         ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 800, mass_kg: 7.2e+11", "on a site of 144 m"),
         ("[140.0, -2.0]]", "[140000.0, -2.0]]", "Are its points in mm"),

@@ -37,6 +37,9 @@ def read_table(path: Path) -> Profile:
     width = len(rows[0][1])
     if not all(map(reads_as_number, rows[0][1])):
         line, header = rows.pop(0)
+        for cell in header:
+            if "," in cell and reads_as_number(cell.replace(",", ".", 1)):
+                number(cell, path, line)  # raises
         columns = profile_columns(header, path, line)
         read = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
         unread = [name for i, name in enumerate(header) if i not in read]

@@ -20,7 +20,7 @@ from rock2d.arrays import Array
 from rock2d.cluster import JobRunner
 from rock2d.design.possible_sites import IN_THIS_PROCESS, SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
-from rock2d.design.site_frequencies import further_site_draws
+from rock2d.design.site_frequencies import further_site_quantile
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
@@ -290,7 +290,7 @@ class Search:
         results = simulate_sites(
             variants, self.engine, self._seeds, self.releases, on_progress, self._descents, self.run_jobs
         )
-        return judge(results, size, self.target, self.seed)
+        return judge(results, size, self.target)
 
     @property
     def _seeds(self) -> list[int]:
@@ -316,10 +316,9 @@ class Search:
         ]
 
 
-def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:
+def judge(results: SiteResults, size: float, target: Target) -> Judgement:
     """Judge a size by the results at all sites. A block none of whose releases arrive does not meet a target for
     arriving blocks."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
     k = results.lines.index(target.line)
     bands: dict[str, Estimate] = {}
     unresolved: dict[str, float] = {}
@@ -332,7 +331,7 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
         possible = (of | most).sum(axis=1)
         some = possible > 0
         low, high = (
-            float(np.quantile(further_site_draws(counts.sum(axis=1)[some], possible[some], rng), level))
+            further_site_quantile(counts.sum(axis=1)[some], possible[some], level)
             for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
         )
         counted = of.any(axis=1)

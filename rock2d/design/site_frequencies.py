@@ -8,25 +8,30 @@ import numpy as np
 
 from rock2d.arrays import Array
 
-DRAWS = 4000
+SMALLEST_WEIGHT = 1e-8  # of a point of the grid, relative to the largest
+PRECISION = 1e-8  # of a quantile
 MEAN_VALUES = 120  # values of mu, equally spaced in arcsin sqrt mu, where Jeffreys' prior is uniform
 LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
-def further_site_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS,) draws of the frequency at a further site, given `passed` (sites,) of `of` releases at each site,
-    (sites,) or one number.
+def further_site_quantile(passed: Array, of: Array | float, level: float) -> float:
+    """The quantile of this level of the frequency at a further site, given `passed` (sites,) of `of` releases at each
+    site, (sites,) or one number.
 
-    The real site counts as a further one: mu and nu are drawn from their posterior, the frequency from Beta(mu nu,
-    (1 - mu) nu). With a single site, the draws are from the posterior of its frequency with Jeffreys' prior."""
+    The real site counts as a further one: its frequency is Beta(mu nu, (1 - mu) nu), with the posterior of mu and nu.
+    With a single site, it has the posterior of that site with Jeffreys' prior."""
+    from scipy.optimize import brentq
+    from scipy.special import betainc, betaincinv
+
     k, n = np.broadcast_arrays(np.asarray(passed, float), np.asarray(of, float))
     if len(k) == 1:
-        return rng.beta(k[0] + 0.5, n[0] - k[0] + 0.5, DRAWS)
+        return float(betaincinv(k[0] + 0.5, n[0] - k[0] + 0.5, level))
     angle = (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES * 0.5 * np.pi
     grid = _refined(k, n, angle)
     a, b, weight = _posterior(k, n, np.sin(grid) ** 2)
-    chosen = rng.choice(len(weight), DRAWS, p=weight)
-    return rng.beta(a[chosen], b[chosen])
+    kept = weight > SMALLEST_WEIGHT * weight.max()
+    a, b, weight = a[kept], b[kept], weight[kept] / weight[kept].sum()
+    return float(brentq(lambda share: weight @ betainc(a, b, share) - level, 0.0, 1.0, xtol=PRECISION))
 
 
 def _refined(k: Array, n: Array, angle: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.design.possible_sites import PossibleSites, SiteResults
-from rock2d.design.site_frequencies import further_site_draws
+from rock2d.design.site_frequencies import further_site_quantile
 from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
             size = (len(own), passed.shape[1])
             arrived = results.arrived[own, b, k]
             for quantity, of in ((FREQUENCY, np.ones_like(passed)), (PER_ARRIVING, arrived)):
-                rows.append((*head, quantity, *size, *_frequency(passed, unresolved, of, rng), share))
+                rows.append((*head, quantity, *size, *_frequency(passed, unresolved, of), share))
             for quantity, values in results.crossings.items():
                 found = _percentile(values[own, b, k], rng)
                 rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found, share))
     return pd.DataFrame(rows, columns=list(UNCERTAIN_COLUMNS))
 
 
-def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Generator) -> tuple[float, ...]:
+def _frequency(passed: Array, unresolved: Array, of: Array) -> tuple[float, ...]:
     """(median, low, high, share not known, share of sampling) of the share of the releases `of` that pass; arrays
     (sites, releases) bool. NaN if there are no such releases. Unresolved releases may belong to them, too.
 
@@ -69,11 +69,8 @@ def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Gener
     n, n_most = of.sum(axis=1), (of | unresolved).sum(axis=1)
     k, k_most = (passed & of).sum(axis=1), (passed & of | unresolved).sum(axis=1)
 
-    def bound(counts: Array, level: float) -> float:
-        return float(np.quantile(further_site_draws(counts, n_most, rng), level))
-
-    lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
-    highest = 1.0 if (k_most == n_most).mean() > 0.025 else bound(k_most, 0.975)
+    lowest = 0.0 if (k == 0).mean() > 0.025 else further_site_quantile(k, n_most, 0.025)
+    highest = 1.0 if (k_most == n_most).mean() > 0.025 else further_site_quantile(k_most, n_most, 0.975)
     shares = _shares(_between(passed, of), float((k / n * (1 - k / n) / n).mean()))
     median = float(np.median(k / n))
     return median, min(lowest, median), max(median, highest), *shares

@@ -61,10 +61,10 @@ def test_the_bound_holds_with_the_stated_confidence():
     """One site whose frequency is the target: at most 5 % of such films are judged to meet it, and nearly so many."""
     rng = np.random.default_rng(2)
     meets = 0
-    for trial in range(1000):
+    for _ in range(1000):
         passed = rng.random((1, 1, 1, 300)) < 0.1
         results = SiteResults(("ball",), ("crest",), passed, passed & False, passed, {})
-        meets += judge(results, 1.0, TARGET, trial).meets
+        meets += judge(results, 1.0, TARGET).meets
     assert 0.025 < meets / 1000 < 0.07
 
 
@@ -80,18 +80,18 @@ def test_a_share_of_the_arriving_blocks_and_a_limit_of_energy():
         (Target("crest", 0.1, 0.95, "arriving"), 20, 100),
         (Target("crest", 0.1, 0.95, "arriving", above_J=50e3), 5, 100),
     ):
-        judged = judge(results, 1.0, aim, 1)
+        judged = judge(results, 1.0, aim)
         assert judged.median["ball"] == hits / of
         assert judged.high["ball"] == pytest.approx(beta(hits + 0.5, of - hits + 0.5).ppf(0.95), rel=0.1)
     # 30 more that sink before the line may arrive and pass
     buried = (np.arange(300) >= 270).reshape(1, 1, 1, 300)
-    judged = judge(replace(results, unresolved=buried), 1.0, Target("crest", 0.1, 0.95, "arriving"), 1)
+    judged = judge(replace(results, unresolved=buried), 1.0, Target("crest", 0.1, 0.95, "arriving"))
     assert judged.median["ball"] == 20 / 100
     assert judged.low["ball"] == pytest.approx(beta(20.5, 110.5).ppf(0.05), rel=0.1)
     assert judged.high["ball"] == pytest.approx(beta(50.5, 80.5).ppf(0.95), rel=0.1)
     none = SiteResults(("ball",), ("crest",), *(own & False for own in shaped), crossings)
-    assert not judge(none, 1.0, Target("crest", 0.1, 0.95, "arriving"), 1).meets
-    assert judge(none, 1.0, Target("crest", 0.1, 0.95), 1).meets
+    assert not judge(none, 1.0, Target("crest", 0.1, 0.95, "arriving")).meets
+    assert judge(none, 1.0, Target("crest", 0.1, 0.95)).meets
 
 
 @pytest.mark.parametrize(

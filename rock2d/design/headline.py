@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rock2d.design.report_tables import quantity_text
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.places import number_at
-from rock2d.records.columns import Y
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line
 from rock2d.statistics import Estimate
 from rock2d.wording import three_digits, with_interval
@@ -114,28 +113,19 @@ def norm_sentence(content: ReportContent) -> str:
     answer, height = content.answer, _largest(content, "height_m")
     if answer is None or height is None or not _is_height(answer):
         return ""
-    asked, crest = height.design, _crest_above_m(content.scenario, height.line)
+    asked, shown = height.design, answer.shown.size
     if answer.least is None:
-        own = f"more than {answer.shown.size:.4g} m"
-        governs = "the target" if asked <= crest else "not known: enlarge the range"
+        own = f"more than {shown:.4g} m"
+        governs = "the target" if asked <= shown else "not known: enlarge the range"
     else:
         own = answer.least_text.replace(" (", " m (", 1)
         governs = "not known: begin the range lower" if answer.is_bound else "the target"
-        governs = "the norm" if asked > crest else governs
+        governs = "the norm" if asked > shown else governs
     return (
-        f"Height: the target requires {own}; the crest is then {crest:.3g} m above the ground at the line "
-        f"{height.line}. {height.norm} requires {_estimate_text(height)} above that ground. What governs: {governs}."
+        f"Height: the target requires {own} above the ground where the embankment stands, {height.norm} requires "
+        f"{_estimate_text(height)} above the ground at the line {height.line}. If blocks follow the ground between the "
+        f"two, what governs: {governs}."
     )
-
-
-def _crest_above_m(scenario: Scenario, arrival: str) -> float:
-    """Height of the crest of an embankment above the ground at its arrival line."""
-    ground = scenario.make_cross_section()
-    crest, foot = (
-        ground.foot_and_head(ground.measure_lines[line])[0][Y]
-        for line in (arrival.replace(ARRIVAL_LINE, CREST_LINE), arrival)
-    )
-    return float(crest - foot)
 
 
 def _subject(answer: Answer, scenario: Scenario) -> str:

@@ -16,17 +16,18 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT, read_index
 from rock2d.cluster import as_finished_on_cluster, require_dask
+from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.base_law import fit_base
 from rock2d.diagnosis.budget import ResidualSizes
 from rock2d.diagnosis.data import Data, FilmData, Residuals
-from rock2d.diagnosis.diagnose import Diagnosis, check_and_segment, diagnose
+from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.learnt import Learnt, residuals_on
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE, replicate_misses
 from rock2d.diagnosis.replay import Segments
 from rock2d.errors import InputError
-from rock2d.files.experiment import load_experiment
+from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.kinematics.sanity import Sanity
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -98,16 +99,17 @@ def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
         seconds = perf_counter() - begin
         kept: dict[str, Any] = {"diagnosis": content, "seconds": seconds}
         if result.found is not None:
-            kept["heldout"] = _heldout(case / HELDOUT, content, result.found.learnt)
-            kept["true_closure"] = true_closure(case, result)
+            heldout = load_experiment(case / HELDOUT)
+            *_, held = _segmented(heldout)
+            kept["heldout"] = _heldout(heldout, held, content, result.found.learnt)
+            kept["true_closure"] = true_closure(case, held, result.found)
     write_whole(out, json.dumps(kept, indent=1) + "\n")
 
 
-def _heldout(folder: Path, content: dict[str, Any], learnt: Learnt) -> dict[str, float]:
+def _heldout(experiment: Experiment, data: Data | None, content: dict[str, Any], learnt: Learnt) -> dict[str, float]:
     """Misses of the predicted film for the base law and the diagnosed model: median and 95th percentile (`*_tail`) over
     segments of the root mean square of place and angle, in standard deviations of the camera's noise; and the `floor`,
     the median miss of replicates of these segments by the diagnosed model `learnt`."""
-    experiment = load_experiment(folder)
     assert experiment.trajectories is not None
     noise_m = max(experiment.position_noise_m, LEAST_NOISE)
     noise_rad = max(experiment.angle_noise_rad, LEAST_NOISE)
@@ -125,30 +127,29 @@ def _heldout(folder: Path, content: dict[str, Any], learnt: Learnt) -> dict[str,
         if segments.empty:
             return {}
         out |= {name: float(segments.median()), f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0))}
-    data = _read(folder)[-1]
     if isinstance(data, FilmData) and len(segments := Segments.of(data)):
         out["floor"] = float(np.median(replicate_misses(data, segments, learnt, seed=0)))
     return out
 
 
-def true_closure(case: Path, result: Diagnosis) -> float | None:
+def true_closure(case: Path, held: Data | None, found: Attribution) -> float | None:
     """The share of the gap that is truly closed; None if there is no gap, the case has no twin, or one of its films
     cannot be segmented.
 
-    The base law and the model with all causes and learnt changes predict the held-out releases of a case. The gap of a
-    perfect model is known from the null twin, the same releases without the hidden causes: the base law, fitted to the
-    other twin, has there only the errors of noise, soil and form of the law. The gap is measured as in the diagnosis.
+    The base law and the model with all causes and learnt changes, `found`, predict the held-out releases of a case. The
+    gap of a perfect model is known from the null twin, the same releases without the hidden causes: the base law,
+    fitted to the other twin, has there only the errors of noise, soil and form of the law. The gap is measured as in
+    the diagnosis.
     """
-    attribution = result.found
     if not (case / TWIN).is_dir():
         return None
-    (setup, start, sanity, data), (*_, held), (*_, twin) = (_read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN))
-    if attribution is None or data is None or held is None or twin is None:
+    (setup, start, sanity, data), (*_, twin) = (_segmented(load_experiment(case / name)) for name in (TWIN_FIT, TWIN))
+    if data is None or held is None or twin is None:
         return None
     null = fit_base(setup, start, data, sanity.registered)
-    variance = np.median(np.diagonal(attribution.final.fit.covariance(), axis1=1, axis2=2), axis=0)
-    base = _gap(held, attribution.base.fit.model.residuals(attribution.base.fit.p, held), variance)
-    closed = _gap(held, residuals_on(held, attribution.learnt), variance)
+    variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
+    base = _gap(held, found.base.fit.model.residuals(found.base.fit.p, held), variance)
+    closed = _gap(held, residuals_on(held, found.learnt), variance)
     floor = _gap(twin, null.model.residuals(null.p, twin), variance)
     return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None
 
@@ -159,8 +160,7 @@ def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
     return float(np.exp(sizes.of(residuals).sum() / sizes.count.sum()))
 
 
-def _read(folder: Path) -> tuple[World, Array, Sanity, Data | None]:
+def _segmented(experiment: Experiment) -> tuple[World, Array, Sanity, Data | None]:
     """The stated world of a film, its base law, and the result of `check_and_segment`."""
-    experiment = load_experiment(folder)
     setup = setup_world(experiment)
     return setup, base_start(experiment), *check_and_segment(experiment, setup)

@@ -123,8 +123,8 @@ def norm_sentence(content: ReportContent) -> str:
         governs = "the norm" if asked > shown else governs
     return (
         f"Height: the target requires {own} above the ground where the embankment stands, {height.norm} requires "
-        f"{_estimate_text(height)} above the ground at the line {height.line}. If blocks follow the ground between the "
-        f"two, what governs: {governs}."
+        f"{_estimate_text(height)} above the ground at the line {height.line}. What governs, if blocks follow "
+        f"the ground between the two: {governs}."
     )
 
 

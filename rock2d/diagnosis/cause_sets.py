@@ -41,7 +41,7 @@ MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, whe
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
-# of each of them the parameter, and the power of it by which gravity in flights changes
+# of each of them the first parameter, and the power of it by which gravity in flights changes
 GRAVITY_POWERS = {"scale_error": ("scale", 1), "frame_rate_error": ("time_scale", 2)}
 
 
@@ -90,7 +90,7 @@ class Search:
         steps = [_Addition(base, name, None, found[k], rival_total) for k, name in enumerate(self.effects)]
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
-        for name in self.effects.keys() & TWINS.keys():
+        for name in sorted(self.effects.keys() & TWINS.keys()):
             self._try_from_twin(name)
 
     def _try_from_twin(self, name: str) -> None:
@@ -99,12 +99,11 @@ class Search:
         own, twin = (self.known.get(frozenset({effect})) for effect in (name, TWINS[name]))
         if own is None or twin is None or twin.fit.total() < own.fit.total() + REFIT_GAIN:
             return
-        (key, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[TWINS[name]]
+        (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[TWINS[name]]
         start, law = own.fit.model.start(), len(BASE_WIDTH)
         start[:law] = twin.fit.p[:law]
-        k = next(i for i, parameter in enumerate(own.fit.model.parameters_of(name)) if parameter.name == key)
         value = twin.fit.model.values(twin.fit.p)[0][0] ** (power_of_twin / power)
-        start[law + k] = to_scale(own.fit.model.parameters_of(name)[k], value)
+        start[law] = to_scale(own.fit.model.parameters_of(name)[0], value)
         self._fit([_Addition(self.base.fit, name, start)])
         self.known[own.names] = max(own, self.alone[name], key=lambda one: one.fit.total())
 

@@ -38,7 +38,7 @@ def read_table(path: Path) -> Profile:
     if not all(map(reads_as_number, rows[0][1])):
         line, header = rows.pop(0)
         for cell in header:
-            if "," in cell and reads_as_number(cell.replace(",", ".", 1)):
+            if _has_decimal_comma(cell):
                 number(cell, path, line)  # raises
         columns = profile_columns(header, path, line)
         read = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
@@ -76,9 +76,12 @@ def number(cell: str, path: Path, line: int) -> float:
     """The finite number in a cell. Raises InputError with the line if there is none."""
     if reads_as_number(cell) and math.isfinite(float(cell)):
         return float(cell)
-    comma = "," in cell and reads_as_number(cell.replace(",", ".", 1))
-    hint = "; write decimal points, not commas" if comma else ""
+    hint = "; write decimal points, not commas" if _has_decimal_comma(cell) else ""
     raise InputError(f"expected numbers, found {cell[:60]!r}{hint}", path, line, 1, code="bad_table")
+
+
+def _has_decimal_comma(cell: str) -> bool:
+    return "," in cell and reads_as_number(cell.replace(",", ".", 1))
 
 
 def column_of(header: Sequence[str], choices: Sequence[str]) -> int | None:

@@ -31,6 +31,7 @@ from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.levers import Dependence, find_dependences
 from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.moving_frame import MOTIONS, frame_of_each_release
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
 from rock2d.diagnosis.significance import SummedGain
@@ -214,9 +215,13 @@ def _attribution(search: Search) -> Attribution:
     evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
     p_outside = max(_outside_probability(search, (of_final, of_first)), unexplained_probability(evidence))
-    learnt = best_predicting(data, of_final.learnt, of_first.learnt)
+    learnt, moving = best_predicting(data, of_final.learnt, of_first.learnt), list[Dependence]()
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
+        if len(data.impacts):
+            moving = [frame_of_each_release(learnt.fit, data)]
+            left = gain_left_by_forms(search, best)
+            p_outside = max(p_outside, outside_probability(moving[0], left, MOTIONS))
     candidates = {
         name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -227,7 +232,13 @@ def _attribution(search: Search) -> Attribution:
     return Attribution(
         search.base, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in _dependences(chain[-1].fit, learnt, data) if d.significance > SIGNIFICANT_DEPENDENCE_Z],
+        sorted(
+            (
+                d for d in [*moving, *_dependences(chain[-1].fit, learnt, data)]
+                if d.significance > SIGNIFICANT_DEPENDENCE_Z
+            ),
+            key=lambda d: -d.total,
+        ),
         learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
 

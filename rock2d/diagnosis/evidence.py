@@ -26,7 +26,7 @@ from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
-from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
@@ -394,14 +394,14 @@ def gain_left_by_forms(search: Search, cause_set: Validated) -> float:
     return left * max(search.gain(cause_set, search.base).total, 0.0)
 
 
-def outside_probability(learnt: Gain, left: float) -> float:
+def outside_probability(learnt: SummedGain, left: float, tried: int = TRIED_DEPENDENCES) -> float:
     """Probability that something outside the catalogue acts.
 
-    `learnt`: gain of the learnt changes over the causes; `left`: log likelihood that they may gain because the forms of
-    the laws are not exact."""
+    `learnt`: gain of the learnt changes, or of a moving frame, over the causes; `left`: log likelihood that they may
+    gain because the forms of the laws are not exact; `tried`: number of changes of which this is the best."""
     if learnt.total <= 0.0:
         return LEAST_OUTSIDE_PROBABILITY
-    p = probability_from_p_value(TRIED_DEPENDENCES * float(ndtr(-learnt.significance)))
+    p = probability_from_p_value(tried * float(ndtr(-learnt.significance)))
     p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
     return max(p, LEAST_OUTSIDE_PROBABILITY)
 

@@ -12,7 +12,7 @@ gain on held-out releases."""
 
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -147,6 +147,10 @@ class Levers:
         along = _along_ground(self._data.tangent, measured)
         return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
+    def moved(self, shift: Array) -> LeverResponse:
+        """Response to a `shift` (n, 6, c) of the states before and after the impacts of a film."""
+        return LeverResponse(shift.shape[-1], shift=shift, impacts=-_along_ground(self._data.tangent, shift))
+
     def _profile_response(self, heights: Array, basis: Basis) -> LeverResponse:
         """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
         and after the impact, and the ground is steeper."""
@@ -154,8 +158,7 @@ class Levers:
         shift = np.zeros((n, N_STATE, c))
         shift[:, Y] = -heights
         steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
-        along = _along_ground(tangent, shift)
-        return LeverResponse(c, slope=steeper * tangent[:, X, None] ** 2, shift=shift, impacts=-along)
+        return replace(self.moved(shift), slope=steeper * tangent[:, X, None] ** 2)
 
     def columns(self, response: LeverResponse) -> Residuals:
         """Derivatives of all residuals by the coefficients."""

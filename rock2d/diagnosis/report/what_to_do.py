@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.cause_sets import TWINS
+from rock2d.diagnosis.moving_frame import RELEASE
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
 from rock2d.effects.fitted_effect import FittedEffect
@@ -50,12 +51,24 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
             if part
             else "Do not correct anything: no effect of the catalogue can be named, and the likeliest one may be a "
             "wrong correction.",
+            *_moving_frame(content),
             *_learnt(content),
             "Look at the places with the largest share of the gap and at the impacts with the largest residuals in the "
             "film. If you find the cause, add it to the catalogue as an effect (one file, see CONTRIBUTING.md).",
             *_next_release(content),
         ]
     return _after_effect(content, experiment)
+
+
+def _moving_frame(content: Mapping[str, Any]) -> list[str]:
+    """A sentence on a frame that moves otherwise in each release, if it does."""
+    if RELEASE.name not in (content.get("outside") or {"depends_on": []})["depends_on"]:
+        return []
+    return [
+        "In each release the picture lies or slides in another way against the ground. Look at a fixed mark in the "
+        "film of each release. If it moves, subtract its motion from the record, and fix the camera before the next "
+        "film. If it does not, the ground moves."
+    ]
 
 
 def _learnt(content: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,118 @@
+"""A frame that moves in another way in each release: a camera that slides or is touched, or ground that gives way.
+
+Over the releases such motions can cancel, so no dependence on measured quantities shows them. But they move all impacts
+of a release together. Each release has a motion of its own, whose components are normal with mean 0 and a common
+standard deviation. The gain is the log of the marginal likelihood of the releases (Laplace's method at the best motion
+of each) over that without motion; the standard deviation is the best one of other releases."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.arrays import Array
+from rock2d.diagnosis.cross_validation import FOLDS, folds
+from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.levers import FRAME, Dependence, Levers
+from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE, chi_square, impact_weight, log_likelihood
+from rock2d.diagnosis.model import state_units
+from rock2d.diagnosis.quantities import TIME_S, Basis
+from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, POSITION, VX, X
+
+RELEASE = Basis("release", ())  # what such a motion depends on
+TRIED_SIZES = np.geomspace(1e-4, 1.0, 17)  # standard deviations, in half block sizes, or these per √(half size / g)
+STEPS = 10  # of reweighted least squares for the motions
+SMALLEST_GAIN = 1.0  # log likelihood; a smaller gain counts as this where shares of it are compared
+MOTIONS = 2  # tried: a shift and a slide
+
+
+def frame_of_each_release(fit: Fit, data: FilmData) -> Dependence:
+    """The gain of a shift or a slide, along x and y, that is another one in each release; the larger of the two.
+
+    It counts as far as a motion that all releases share does not gain as much: that is a ground at another place.
+    The dependence's `width` is the standard deviation that gains most, in the units of `TRIED_SIZES`."""
+    levers, found = Levers(fit, data), list[Dependence]()
+    units = state_units(levers.world)
+    time = levers.impact_quantities[TIME_S] * units[VX] / units[X]
+    for slides in (False, True):
+        motion = np.zeros((len(time), N_STATE, 2))
+        motion[:, POSITION] = (time[:, None, None] if slides else 1.0) * units[X] * np.eye(2)
+        motion[:, LINEAR_VELOCITY] = slides * units[VX] * np.eye(2)
+        moved = _Moved.of(fit, data, levers.columns(levers.moved(motion)).impacts)
+        gain = np.array([moved.marginal_gain(sd) for sd in TRIED_SIZES])
+        total = gain.sum(axis=1)
+        beyond = max(1.0 - moved.common_gain() / max(total.max(), SMALLEST_GAIN), 0.0)
+        gain = beyond * _of_other_releases(gain, folds(data))
+        found.append(Dependence(FRAME, RELEASE, gain, float(TRIED_SIZES[total.argmax()])))
+    return max(found, key=lambda dependence: dependence.total)
+
+
+class _Moved(NamedTuple):
+    """Impacts of `count` releases that a motion of the frame can change.
+
+    Attributes
+    ----------
+    r, covariance, columns : (n, d), (n, d, d), (n, d, 2) residuals, their covariances, and derivatives by the motion
+    release : (n,)"""
+
+    r: Array
+    covariance: Array
+    columns: Array
+    release: Array
+    count: int
+
+    @classmethod
+    def of(cls, fit: Fit, data: FilmData, columns: Array) -> _Moved:
+        """The impacts of a fit that can be simulated."""
+        own, count = chi_square(fit.residuals.impacts, fit.covariance()) < LARGEST_CHI_SQUARE, len(data.order)
+        return cls(fit.residuals.impacts[own], fit.covariance()[own], columns[own], data.impact_release[own], count)
+
+    def left(self, motion: Array) -> Array:
+        """(n, d) residuals with a motion (releases, 2)."""
+        return self.r + np.einsum("nik,nk->ni", self.columns, motion[self.release])
+
+    def motions(self, precision: float) -> tuple[Array, Array]:
+        """(releases, 2) most probable motions under a normal prior, by reweighted least squares, and (releases, 2, 2)
+        the curvature of the likelihood."""
+        motion, curvature = np.zeros((self.count, 2)), np.zeros((self.count, 2, 2))
+        pulled = np.linalg.solve(self.covariance, self.columns)
+        for _ in range(STEPS):
+            weight = impact_weight(chi_square(self.left(motion), self.covariance), self.r.shape[1])
+            curvature = self._summed(np.einsum("n,nik,nil->nkl", weight, self.columns, pulled))
+            pull = self._summed(np.einsum("n,nik,ni->nk", weight, pulled, self.r))
+            motion = -np.linalg.solve(curvature + precision * np.eye(2), pull[..., None])[..., 0]
+        return motion, curvature
+
+    def common_gain(self) -> float:
+        """Gain in log likelihood of a motion that all releases share."""
+        alone = self._replace(release=np.zeros_like(self.release), count=1)
+        return float(alone.gain(alone.motions(TRIED_SIZES[-1] ** -2.0)[0]).sum())
+
+    def gain(self, motion: Array) -> Array:
+        """(releases,) gain in log likelihood of a motion (releases, 2)."""
+        before, after = (log_likelihood(r, self.covariance) for r in (self.r, self.left(motion)))
+        return self._summed(after - before)
+
+    def marginal_gain(self, sd: float) -> Array:
+        """(releases,) gain in log marginal likelihood of motions with this standard deviation."""
+        motion, curvature = self.motions(sd**-2.0)
+        volume = np.linalg.slogdet(np.eye(2) + sd**2 * curvature)[1]
+        return np.asarray(self.gain(motion) - 0.5 * (motion**2).sum(axis=1) / sd**2 - 0.5 * volume)
+
+    def _summed(self, each: Array) -> Array:
+        """(releases, ...) sums of values (n, ...) of the impacts."""
+        total = np.zeros((self.count, *each.shape[1:]))
+        np.add.at(total, self.release, each)
+        return total
+
+
+def _of_other_releases(gain: Array, fold: Array) -> Array:
+    """(releases,) gain (sizes, releases) at the size that gains most in the other folds; 0 if none gains there."""
+    chosen = np.zeros(gain.shape[1])
+    for k in range(FOLDS):
+        total = gain[:, fold != k].sum(axis=1)
+        if total.max(initial=0.0) > 0.0:
+            chosen[fold == k] = gain[total.argmax(), fold == k]
+    return chosen

@@ -47,7 +47,7 @@ MEANINGS = {
     "geometry_error": Meaning("facing_rad", lambda v: v["turn_rad"]),
     "inertia_error": Meaning("factor", _mean_factor, 1.0),
     "magnus_lift": Meaning("lift_per_mass", lambda v: v["lift"]),
-    "scale_error": Meaning("scale", lambda v: v["x"], 1.0),
+    "scale_error": Meaning("scale", lambda v: v["y"], 1.0),
     "surface_roughness": Meaning("sd_rad", lambda v: v["sd_rad"]),
     "zone_contrast": Meaning("stiffness", lambda v: v["k_l"], 1.0),
 }

@@ -226,7 +226,7 @@ def _world_for_segmentation(experiment: Experiment, film: Film, world: World) ->
     sanity checks find. Raises InputError for a film that cannot be read; warns of other faults."""
     view = world.view
     true = replace(film, t_s=film.t_s * view.time_scale, pose=view.true(film.pose))
-    true.noise = film.noise / [view.scale, view.scale, 1.0]
+    true.noise = film.noise / [*view.scales, 1.0]
     stated = replace(experiment, fps=experiment.fps / view.time_scale, cross_section=world.cross_section)
     checked = sanity.check_film(stated, true)
     for fault in checked.faults:

@@ -21,8 +21,9 @@ class View:
     """How the recording of the camera differs from the world; the default is a perfect camera.
 
     A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is changed in this order: rotated
-    by `tilt_rad` and scaled, both about the axis; distorted by the factor 1 + `lens_per_m2` r²; mirrored about the
-    origin. The tilt and `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`."""
+    by `tilt_rad`, and scaled by `scale` along y and `scale` × `aspect` along x, about the axis; distorted by the factor
+    1 + `lens_per_m2` r²; mirrored about the origin. The tilt and `theta_offset_rad` are added to angles. An instant t
+    is recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
@@ -31,6 +32,12 @@ class View:
     aim_m: tuple[float, float] | None = None  # point at which the camera aims; None: not stated
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    aspect: float = 1.0
+
+    @property
+    def scales(self) -> Array:
+        """(2,) recorded lengths along x and y over true ones."""
+        return np.array([self.scale * self.aspect, self.scale])
 
     @property
     def axis_m(self) -> tuple[float, float]:
@@ -41,9 +48,9 @@ class View:
         """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""
         x, y, theta = np.moveaxis(np.asarray(pose, float), -1, 0)
         cx, cy = self.axis_m
-        c, s = self.scale * np.cos(self.tilt_rad), self.scale * np.sin(self.tilt_rad)
+        c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
         dx, dy = x - cx, y - cy
-        dx, dy = c * dx - s * dy, s * dx + c * dy
+        dx, dy = along_x * (c * dx - s * dy), along_y * (s * dx + c * dy)
         swell = 1.0 + self.lens_per_m2 * (dx * dx + dy * dy)
         theta = theta + self.tilt_rad + self.theta_offset_rad
         return np.stack([cx + dx * swell, cy + dy * swell, theta], axis=-1) * self.mirror
@@ -64,20 +71,24 @@ class View:
                     break
             shrink = np.divide(near, far, out=np.ones_like(far), where=far > 0)
             dx, dy = dx * shrink, dy * shrink
-        c, s = np.cos(self.tilt_rad) / self.scale, np.sin(self.tilt_rad) / self.scale
+        c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
+        dx, dy = dx / along_x, dy / along_y
         theta = theta - self.tilt_rad - self.theta_offset_rad
         return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
         """(n,) true standard deviation along unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
         of a noise whose recorded standard deviation is 1 in every direction."""
-        scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.axis_m)
-        # without rotations and `scale`, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric
+        c, s = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        turn = np.array([[c, s], [-s, c]])
+        scaled = self.scales * ((np.asarray(pose, float)[:, :2] - self.axis_m) @ turn)
+        direction = direction @ turn / self.scales
+        # without rotation and scales, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
         b = 2.0 * self.lens_per_m2
         along = (scaled * direction).sum(axis=1, keepdims=True)
         out = direction - b * along / (swell + b * (scaled**2).sum(axis=1, keepdims=True)) * scaled
-        return np.asarray(np.linalg.norm(out / swell, axis=1) / self.scale)
+        return np.asarray(np.linalg.norm(out / swell, axis=1))
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def test_two_hidden_effects_are_found_and_measured(two):
 
 def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():
     """Lengths that are 5 % too long, and times that are 2.5 % too long, change gravity alike."""
-    search = tried_alone({"scale_error": [1.05, 0.0, 0.0]}, ("scale_error", "frame_rate_error"))
+    search = tried_alone({"scale_error": [1.05, 1.0, 0.0, 0.0]}, ("scale_error", "frame_rate_error"))
     name = frozenset({"scale_error"})
     fitted = search.known[name].fit
     stuck = replace(fitted, p=extended(search.base.fit, fitted.model), residuals=search.base.fit.residuals)

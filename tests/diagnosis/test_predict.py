@@ -72,7 +72,7 @@ def test_a_change_in_time_is_predicted_for_segments_that_end_in_an_impact():
 
 PARAMETERS = {name: effect.parameters for name, effect in catalogue().items()}
 STICKY = catalogue()["adhesion"].apply(world(), [12.0])
-SCALED = catalogue()["scale_error"].apply(world(), [1.15, 0.5, 0.8])
+SCALED = catalogue()["scale_error"].apply(world(), [1.15, 1.0, 0.5, 0.8])
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ SCALED = catalogue()["scale_error"].apply(world(), [1.15, 0.5, 0.8])
         (STICKY, known("adhesion", 12.0)),
         (yielded(STICKY, 0.02), known("adhesion", 12.0)),
         (yielded(world(), 0.04), known()),
-        (SCALED, known("scale_error", 1.15, 0.5, 0.8)),
+        (SCALED, known("scale_error", 1.15, 1.0, 0.5, 0.8)),
     ],
     ids=["blocks that stick", "sticky and yielded", "yielded", "scale"],
 )
@@ -95,7 +95,7 @@ def test_where_one_half_is_diagnosed_the_other_is_predicted(true, found):
 
 def test_a_diagnosed_scale_is_undone_before_the_film_is_judged_and_divided():
     other = film(SCALED, 2, seed=9, duration_s=0.6)
-    base, right = (predict(other, found) for found in (known(), known("scale_error", 1.15, 0.5, 0.8)))
+    base, right = (predict(other, found) for found in (known(), known("scale_error", 1.15, 1.0, 0.5, 0.8)))
     assert np.median(misses(base, other.trajectories)) > 10 * other.position_noise_m
     assert np.median(misses(right, other.trajectories)) < 4 * other.position_noise_m
 

@@ -85,13 +85,21 @@ def test_turning_the_record_by_hand_undoes_camera_tilt(tilt):
 
 @pytest.mark.parametrize("scale", [0.95, 1.04])
 def test_the_corrected_calibration_length_undoes_scale_error(scale):
-    true, poses, text = recorded("scale_error", scale, -0.4, 0.1)
+    true, poses, text = recorded("scale_error", scale, 1.0, -0.4, 0.1)
     assert f"too {'long' if scale > 1 else 'short'}" in text
     seen = STATED.to_pixel(poses[:, :2])
     factor = number("whichever is given there, by {}.", text)
     # distance_m and square_m give metres per pixel in proportion
     tracked = replace(STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text))
     assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
+
+
+def test_different_scales_along_x_and_y_are_undone_in_the_record():
+    true, poses, text = recorded("scale_error", 0.95, 1.012, -0.4, 0.1)
+    assert "differ by 1.2" in text and "metres_per_pixel" not in text
+    centre = np.array(re.search(rf"from \({NUMBER}, {NUMBER}\) m by", text).groups(), float)
+    factors = [number("m by {} along x", text), number("and by {} along y", text)]
+    assert np.allclose(centre + (poses[:, :2] - centre) * factors, true[:, :2], atol=1e-5)
 
 
 @pytest.mark.parametrize("time_scale", [0.9, 1.08])
@@ -201,7 +209,7 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
         "camera_tilt": (-0.035, 0.0, 0.0),
         "geometry_error": (0.05, 0.1),
         "air_drag": (0.05,),
-        "scale_error": (1.04, 0.0, 0.0),
+        "scale_error": (1.04, 1.0, 0.0, 0.0),
         "frame_rate_error": (1.02,),
     }
     found = {n: {"base": SOIL, "parameters": parameters(n, *fitted[n])} for n in names}

@@ -62,11 +62,17 @@ def test_tilt_turns_gravity_in_the_picture():
 def test_scale_and_frame_rate_change_the_gravity_that_is_seen():
     """g as recorded is g × scale × time_scale²: position = scale × true, time = true / time_scale."""
     scale, clock = 1.05, 0.95
-    view = with_effect(with_effect(world(), "scale_error", [scale, 0, 0]), "frame_rate_error", [clock]).view
+    view = with_effect(with_effect(world(), "scale_error", [scale, 1, 0, 0]), "frame_rate_error", [clock]).view
     t = np.linspace(0, 0.2, 30)
     poses = np.column_stack([0 * t, -0.5 * 9.81 * t**2, 0 * t])
     seen = np.polyfit(t / view.time_scale, view.record(poses)[:, 1], 2)[0]
     assert -2 * seen == pytest.approx(9.81 * scale * clock**2, rel=1e-9)
+
+
+def test_a_slanting_view_foreshortens_x_alone():
+    view = with_effect(world(), "scale_error", [1.02, 0.99, 0.0, 0.0]).view
+    steps = np.diff(view.record(np.array([[0.1, 0.2, 0.0], [0.2, 0.2, 0.0], [0.2, 0.3, 0.0]])), axis=0)
+    assert steps == pytest.approx(0.1 * np.array([[1.02 * 0.99, 0, 0], [0, 1.02, 0]]), abs=1e-15)
 
 
 def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():

@@ -202,7 +202,7 @@ def test_blocks_that_only_slide_say_nothing_about_gravity(plain):
 
 @pytest.mark.parametrize("scale", [0.85, 1.15])
 def test_a_scale_that_an_effect_explains_is_a_remark(plain, scale):
-    true = catalogue()["scale_error"].apply(world(), [scale, 0.0, 0.0])
+    true = catalogue()["scale_error"].apply(world(), [scale, 1.0, 0.0, 0.0])
     found = check_film(scaled := film(true, 8, seed=4), load_film(scaled))
     said = re.search(r"lengths would be wrong by a factor ([\d.]+)", " ".join(found.remarks))
     assert not found.faults and "scale_error" in found.suspects

@@ -26,6 +26,7 @@ from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
+from rock2d.diagnosis.linear_model import Screening
 from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
@@ -35,6 +36,8 @@ from rock2d.records.columns import RATES
 
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
 LEAST_CHANCE = 1e-6  # smallest p value
+LARGEST_LUCK = 10.0  # log likelihood that a fit may gain by luck, beyond what a linear model expects of it
+SURE_GAIN = 40.0  # log likelihood from which on luck does not matter
 # gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
 EVEN_RATIO = 0.5
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
@@ -258,7 +261,8 @@ def _evidence_of_member(
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
-            p_chance = max(p_chance, chance_p_value(own_gain.total, np.max(others_chance_gains, axis=0)))
+            gain = gain_beyond_luck(search, name, own_gain.total)
+            p_chance = max(p_chance, chance_p_value(gain, np.max(others_chance_gains, axis=0)))
         p_no_closure = probability_of_no_closure(search, name, learnt, without)
     large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
     rival_z = {
@@ -288,6 +292,17 @@ def _evidence_of_member(
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
         evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
     return evidence, without
+
+
+def gain_beyond_luck(search: Search, name: str, gain: float) -> float:
+    """The gain of a member that chance gains can be compared with. The likelihood of impacts is rugged, so that a fit
+    can find up to LARGEST_LUCK where a linear model, as that of the chance gains, finds nothing."""
+    if gain > SURE_GAIN:
+        return gain
+    best, law = search.best.fit, search.base.fit.p
+    own_p = np.concatenate([law, best.p[best.model.positions[name]]])
+    expected = Screening(search.without(search.best)[name].fit, search.data).expected(search.effects[name], own_p)
+    return min(gain, max(expected.total, gain - LARGEST_LUCK))
 
 
 def beyond_other_law(evidence: Evidence, other_gain: float) -> Evidence:

@@ -11,7 +11,7 @@ import pytest
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.cross_validation import Validated, by_release
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.evidence import probability_of_no_closure
+from rock2d.diagnosis.evidence import LARGEST_LUCK, SURE_GAIN, gain_beyond_luck, probability_of_no_closure
 from rock2d.diagnosis.exploring import explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -58,6 +58,18 @@ def test_two_hidden_effects_are_found_and_measured(two):
     assert found["zone_contrast"][-1] == FACE
     for smaller in two.without(two.best).values():
         assert two.gain(two.best, smaller).significant
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.0006])
+def test_a_small_gain_counts_as_far_as_the_linear_model_expects_it(tilt_rad):
+    """The fit of a true effect gains what the linear model expects. A gain of 8 without an effect can only be luck."""
+    search = tried_alone({"camera_tilt": [tilt_rad, 0.0, 0.0]} if tilt_rad else {}, ("camera_tilt",))
+    search.best = search.alone["camera_tilt"]
+    gain = search.gain(search.best, search.base).total if tilt_rad else 0.8 * LARGEST_LUCK
+    counted = gain_beyond_luck(search, "camera_tilt", gain)
+    assert counted == pytest.approx(gain, rel=0.3) if tilt_rad else counted < 0.3 * gain
+    assert 5.0 < gain < SURE_GAIN
+    assert gain_beyond_luck(search, "camera_tilt", 2.0 * SURE_GAIN) == 2.0 * SURE_GAIN
 
 
 def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():

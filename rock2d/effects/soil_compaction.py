@@ -43,9 +43,9 @@ EFFECT = Effect(
     origin="ground",
     grows=True,
     parameters=(
-        Parameter("rate", "1", 0.0, 0.0, 0.3, "growth of k_l and k_ul with the first release of the same block"),
-        Parameter("excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with the first release of the same block"),
-        Parameter("saturation", "1", 0.0, 0.0, 0.3, "share by which each release slows the growth", optional=True),
+        Parameter("rate", "1", 0.0, 0.0, 0.45, "growth of k_l and k_ul with the first release of the same block"),
+        Parameter("excess", "1", 0.0, -0.03, 0.03, "growth of k_ul / k_l with the first release of the same block"),
+        Parameter("saturation", "1", 0.0, 0.0, 0.45, "share by which each release slows the growth", optional=True),
     ),
     apply=apply,
     remedy=remedy,

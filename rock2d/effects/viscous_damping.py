@@ -50,13 +50,13 @@ EFFECT = Effect(
     origin="impact law",
     # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks, if they penetrate by a tenth of their size
     parameters=(
-        Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass", time=-1),
+        Parameter("rate_1_s", "1/s", 0.0, 0.0, 900.0, "dashpot over the blocks' mean mass", time=-1),
         Parameter(
             "deep_rate_1_s",
             "1/s",
             0.0,
             0.0,
-            6000.0,
+            9000.0,
             "growth of the dashpot down to a depth of one block size, over the mean mass",
             time=-1,
         ),

@@ -220,8 +220,8 @@ def _attribution(search: Search) -> Attribution:
         learnt = without_harmful_changes(data, learnt, search.base)
         if len(data.impacts):
             moving = [frame_of_each_release(learnt.fit, data)]
-            left = gain_left_by_forms(search, best)
-            p_outside = max(p_outside, outside_probability(moving[0], left, MOTIONS))
+            by_forms = gain_left_by_forms(search, best)
+            p_outside = max(p_outside, outside_probability(moving[0], by_forms, MOTIONS))
     candidates = {
         name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)
         for name, own in search.alone.items()

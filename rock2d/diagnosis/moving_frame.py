@@ -50,24 +50,25 @@ def frame_of_each_release(fit: Fit, data: FilmData) -> Dependence:
 
 
 class _Moved(NamedTuple):
-    """Impacts of `count` releases that a motion of the frame can change.
+    """Impacts that a motion of the frame can change.
 
     Attributes
     ----------
     r, covariance, columns : (n, d), (n, d, d), (n, d, 2) residuals, their covariances, and derivatives by the motion
-    release : (n,)"""
+    release : (n,)
+    releases : their number"""
 
     r: Array
     covariance: Array
     columns: Array
     release: Array
-    count: int
+    releases: int
 
     @classmethod
     def of(cls, fit: Fit, data: FilmData, columns: Array) -> _Moved:
         """The impacts of a fit that can be simulated."""
-        own, count = chi_square(fit.residuals.impacts, fit.covariance()) < LARGEST_CHI_SQUARE, len(data.order)
-        return cls(fit.residuals.impacts[own], fit.covariance()[own], columns[own], data.impact_release[own], count)
+        own, releases = chi_square(fit.residuals.impacts, fit.covariance()) < LARGEST_CHI_SQUARE, len(data.order)
+        return cls(fit.residuals.impacts[own], fit.covariance()[own], columns[own], data.impact_release[own], releases)
 
     def left(self, motion: Array) -> Array:
         """(n, d) residuals with a motion (releases, 2)."""
@@ -76,7 +77,7 @@ class _Moved(NamedTuple):
     def motions(self, precision: float) -> tuple[Array, Array]:
         """(releases, 2) most probable motions under a normal prior, by reweighted least squares, and (releases, 2, 2)
         the curvature of the likelihood."""
-        motion, curvature = np.zeros((self.count, 2)), np.zeros((self.count, 2, 2))
+        motion, curvature = np.zeros((self.releases, 2)), np.zeros((self.releases, 2, 2))
         pulled = np.linalg.solve(self.covariance, self.columns)
         for _ in range(STEPS):
             weight = impact_weight(chi_square(self.left(motion), self.covariance), self.r.shape[1])
@@ -87,7 +88,7 @@ class _Moved(NamedTuple):
 
     def common_gain(self) -> float:
         """Gain in log likelihood of a motion that all releases share."""
-        alone = self._replace(release=np.zeros_like(self.release), count=1)
+        alone = self._replace(release=np.zeros_like(self.release), releases=1)
         return float(alone.gain(alone.motions(TRIED_SIZES[-1] ** -2.0)[0]).sum())
 
     def gain(self, motion: Array) -> Array:
@@ -103,7 +104,7 @@ class _Moved(NamedTuple):
 
     def _summed(self, each: Array) -> Array:
         """(releases, ...) sums of values (n, ...) of the impacts."""
-        total = np.zeros((self.count, *each.shape[1:]))
+        total = np.zeros((self.releases, *each.shape[1:]))
         np.add.at(total, self.release, each)
         return total
 

@@ -67,7 +67,7 @@ def _moving_frame(content: Mapping[str, Any]) -> list[str]:
     return [
         "In each release the picture lies or slides in another way against the ground. Look at a fixed mark in the "
         "film of each release. If it moves, subtract its motion from the record, and fix the camera before the next "
-        "film. If it does not, the ground moves."
+        "film. If it does not, the ground moves, or the blocks are not of one size."
     ]
 
 

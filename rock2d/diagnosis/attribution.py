@@ -337,13 +337,11 @@ def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Dependence]:
 
 def _regressions(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:
     """Flexible regressions of the residuals of the base, the best set, and the model with the learnt changes."""
-    base, data = search.base, search.data
-    setup, covariance = base.fit.model.setup, final.fit.covariance()
-    of_base = regress(setup, data, base.held_out.residuals, covariance)
-    of_best = regress(setup, data, final.held_out.residuals, covariance)
-    known = {id(base.fit): of_base, id(final.fit): of_best}
-    left = known.get(id(learnt.fit)) or regress(setup, data, learnt.held_out.residuals, covariance)
-    return [of_base, of_best, left]
+    setup, covariance = search.base.fit.model.setup, final.fit.covariance()
+    models = {id(model.fit): model for model in (search.base, final, learnt)}
+    jobs = [(setup, model.held_out.residuals, covariance) for model in models.values()]
+    of_fit = {list(models)[k]: found for k, found in search.processes.as_finished(regress, jobs)}
+    return [of_fit[id(model.fit)] for model in (search.base, final, learnt)]
 
 
 def _chain(search: Search, best: Validated, candidates: Mapping[str, Candidate]) -> list[Candidate]:

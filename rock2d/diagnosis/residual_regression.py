@@ -34,7 +34,7 @@ class RegressedResiduals:
     flights_remaining: Array
 
 
-def regress(world: World, data: Data, residuals: Residuals, covariance: Array) -> RegressedResiduals:
+def regress(data: Data, world: World, residuals: Residuals, covariance: Array) -> RegressedResiduals:
     """Predict residuals of impacts and flights from their features in a world."""
     impacts = clipped(residuals.impacts / standard_deviations(covariance))
     flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(len(residuals.flights), 3 * FLIGHT_DEGREES)

@@ -75,7 +75,8 @@ class Attribution:
     probabilities : probabilities of the single answers: the effects, "none" and "unknown"
     evidence : evidence for each effect that was in a best set, including those that are not named
     outside : probability that something outside the catalogue acts
-    unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
+    unexplained : significant dependences in the residuals of the last model of the chain, and a frame that moves in
+        each release beside what is learnt, the strongest first
     learnt : the changes learnt with the named effects; with further effects if that predicts better (`uncertain`)
     learnt_regressed : flexible regression of the residuals of the model with the learnt changes
     named : the effects that are named, all of them in the chain; there may be none
@@ -214,14 +215,11 @@ def _attribution(search: Search) -> Attribution:
     data = search.data
     evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
-    p_outside = max(_outside_probability(search, (of_final, of_first)), unexplained_probability(evidence))
-    learnt, moving = best_predicting(data, of_final.learnt, of_first.learnt), list[Dependence]()
+    moving = [frame_of_each_release(model.learnt.fit, data) for model in (of_final, of_first)]
+    p_outside = max(_outside_probability(search, (of_final, of_first), moving), unexplained_probability(evidence))
+    learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
-        if len(data.impacts):
-            moving = [frame_of_each_release(learnt.fit, data)]
-            by_forms = gain_left_by_forms(search, best)
-            p_outside = max(p_outside, outside_probability(moving[0], by_forms, MOTIONS))
     candidates = {
         name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -234,7 +232,7 @@ def _attribution(search: Search) -> Attribution:
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         sorted(
             (
-                d for d in [*moving, *_dependences(chain[-1].fit, learnt, data)]
+                d for d in [*moving[:1], *_dependences(chain[-1].fit, learnt, data)]
                 if d.significance > SIGNIFICANT_DEPENDENCE_Z
             ),
             key=lambda d: -d.total,
@@ -243,20 +241,22 @@ def _attribution(search: Search) -> Attribution:
     )  # fmt: skip
 
 
-def _outside_probability(search: Search, models: Sequence[WeighedSet]) -> float:
-    """Probability that something outside the catalogue acts: the smallest over models. Models that explain much less
-    than the best one do not count. What is learnt as a part of a cause that is named is not outside."""
+def _outside_probability(search: Search, models: Sequence[WeighedSet], moving: Sequence[Dependence]) -> float:
+    """Probability that something outside the catalogue acts: the smallest over models, of which each has its frame that
+    is `moving` in each release. Models that explain much less than the best one do not count. What is learnt as a part
+    of a cause that is named is not outside."""
     data, permanent_is_named = search.data, search.best.names & PERMANENT.keys()
     explained = [held_out_gain(data, model.learnt, search.base).total for model in models]
     probabilities = []
-    for model, total in zip(models, explained, strict=True):
+    for model, frame, total in zip(models, moving, explained, strict=True):
         if total < LEAST_EXPLAINED_SHARE * max(explained):
             continue
         left = gain_left_by_forms(search, model.cause_set)
         if permanent_is_named:
             left += FORM_SHARE * max(held_out_gain(data, model.permanent, model.cause_set).total, 0.0)
         known = model.permanent if permanent_is_named else model.cause_set
-        probabilities.append(outside_probability(held_out_gain(data, model.learnt, known), left))
+        of_learnt = outside_probability(held_out_gain(data, model.learnt, known), left)
+        probabilities.append(max(of_learnt, outside_probability(frame, left, MOTIONS)))
     return min(probabilities)
 
 

@@ -12,7 +12,8 @@ from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import inclusion_probabilities
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.levers import FLIGHT
+from rock2d.diagnosis.learnt import Change
+from rock2d.diagnosis.levers import FLIGHT, Dependence
 from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.significance import SummedGain
@@ -264,12 +265,13 @@ def _common_quantity(name: str, parameters: dict[str, dict[str, Any]]) -> dict[s
 def _outside_json(attribution: Attribution, budget: Budget) -> dict[str, Any]:
     """The part of the gap that depends on measured quantities, but is in no cause."""
     changes = attribution.learnt.changes
-    names = [change.basis.name for change in changes] + [d.basis.name for d in attribution.unexplained]
+    dependences: list[Change | Dependence] = [*changes, *attribution.unexplained]
+    dependences.sort(key=lambda dependence: -dependence.total)
     return {
         "p": attribution.outside,
         "share": budget.outside.closes,
         "share_ci95": list(budget.outside.ci95),
-        "depends_on": list(dict.fromkeys(names)),
+        "depends_on": list(dict.fromkeys(d.basis.name for d in dependences)),
         "learnt": {
             "closes": budget.closed_by_learnt.closes,
             "closes_ci95": list(budget.closed_by_learnt.ci95),

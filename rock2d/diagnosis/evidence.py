@@ -27,6 +27,7 @@ from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.linear_model import Screening
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
@@ -299,8 +300,8 @@ def gain_beyond_luck(search: Search, name: str, gain: float) -> float:
     can find up to LARGEST_LUCK where a linear model, as that of the chance gains, finds nothing."""
     if gain > SURE_GAIN:
         return gain
-    best, law = search.best.fit, search.base.fit.p
-    own_p = np.concatenate([law, best.p[best.model.positions[name]]])
+    best = search.best.fit
+    own_p = np.concatenate([best.p[: len(BASE_WIDTH)], best.p[best.model.positions[name]]])
     expected = Screening(search.without(search.best)[name].fit, search.data).expected(search.effects[name], own_p)
     return min(gain, max(expected.total, gain - LARGEST_LUCK))
 

@@ -1,4 +1,4 @@
-"""A frame that moves in another way in each release: a camera that slides or is touched, or ground that gives way.
+"""A frame that moves differently in each release: a camera that slides or is touched, or ground that gives way.
 
 Over the releases such motions can cancel, so no dependence on measured quantities shows them. But they move all impacts
 of a release together. Each release has a motion of its own, whose components are normal with mean 0 and a common
@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
-from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FRAME, Dependence, Levers
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE, chi_square, impact_weight, log_likelihood
@@ -24,27 +24,30 @@ from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, POSITION, VX, X
 RELEASE = Basis("release", ())  # what such a motion depends on
 TRIED_SIZES = np.geomspace(1e-4, 1.0, 17)  # standard deviations, in half block sizes, or these per √(half size / g)
 STEPS = 10  # of reweighted least squares for the motions
-SMALLEST_GAIN = 1.0  # log likelihood; a smaller gain counts as this where shares of it are compared
+LARGEST_COMMON_SHARE = 0.5  # share of the gain that one motion of all releases may gain
 MOTIONS = 2  # tried: a shift and a slide
 
 
-def frame_of_each_release(fit: Fit, data: FilmData) -> Dependence:
-    """The gain of a shift or a slide, along x and y, that is another one in each release; the larger of the two.
+def frame_of_each_release(fit: Fit, data: Data) -> Dependence:
+    """The gain of a shift or a slide, along x and y, that differs from release to release; the larger of the two.
 
-    It counts as far as a motion that all releases share does not gain as much: that is a ground at another place.
+    It is 0 if one motion of all releases gains half as much: that is a ground at another place; and for an impact table
+    and a law that is not fitted.
     The dependence's `width` is the standard deviation that gains most, in the units of `TRIED_SIZES`."""
+    if not (fit.free and isinstance(data, FilmData) and len(data.impacts)):
+        return Dependence(FRAME, RELEASE, np.zeros(len(data.order)), 0.0)
     levers, found = Levers(fit, data), list[Dependence]()
     units = state_units(levers.world)
-    time = levers.impact_quantities[TIME_S] * units[VX] / units[X]
+    time = levers.impact_quantities[TIME_S][:, None, None]
     for slides in (False, True):
         motion = np.zeros((len(time), N_STATE, 2))
-        motion[:, POSITION] = (time[:, None, None] if slides else 1.0) * units[X] * np.eye(2)
+        motion[:, POSITION] = (time * units[VX] if slides else units[X]) * np.eye(2)
         motion[:, LINEAR_VELOCITY] = slides * units[VX] * np.eye(2)
         moved = _Moved.of(fit, data, levers.columns(levers.moved(motion)).impacts)
         gain = np.array([moved.marginal_gain(sd) for sd in TRIED_SIZES])
         total = gain.sum(axis=1)
-        beyond = max(1.0 - moved.common_gain() / max(total.max(), SMALLEST_GAIN), 0.0)
-        gain = beyond * _of_other_releases(gain, folds(data))
+        differs = moved.common_gain() < LARGEST_COMMON_SHARE * total.max()
+        gain = differs * _of_other_releases(gain, folds(data))
         found.append(Dependence(FRAME, RELEASE, gain, float(TRIED_SIZES[total.argmax()])))
     return max(found, key=lambda dependence: dependence.total)
 
@@ -67,8 +70,9 @@ class _Moved(NamedTuple):
     @classmethod
     def of(cls, fit: Fit, data: FilmData, columns: Array) -> _Moved:
         """The impacts of a fit that can be simulated."""
-        own, releases = chi_square(fit.residuals.impacts, fit.covariance()) < LARGEST_CHI_SQUARE, len(data.order)
-        return cls(fit.residuals.impacts[own], fit.covariance()[own], columns[own], data.impact_release[own], releases)
+        r, covariance = fit.residuals.impacts, fit.covariance()
+        own = chi_square(r, covariance) < LARGEST_CHI_SQUARE
+        return cls(r[own], covariance[own], columns[own], data.impact_release[own], len(data.order))
 
     def left(self, motion: Array) -> Array:
         """(n, d) residuals with a motion (releases, 2)."""
@@ -97,7 +101,9 @@ class _Moved(NamedTuple):
         return self._summed(after - before)
 
     def marginal_gain(self, sd: float) -> Array:
-        """(releases,) gain in log marginal likelihood of motions with this standard deviation."""
+        """(releases,) gain in log marginal likelihood of motions with this standard deviation.
+
+        The weights of the likelihood count as constant in its curvature, so the gain is a little too small."""
         motion, curvature = self.motions(sd**-2.0)
         volume = np.linalg.slogdet(np.eye(2) + sd**2 * curvature)[1]
         return np.asarray(self.gain(motion) - 0.5 * (motion**2).sum(axis=1) / sd**2 - 0.5 * volume)

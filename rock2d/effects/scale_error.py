@@ -1,6 +1,7 @@
 """Metres per pixel are off, along x and y alike or, if the camera looks aslant, a little more along one of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
-CLEAR_ASPECT = 2.0  # half widths of its interval from which on different scales along x and y are corrected
+CLEAR_ASPECT = 2.0  # about four standard errors, from which on different scales along x and y are corrected
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -24,7 +25,10 @@ def remedy(fitted: FittedEffect) -> str:
     along_y, aspect = fitted.values["scale"], fitted.values["aspect"]
     x, y = (plain(place) for place in fitted.world().view.axis_m)
     (of_x, of_y), (width_x, width_y) = fitted.propagated(lambda world: 1.0 / world.view.scales)
-    again = "Measure the calibration length again, in the plane of motion: a nearer one gives too short lengths."
+    again = (
+        "Measure the calibration length again, in the plane of motion: one nearer to the camera gives too short "
+        "lengths."
+    )
     if abs(aspect - 1.0) > CLEAR_ASPECT * fitted.half.get("aspect", np.inf):
         scaled = (
             f"Multiply the distance of every position from ({x}, {y}) m by {plain(of_x, width_x)} along x and by "
@@ -35,6 +39,8 @@ def remedy(fitted: FittedEffect) -> str:
             "of motion at a right angle, or its pixels are not square. No key of the set-up file corrects this. "
             f"{scaled}, and the velocities by the same factors. Turn the camera before the next film. {again}"
         )
+    fitted = replace(fitted, values={**fitted.values, "aspect": 1.0}, half={**fitted.half, "aspect": 0.0})
+    (_, of_y), (_, width_y) = fitted.propagated(lambda world: 1.0 / world.view.scales)
     way = "long" if along_y > 1 else "short"
     scaled = f"multiply the distance of every position from ({x}, {y}) m by {plain(of_y, width_y)}"
     return (
@@ -58,7 +64,7 @@ EFFECT = Effect(
     origin="camera",
     parameters=(
         Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length along y over true length"),
-        Parameter("aspect", "1", 1.0, 0.97, 1.03, "scale along x over the scale along y", optional=True),
+        Parameter("aspect", "1", 1.0, 0.9, 1.1, "scale along x over the scale along y", optional=True),
         *AIM_PARAMETERS,
     ),
     apply=apply,

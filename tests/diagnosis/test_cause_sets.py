@@ -69,6 +69,7 @@ def test_a_small_gain_counts_as_far_as_the_linear_model_expects_it(tilt_rad):
     counted = gain_beyond_luck(search, "camera_tilt", gain)
     assert counted == pytest.approx(gain, rel=0.3) if tilt_rad else counted < 0.3 * gain
     assert 5.0 < gain < SURE_GAIN
+    assert tilt_rad or gain_beyond_luck(search, "camera_tilt", 3.0 * LARGEST_LUCK) == 2.0 * LARGEST_LUCK
     assert gain_beyond_luck(search, "camera_tilt", 2.0 * SURE_GAIN) == 2.0 * SURE_GAIN
 
 

@@ -228,6 +228,21 @@ def test_effects_beside_an_unknown_cause_are_named_if_they_close_a_part_of_the_g
     assert first.startswith("Do not correct anything") != named
 
 
+@pytest.mark.parametrize(("verdict", "p"), [("unknown", 0.9), ("air_drag", 0.9), ("unknown", 0.2)])
+def test_a_frame_that_moves_in_each_release_sends_the_user_to_a_fixed_mark(verdict, p):
+    own = content(verdict) | {"outside": {"p": p, "share": 0.0, "depends_on": ["release"], "learnt": None}}
+    assert any("fixed mark" in line for line in what_to_do(own, EXPERIMENT)) == (p > 0.5)
+
+
+def test_a_scale_whose_aspect_is_not_clear_is_one_scale():
+    """An aspect within its interval changes neither the factor nor the origin that are to be set."""
+    fits = [
+        {"base": SOIL, "parameters": {"scale_error": parameters("scale_error", 1.04, aspect, 0.1, 0.2, half=0.01)}}
+        for aspect in (1.0, 1.005)
+    ]
+    assert len({instruction("scale_error", fit, EXPERIMENT) for fit in fits}) == 1
+
+
 @pytest.mark.parametrize("verdict", ["none", "unknown"])
 def test_without_a_cause_nothing_is_corrected(verdict):
     lines = what_to_do(content(verdict), EXPERIMENT)

@@ -61,13 +61,14 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
 
 
 def _moving_frame(content: Mapping[str, Any]) -> list[str]:
-    """A sentence on a frame that moves otherwise in each release, if it does."""
-    if RELEASE.name not in (content.get("outside") or {"depends_on": []})["depends_on"]:
+    """A sentence on a frame that moves differently in each release, if something outside the catalogue acts so."""
+    outside = content.get("outside")
+    if outside is None or outside["p"] < LEAST_PROBABILITY or RELEASE.name not in outside["depends_on"]:
         return []
     return [
-        "In each release the picture lies or slides in another way against the ground. Look at a fixed mark in the "
-        "film of each release. If it moves, subtract its motion from the record, and fix the camera before the next "
-        "film. If it does not, the ground moves, or the blocks are not of one size."
+        "In each release the picture lies or slides differently against the ground. Look at a fixed mark in the film "
+        "of each release. If it moves, subtract its motion from the record, and fix the camera before the next film. "
+        "If it does not, the ground moves, or the blocks are not of one size."
     ]
 
 
@@ -115,6 +116,7 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
         lines += [
             _rivals_sentence(content, name) + instruction(name, content["beside"][-1], experiment) for name in beside
         ]
+    lines += _moving_frame(content)
     if not all(catalogue()[name].camera for name in (verdict, *beside)):
         lines.append(
             "Until then, `rock2d predict OTHER --diagnosis diagnosis.json --out predictions.csv` predicts other "

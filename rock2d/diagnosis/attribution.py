@@ -215,8 +215,9 @@ def _attribution(search: Search) -> Attribution:
     data = search.data
     evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
-    moving = [frame_of_each_release(model.learnt.fit, data) for model in (of_final, of_first)]
-    p_outside = max(_outside_probability(search, (of_final, of_first), moving), unexplained_probability(evidence))
+    models = [of_final] if of_first is of_final else [of_final, of_first]
+    moving = [frame_of_each_release(model.learnt.fit, data) for model in models]
+    p_outside = max(_outside_probability(search, models, moving), unexplained_probability(evidence))
     learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
@@ -227,16 +228,11 @@ def _attribution(search: Search) -> Attribution:
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
     of_base, of_best, left = _regressions(search, chain[-1], learnt)
+    dependences = sorted([moving[0], *_dependences(chain[-1].fit, learnt, data)], key=lambda d: -d.total)
     return Attribution(
         search.base, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        sorted(
-            (
-                d for d in [*moving[:1], *_dependences(chain[-1].fit, learnt, data)]
-                if d.significance > SIGNIFICANT_DEPENDENCE_Z
-            ),
-            key=lambda d: -d.total,
-        ),
+        [d for d in dependences if d.significance > SIGNIFICANT_DEPENDENCE_Z],
         learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
 

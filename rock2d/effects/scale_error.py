@@ -11,7 +11,8 @@ from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
-CLEAR_ASPECT = 2.0  # about four standard errors, from which on different scales along x and y are corrected
+# Half widths of its interval (about four standard errors) from which on different scales along x and y are corrected.
+CLEAR_ASPECT = 2.0
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -22,14 +23,16 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """Correct the calibration length, or the record; only the record if the scales along x and y differ."""
-    along_y, aspect = fitted.values["scale"], fitted.values["aspect"]
+    uneven = abs(fitted.values["aspect"] - 1.0) > CLEAR_ASPECT * fitted.half.get("aspect", np.inf)
+    if not uneven:
+        fitted = replace(fitted, values={**fitted.values, "aspect": 1.0}, half={**fitted.half, "aspect": 0.0})
     x, y = (plain(place) for place in fitted.world().view.axis_m)
     (of_x, of_y), (width_x, width_y) = fitted.propagated(lambda world: 1.0 / world.view.scales)
     again = (
         "Measure the calibration length again, in the plane of motion: one nearer to the camera gives too short "
         "lengths."
     )
-    if abs(aspect - 1.0) > CLEAR_ASPECT * fitted.half.get("aspect", np.inf):
+    if uneven:
         scaled = (
             f"Multiply the distance of every position from ({x}, {y}) m by {plain(of_x, width_x)} along x and by "
             f"{plain(of_y, width_y)} along y"
@@ -39,9 +42,7 @@ def remedy(fitted: FittedEffect) -> str:
             "of motion at a right angle, or its pixels are not square. No key of the set-up file corrects this. "
             f"{scaled}, and the velocities by the same factors. Turn the camera before the next film. {again}"
         )
-    fitted = replace(fitted, values={**fitted.values, "aspect": 1.0}, half={**fitted.half, "aspect": 0.0})
-    (_, of_y), (_, width_y) = fitted.propagated(lambda world: 1.0 / world.view.scales)
-    way = "long" if along_y > 1 else "short"
+    way = "long" if fitted.values["scale"] > 1 else "short"
     scaled = f"multiply the distance of every position from ({x}, {y}) m by {plain(of_y, width_y)}"
     return (
         f"The calibration length is stated {_off(fitted, 'scale')} too {way}: what is stated as 1 m is "

@@ -1,4 +1,4 @@
-"""A camera that moves in another way in each release: it has no mean, but moves all impacts of a release together."""
+"""A camera that moves differently in each release: it has no mean, but moves all impacts of a release together."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def test_neither_noise_nor_a_soil_that_varies_over_the_releases_is_a_moving_fram
 
 
 @pytest.mark.parametrize(("shift_m", "slide_m_s"), [(SHIFT_M, 0.0), (0.0, SLIDE_M_S)], ids=["shift", "slide"])
-def test_a_camera_that_moves_otherwise_in_each_release_is_something_outside(steady, shift_m, slide_m_s):
+def test_a_camera_that_moves_differently_in_each_release_is_something_outside(steady, shift_m, slide_m_s):
     data, fitted = base_fit(moved(steady, shift_m, slide_m_s))
     found = frame_of_each_release(fitted, data)
     assert found.name == "frame of release" and found.significance > 3.0

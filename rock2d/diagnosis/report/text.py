@@ -144,8 +144,9 @@ def _outside_sentence(content: Mapping[str, Any]) -> str:
     if found is None or found["p"] < NAMED_PROBABILITY:
         return ""
     dependence = f" It depends on the {found['depends_on'][0]}." if found["depends_on"] else ""
-    share = f", with {share} % of the gap" if (share := round(100 * found["share"])) else ""
-    return f" Something outside the catalogue acts too (probability {percent(found['p'])}){share}.{dependence}"
+    share = round(100 * found["share"])
+    part = f", with {share} % of the gap" if share else ""
+    return f" Something outside the catalogue acts too (probability {percent(found['p'])}){part}.{dependence}"
 
 
 def explained_part(content: Mapping[str, Any]) -> str:

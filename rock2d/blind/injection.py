@@ -16,24 +16,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.diagnosis.data import turned
 from rock2d.diagnosis.known_causes import with_cause
 from rock2d.diagnosis.model import Model
 from rock2d.effects.effect import Effect
-from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
+from rock2d.engines.batch import run_world
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, move_freely
-from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, TIME
+from rock2d.kinematics.turned_ground import approach_s, run_on_turned_ground
+from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
 Worlds = Callable[[Array], tuple[World, World]]
 
 COUNTED_IMPACTS = 16  # largest number of impacts of a stretch whose instants are compared
-APPROACH = 0.3  # time before and after an impact with a turned ground, in √(radius / g)
 END_MARGIN_S = 1e-9  # so that the simulation includes the last frame
 # Frames by which an impact of the model, with or without the cause, may lie inside a flight of the record. It looks
 # like a longer contact if no flight could be seen in between.
@@ -199,41 +198,18 @@ class _Motion(NamedTuple):
 def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit_s: Array) -> _Motion:
     """Simulate from states (n, 6) of the tracked point to the end `limit_s` (n,); poses at the instants (n, k)."""
     starts = states_at(tracked, _offsets(world, block))
-    ensemble, tables = world_ensemble(world)
-
-    def run(start: Array, limit: Array, **more: Any) -> BatchResult:
-        return run_batch(
-            ensemble, start, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limit, impact_room=COUNTED_IMPACTS, **more,
-        )  # fmt: skip
-
-    first_run = run(starts, limit_s, times_s=times_s)
-    samples, last, impacts = (first_run.samples, first_run.ends[:, INSTANT_STATE], first_run.impacts[..., I_TIME])
-    slope = np.broadcast_to(world.slope_rad, len(block))
-    if slope.any():
-        # A ground that is turned at the first impact is equivalent to the stated ground with the motion turned the
-        # other way, from shortly before the impact until the block is clear of its indentation.
-        radius, touch = np.array([b.radius_m for b in world.blocks.values()])[block], first_run.impacts[:, 0]
-        hit, margin = np.isfinite(touch[:, I_TIME]), APPROACH * np.sqrt(radius / world.gravity_m_s2)
-        back = np.where(hit, np.minimum(margin, touch[:, I_TIME]), 0.0)
-        pivot, begin = (np.where(hit[:, None], touch[:, BEFORE], last), np.where(hit, touch[:, I_TIME] - back, np.inf))
-        near = turned(move_freely(world, block, pivot, -back), pivot, -slope)
-        left = np.where(hit, limit_s - begin, 0.0)
-        left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + margin)
-        since = np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0)
-        during = run(near, left, times_s=since)
-        left = begin + left
-        after = turned(during.ends[:, INSTANT_STATE], pivot, slope)
-        onward = run(
-            after, np.where(hit, np.maximum(limit_s - left, 0.0), 0.0),
-            times_s=np.maximum(times_s - np.where(hit, left, 0.0)[:, None], 0.0),
-        )  # fmt: skip
-        within = turned(during.samples, pivot[:, None], slope[:, None])
-        late = times_s[..., None] >= left[:, None, None]
-        samples = np.where(times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within))
-        last = np.where(hit[:, None], onward.ends[:, INSTANT_STATE], last)
-        instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
-        impacts = np.where(hit[:, None], np.hstack(instants), np.nan)
+    flat = run_world(world, starts, block, time_limit_s=limit_s, times_s=times_s, impact_room=COUNTED_IMPACTS)
+    samples, last, impacts = flat.samples, flat.ends[:, INSTANT_STATE], flat.impacts[..., I_TIME]
+    touch = flat.impacts[:, 0]
+    if world.slope_rad.any() and (hit := np.isfinite(touch[:, I_TIME])).any():
+        back = np.minimum(approach_s(world, block), touch[:, I_TIME])
+        begin = np.where(hit, touch[:, I_TIME] - back, limit_s)
+        near = move_freely(world, block, np.where(hit[:, None], touch[:, BEFORE], last), np.where(hit, -back, 0.0))
+        since = np.maximum(times_s - begin[:, None], 0.0)
+        run = run_on_turned_ground(world, block, near, limit_s - begin, since, impact_room=COUNTED_IMPACTS)
+        samples = np.where((times_s < begin[:, None])[..., None], samples, run.samples)
+        last = np.where(hit[:, None], run.ends, last)
+        impacts = np.where(hit[:, None], begin[:, None] + run.impacts_s, np.nan)
     return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)
 
 

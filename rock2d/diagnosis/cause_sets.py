@@ -335,8 +335,7 @@ class Reduction:
         kept[before.model.positions[self.name]] = False
         for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
             scatter[k] = effect.name != self.name
-        p, slope = before.p[kept], before.jacobian.only(kept)
-        slope.scatter = slope.scatter[..., scatter]
+        p, slope = before.p[kept], before.jacobian.only(kept).scattered_by(scatter)
         # noise and derivatives of the fit before are near those of the new one
         old = replace(before, model=model, p=p, scatter=before.scatter[scatter], jacobian=slope)
         return fit(model, data, p, old=old)

@@ -25,6 +25,7 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, FlightPairs, ImpactTable, ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, States, move_freely
+from rock2d.kinematics.turned_ground import run_on_turned_ground
 from rock2d.records.columns import (
     AFTER,
     BEFORE,
@@ -314,9 +315,12 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     possible = np.isfinite(starts).all(axis=1)
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     limits = times_s[:, -1] + 1e-9
-    samples = run_world(
-        world, starts, impacts.block, time_limit_s=limits, times_s=times_s, step_fraction=step_fraction
-    ).samples
+    if world.slope_rad.any():
+        samples = run_on_turned_ground(world, impacts.block, starts, limits, times_s, step_fraction).samples
+    else:
+        samples = run_world(
+            world, starts, impacts.block, time_limit_s=limits, times_s=times_s, step_fraction=step_fraction
+        ).samples
     samples[~possible] = np.nan
     return samples
 
@@ -331,16 +335,8 @@ def _outcome_differences(
     if shift is not None:
         starts = starts + shift
     moments = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
-    pivot = None
-    if world.slope_rad.any():
-        # a ground with this additional slope is equivalent to the stated ground with the motion turned the other way
-        after = move_freely(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
-        pivot = after[:, POSITION]
-        starts = turned(starts, pivot, -world.slope_rad)
     instants = (impacts.wait_s[:, None] + moments) * scale
     simulated = _simulated_poses(world, impacts, starts, instants, step_fraction)
-    if pivot is not None:
-        simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
     measured = move_freely(
         world,
         np.repeat(impacts.block, COMPARED_INSTANTS),
@@ -356,19 +352,6 @@ def _outcome_differences(
         *ground_axes(impacts.tangent, level[:, POSITION]), level[:, THETA],
         *ground_axes(impacts.tangent, rate[:, POSITION]), rate[:, THETA],
     ])  # fmt: skip
-
-
-def turned(states: Array, pivot: Array, angle: Array) -> Array:
-    """States or poses (..., 3 or 6) turned about a pivot (..., 2)."""
-    out = states.copy()
-    c, s = np.cos(angle), np.sin(angle)
-    dx, dy = states[..., X] - pivot[..., X], states[..., Y] - pivot[..., Y]
-    out[..., X], out[..., Y] = pivot[..., X] + c * dx - s * dy, pivot[..., Y] + s * dx + c * dy
-    out[..., THETA] += angle
-    if states.shape[-1] == N_STATE:
-        vx, vy = states[..., VX], states[..., VY]
-        out[..., VX], out[..., VY] = c * vx - s * vy, s * vx + c * vy
-    return out
 
 
 Data = FilmData | TableData

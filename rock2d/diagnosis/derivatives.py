@@ -9,6 +9,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, Model, choice_positions, from_scale, scatter_positions
+from rock2d.effects.effect import Effect
 from rock2d.records.columns import N_STATE
 
 DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
@@ -22,13 +23,20 @@ class Jacobian:
     ----------
     impacts : (n, d, P) of impacts by parameters
     flights : (m, 3, degrees, P) of flights by parameters
-    scatter : (n, d, k) of impacts by the soil's scatter
+    scatter : (n, d, k) of impacts by what scatters from impact to impact: the soil, and effects that widen the scatter
+    bend : (n, d, k) second order of the same, which adds a variance (bend σ²)² at a standard deviation σ; 0 for the
+        soil, whose second order is part of `covariance`
     covariance : (n, d, d) of the measurement noise in the residuals of impacts"""
 
     impacts: Array
     flights: Array
     scatter: Array
+    bend: Array
     covariance: Array
+
+    def scattered_by(self, columns: Array) -> Jacobian:
+        """The same derivatives with some of the columns of `scatter` and `bend`."""
+        return replace(self, scatter=self.scatter[..., columns], bend=self.bend[..., columns])
 
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
@@ -51,7 +59,7 @@ def jacobian_by_differences(
     Parameters
     ----------
     at : residuals at p
-    soil : (k,) scatter at which the covariance of the noise is computed
+    soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
     covariance : covariance of the noise, if known
     known : derivatives by the first parameters at p, if known"""
     (n, d), size = at.impacts.shape, model.size
@@ -73,19 +81,31 @@ def jacobian_by_differences(
         parts = [by_levers.by_coefficients(response) for response in model.responses]
         by_impacts[..., named:] = np.concatenate([part.impacts for part in parts], axis=-1) * model.widths
         by_flights[..., named:] = np.concatenate([part.flights for part in parts], axis=-1) * model.widths
-    columns = [by_law]
-    for i, effect in enumerate(model.effects):
-        if effect.scatter:  # derivative by an equal amount at every impact
-            amounts = [list(v) for v in model.values(p)]
-            amounts[i] = [from_scale(model.parameters[i][0], DIFFERENCE_STEP)]
-            moved = model.residuals(p, data, amounts=amounts)
-            columns.append(((moved.impacts - at.impacts) / DIFFERENCE_STEP)[..., None])
-    scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
+    columns, bends, further = [by_law], [np.zeros_like(by_law)], data.extra_scatter()
+    for effect, sigma in zip(model.scatter_effects, soil[len(BASE_WIDTH) :], strict=False):
+        slope, bend = _by_scatter(model, p, data, at, effect, max(sigma, DIFFERENCE_STEP))
+        columns.append(slope)
+        bends.append(bend)
+    scatter = np.nan_to_num(np.concatenate([*columns, further], axis=-1))
+    bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
     if covariance is None and not n:
         covariance = data.outcome_noise()
     elif covariance is None:
         covariance = _noise_covariance(model, p, data, at, soil)
-    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
+    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, bend, covariance)
+
+
+def _by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
+    """Columns (n, d, 1) of `Jacobian.scatter` and `Jacobian.bend` for an effect, from equal amounts at every impact of
+    √3 times `sigma` on either side: these and 0 are the nodes of a Gauss-Hermite quadrature."""
+    i, step, sides = list(model.effects).index(effect), np.sqrt(3.0) * sigma, []
+    for amount in (step, -step):
+        amounts = [list(v) for v in model.values(p)]
+        amounts[i] = [from_scale(model.parameters[i][0], amount)]
+        sides.append(model.residuals(p, data, amounts=amounts).impacts)
+    ahead, behind = sides
+    bend = np.sqrt(2.0) * (ahead + behind - 2.0 * at.impacts) / (2.0 * step**2)
+    return ((ahead - behind) / (2.0 * step))[..., None], bend[..., None]
 
 
 def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
@@ -121,5 +141,15 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
 
 def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
     """(n, d, d) covariances at standard deviations `scatter` (k,) of the soil."""
-    wide = jacobian.scatter * scatter
+    columns, owner, order = scatter_columns(jacobian)
+    wide = columns * scatter[owner] ** order
     return jacobian.covariance + wide @ wide.transpose(0, 2, 1)
+
+
+def scatter_columns(jacobian: Jacobian) -> tuple[Array, Array, Array]:
+    """Columns (n, d, c) of first and second order that are not 0 everywhere, the standard deviation that each belongs
+    to (c,), and the order (c,), the power of the standard deviation in it."""
+    k = jacobian.scatter.shape[-1]
+    bent = np.flatnonzero(jacobian.bend.any(axis=(0, 1)))
+    columns = np.concatenate([jacobian.scatter, jacobian.bend[..., bent]], axis=-1)
+    return columns, np.concatenate([np.arange(k), bent]), np.repeat([1.0, 2.0], [k, len(bent)])

@@ -22,7 +22,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
-from rock2d.diagnosis.fitting import START_SCATTER, Fit
+from rock2d.diagnosis.fitting import START_SCATTER, Fit, start_scatter
 from rock2d.diagnosis.known_causes import (
     distance_from_neutral,
     largest_size,
@@ -189,7 +189,7 @@ class _AddedEffect:
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
         noise = fit.jacobian.covariance
         self._jacobian = jacobian_by_differences(
-            self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.jacobian
+            self._model, self._p, data, fit.residuals, start_scatter(self._model, data, fit), noise, fit.jacobian
         )
         place, self._others = self._model.positions[effect.name], np.ones(self._model.size, bool)
         self._others[place] = False
@@ -249,7 +249,7 @@ class _AddedEffect:
         gain = np.zeros(len(self._data.order))
         for residuals, sign in ((changed, 1.0), (own, -1.0)):
             for keep, side in ((np.ones_like(self._wide), sign), (~self._wide, -sign)):
-                jacobian = replace(self._jacobian, scatter=self._jacobian.scatter[..., keep])
+                jacobian = self._jacobian.scattered_by(keep)
                 scatter = fit_scatter(residuals.impacts, jacobian, start[keep])
                 gain += side * by_release(self._data, residuals, residual_covariance(jacobian, scatter))
         return gain

@@ -349,7 +349,12 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     fit, units = model.fit, state_units(model.fit.model.setup)[RATES]
     columns = np.zeros((*fit.residuals.impacts.shape, len(units)))
     columns[:, -len(units) :] = np.diag(units)
-    slope = replace(fit.jacobian, scatter=np.concatenate([fit.jacobian.scatter, columns], axis=-1))
+    jacobian = fit.jacobian
+    slope = replace(
+        jacobian,
+        scatter=np.concatenate([jacobian.scatter, columns], axis=-1),
+        bend=np.concatenate([jacobian.bend, np.zeros_like(columns)], axis=-1),
+    )
     start = np.concatenate([fit.scatter, np.full(len(units), START_SCATTER)])
     wide = residual_covariance(slope, fit_scatter(fit.residuals.impacts, slope, start))
     scores = [by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())]

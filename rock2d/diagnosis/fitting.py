@@ -69,7 +69,9 @@ class Fit:
         """The fit restricted to some of the releases of its data, given as a mask."""
         impacts, flights = releases[data.impact_release], releases[data.flight_release]
         s = self.jacobian
-        jacobian = Jacobian(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
+        jacobian = Jacobian(
+            s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.bend[impacts], s.covariance[impacts]
+        )
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
         return replace(self, jacobian=jacobian, residuals=residuals)
 
@@ -122,7 +124,7 @@ def fit(
     centre, prior_precision = prior(model)
     p = np.clip(model.start() if start is None else start, low, high)
     begin, at = p, _Point(p, residuals or model.residuals(p, data))
-    scatter, noise_known = _start_scatter(model, data, old), old is not None
+    scatter, noise_known = start_scatter(model, data, old), old is not None
     jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curvature = START_DAMPING, np.eye(model.size)
@@ -215,7 +217,7 @@ def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobi
     return replace(jacobian, impacts=impacts, flights=flights)
 
 
-def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
+def start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
     """Scatter at the start of a fit: of the soil, of effects that widen the scatter, and of fitted noise."""
     count, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
     scatter = np.full(count + extra, START_SCATTER)

@@ -13,7 +13,6 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
 from rock2d.diagnosis.levers import LEVERS, Dependence, Levers, find_dependences
@@ -136,11 +135,10 @@ def _fit_with_change(
     widths = np.full(response.size, width)
     model = old.model
     wider = replace(model, responses=[*model.responses, response], widths=np.concatenate([model.widths, widths]))
-    jacobian = Jacobian(
-        np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
-        np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
-        old.jacobian.scatter,
-        old.jacobian.covariance,
+    jacobian = replace(
+        old.jacobian,
+        impacts=np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
+        flights=np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
     return fit(wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), convergence=convergence)

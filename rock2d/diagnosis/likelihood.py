@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Jacobian
+from rock2d.diagnosis.derivatives import Jacobian, scatter_columns
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
@@ -189,29 +189,35 @@ class _Point(NamedTuple):
 
 
 class _Cost(NamedTuple):
-    """Residuals (n, d), their derivatives by the soil (n, d, k), and their covariance without it (n, d, d)."""
+    """Residuals (n, d), their `scatter_columns` (n, d, c), and their covariance without them (n, d, d).
+
+    `share`: (c, k) order of each column in the standard deviation that it belongs to, else 0."""
 
     r: Array
-    scatter: Array
+    columns: Array
+    share: Array
     covariance: Array
 
     @classmethod
     def of(cls, r: Array, jacobian: Jacobian) -> _Cost:
         """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
-        return cls(r[good], jacobian.scatter[good], jacobian.covariance[good])
+        columns, owner, order = scatter_columns(jacobian)
+        share = np.eye(jacobian.scatter.shape[-1])[owner] * order[:, None]
+        return cls(r[good], columns[good], share, jacobian.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """Cost at logarithms (k,) of the standard deviations."""
-        square = np.exp(2.0 * logs)
-        covariance = self.covariance + (self.scatter * square) @ self.scatter.transpose(0, 2, 1)
-        both = np.concatenate([self.scatter, self.r[..., None]], axis=-1)
+        square = np.exp(2.0 * self.share @ logs)
+        covariance = self.covariance + (self.columns * square) @ self.columns.transpose(0, 2, 1)
+        both = np.concatenate([self.columns, self.r[..., None]], axis=-1)
         inner = both.transpose(0, 2, 1) @ np.linalg.solve(covariance, both)
         trace, pull, chi2 = inner[:, :-1, :-1], inner[:, :-1, -1], inner[:, -1, -1]
         df = IMPACT_STUDENT_DF + self.r.shape[1]
         value = 0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * df * np.log1p(chi2 / IMPACT_STUDENT_DF)
         weight = df / (IMPACT_STUDENT_DF + chi2)
-        own = square / PRIOR_SCATTER**2
-        grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0) + own
+        own = np.exp(2.0 * logs) / PRIOR_SCATTER**2
+        grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0)
         curvature = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
-        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curvature + 2.0 * np.diag(own))
+        grad, curvature = grad @ self.share + own, self.share.T @ curvature @ self.share + 2.0 * np.diag(own)
+        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curvature)

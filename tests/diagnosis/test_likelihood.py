@@ -19,7 +19,8 @@ def impacts(soil, count=800, seed=5):
     # residuals from a Student distribution, as the likelihood takes them, so that no outlier is missing
     heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
     own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
-    return heavy * (drawn + own), Jacobian(np.empty((count, 6, 0)), np.empty((0, 3, 2, 0)), by_soil, noise)
+    none = np.empty((count, 6, 0)), np.empty((0, 3, 2, 0))
+    return heavy * (drawn + own), Jacobian(*none, by_soil, 0.0 * by_soil, noise)
 
 
 def posterior(r, slope, soil):

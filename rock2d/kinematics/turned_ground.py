@@ -1,0 +1,120 @@
+"""Impacts on a ground whose slope differs from that of its facet where a block first strikes.
+
+The ground is turned about the point that is touched first, until the block has left it again: each strike finds another
+slope on a rough ground. A turned ground is equivalent to the stated one with the motion turned the other way."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.arrays import Array
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
+from rock2d.kinematics.flights import block_clearances
+from rock2d.kinematics.states import move_freely
+from rock2d.records.columns import (
+    I_TIME,
+    I_TIME_AFTER,
+    INSTANT_STATE,
+    N_POSE,
+    N_STATE,
+    POSE,
+    POSITION,
+    RATES,
+    THETA,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from rock2d.scene.world import World
+
+APPROACH = 0.3  # time before and after an impact with a turned ground, in √(radius / g)
+TURN_STEP_RAD, SHIFT_STEP_RADII = 1e-4, 1e-4  # for derivatives of clearances
+SLOWEST_M_S = 0.05  # speed of a slower block towards the ground
+
+
+class TurnedRun(NamedTuple):
+    """Motion of n releases: poses (n, k, 3) at given instants, states (n, 6) at the end, instants (n, i) of impacts."""
+
+    samples: Array
+    ends: Array
+    impacts_s: Array
+
+
+def run_on_turned_ground(
+    world: World,
+    block: Array,
+    starts: Array,
+    limits_s: Array,
+    times_s: Array,
+    step_fraction: float = BATCH_STEP_FRACTION,
+    impact_room: int = 2,
+) -> TurnedRun:
+    """Run releases that soon strike a ground with the further slope `world.slope_rad`.
+
+    `block` (n,): indices of the blocks; `starts` (n, 6): states shortly before the first impact; `limits_s` (n,): ends
+    of the runs; `times_s` (n, k): instants of the samples; `impact_room`: largest number of impacts of either part."""
+    slope = np.broadcast_to(world.slope_rad, len(block))
+    pivot = touched_points(world, block, starts, limits_s)
+    near = turned(starts, pivot, -slope)
+    impacts = run_world(
+        world, near, block, time_limit_s=limits_s, step_fraction=step_fraction, impact_limit=2, impact_room=2
+    ).impacts
+    # the block then is clear of its indentation, and has not struck again
+    clear = impacts[:, 0, I_TIME_AFTER] + approach_s(world, block)
+    turned_s = np.fmin(np.fmin(clear, impacts[:, 1, I_TIME]), limits_s)
+    during = run_world(
+        world, near, block, time_limit_s=turned_s, times_s=times_s, step_fraction=step_fraction, impact_room=impact_room
+    )
+    onward = run_world(
+        world, turned(during.ends[:, INSTANT_STATE], pivot, slope), block, time_limit_s=limits_s - turned_s,
+        times_s=np.maximum(times_s - turned_s[:, None], 0.0), step_fraction=step_fraction, impact_room=impact_room,
+    )  # fmt: skip
+    late = (times_s > turned_s[:, None])[..., None]
+    return TurnedRun(
+        np.where(late, onward.samples, turned(during.samples, pivot[:, None], slope[:, None])),
+        onward.ends[:, INSTANT_STATE],
+        np.hstack([during.impacts[..., I_TIME], turned_s[:, None] + onward.impacts[..., I_TIME]]),
+    )
+
+
+def approach_s(world: World, block: Array) -> Array:
+    """(n,) APPROACH in s."""
+    return APPROACH * np.sqrt(_radii(world, block) / world.gravity_m_s2)
+
+
+def touched_points(world: World, block: Array, starts: Array, longest_s: Array) -> Array:
+    """(n, 2) points on the normals through the points of the ground that blocks from `starts` (n, 6) touch first,
+    within `longest_s` (n,). A turn about any point of a normal moves a facet equally."""
+    radius = _radii(world, block)
+
+    def change(pose: Array, column: int, step: Array | float) -> Array:
+        moved = pose + np.multiply.outer(step, np.arange(N_POSE) == column)
+        return (block_clearances(world, block, moved) - block_clearances(world, block, pose)) / step
+
+    pose, rates, step = starts[:, POSE], starts[:, RATES], SHIFT_STEP_RADII * radius
+    normal = np.column_stack([change(pose, X, step), change(pose, Y, step)])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    closing = -(normal * rates[:, POSITION]).sum(axis=1)
+    wait = block_clearances(world, block, pose) / np.maximum(closing, SLOWEST_M_S)
+    touching = move_freely(world, block, starts, np.clip(wait, 0.0, longest_s))[:, POSE]
+    # a turn about the centre raises a point of the block by its distance from the centre along the ground
+    ahead = np.clip(change(touching, THETA, TURN_STEP_RAD), -radius, radius)
+    return np.asarray(touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0])
+
+
+def _radii(world: World, block: Array) -> Array:
+    return np.array([b.radius_m for b in world.blocks.values()])[block]
+
+
+def turned(states: Array, pivot: Array, angle: Array) -> Array:
+    """States or poses (..., 3 or 6) turned about a pivot (..., 2)."""
+    out = states.copy()
+    c, s = np.cos(angle), np.sin(angle)
+    dx, dy = states[..., X] - pivot[..., X], states[..., Y] - pivot[..., Y]
+    out[..., X], out[..., Y] = pivot[..., X] + c * dx - s * dy, pivot[..., Y] + s * dx + c * dy
+    out[..., THETA] += angle
+    if states.shape[-1] == N_STATE:
+        vx, vy = states[..., VX], states[..., VY]
+        out[..., VX], out[..., VY] = c * vx - s * vy, s * vx + c * vy
+    return out

@@ -19,7 +19,6 @@ from rock2d.records.columns import (
     N_STATE,
     POSE,
     POSITION,
-    RATES,
     THETA,
     VX,
     VY,
@@ -30,6 +29,7 @@ from rock2d.scene.world import World
 
 APPROACH = 0.3  # time before and after an impact with a turned ground, in √(radius / g)
 TURN_STEP_RAD, SHIFT_STEP_RADII = 1e-4, 1e-4  # for derivatives of clearances
+TOUCH_STEP, TOUCH_ITERATIONS = 1e-3, 3  # step for the derivative by time, in APPROACH; iterations for the touch
 SLOWEST_M_S = 0.05  # speed of a slower block towards the ground
 
 
@@ -87,19 +87,29 @@ def touched_points(world: World, block: Array, starts: Array, longest_s: Array) 
     """(n, 2) points on the normals through the points of the ground that blocks from `starts` (n, 6) touch first,
     within `longest_s` (n,). A turn about any point of a normal moves a facet equally."""
     radius = _radii(world, block)
+    wait_s, step_s = np.zeros(len(block)), TOUCH_STEP * approach_s(world, block)
 
-    def change(pose: Array, column: int, step: Array | float) -> Array:
-        moved = pose + np.multiply.outer(step, np.arange(N_POSE) == column)
-        return (block_clearances(world, block, moved) - block_clearances(world, block, pose)) / step
+    def clearance(pose: Array) -> Array:
+        return block_clearances(world, block, pose)
 
-    pose, rates, step = starts[:, POSE], starts[:, RATES], SHIFT_STEP_RADII * radius
-    normal = np.column_stack([change(pose, X, step), change(pose, Y, step)])
+    def moved(time_s: Array) -> Array:
+        return move_freely(world, block, starts, time_s)[:, POSE]
+
+    for _ in range(TOUCH_ITERATIONS):  # Newton's method
+        gap = clearance(moved(wait_s))
+        closing = np.maximum((gap - clearance(moved(wait_s + step_s))) / step_s, SLOWEST_M_S)
+        wait_s = np.clip(wait_s + gap / closing, 0.0, longest_s)
+    touching = moved(wait_s)
+
+    def change(column: int, step: Array | float) -> Array:
+        other = touching + np.multiply.outer(step, np.arange(N_POSE) == column)
+        return (clearance(other) - clearance(touching)) / step
+
+    shift = SHIFT_STEP_RADII * radius
+    normal = np.column_stack([change(X, shift), change(Y, shift)])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    closing = -(normal * rates[:, POSITION]).sum(axis=1)
-    wait = block_clearances(world, block, pose) / np.maximum(closing, SLOWEST_M_S)
-    touching = move_freely(world, block, starts, np.clip(wait, 0.0, longest_s))[:, POSE]
     # a turn about the centre raises a point of the block by its distance from the centre along the ground
-    ahead = np.clip(change(touching, THETA, TURN_STEP_RAD), -radius, radius)
+    ahead = np.clip(change(THETA, TURN_STEP_RAD), -radius, radius)
     return np.asarray(touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0])
 
 

@@ -23,7 +23,7 @@ from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemb
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, block_clearances
 from rock2d.kinematics.states import move_freely
-from rock2d.kinematics.turned_ground import touched_points, turned
+from rock2d.kinematics.turned_ground import touches, turned
 from rock2d.records.columns import (
     BEFORE,
     I_TIME,
@@ -133,7 +133,7 @@ class LearntMotion:
         self._history[q.TIME_S] = self._begin_s + lasts
         before = q.incident_quantities(world, segments.block, zone, self._tangent, start)
         self._quantities = self._history | before
-        self._pivot = touched_points(world, segments.block, at, np.zeros(len(at)))
+        self._pivot, _ = touches(world, segments.block, at, np.zeros(len(at)))
         self._slope = np.zeros(len(at))
         self._start, self._frame = start.copy(), np.zeros_like(start)
         for change in changes:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
+from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_world
 from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.states import move_freely
+from rock2d.laws.contact import K_L, K_UL
 from rock2d.records.columns import (
     I_TIME,
     I_TIME_AFTER,
@@ -55,27 +56,42 @@ def run_on_turned_ground(
     `block` (n,): indices of the blocks; `starts` (n, 6): states shortly before the first impact; `limits_s` (n,): ends
     of the runs; `times_s` (n, k): instants of the samples; `impact_room`: largest number of impacts of either part."""
     slope = np.broadcast_to(world.slope_rad, len(block))
-    pivot = touched_points(world, block, starts, limits_s)
+    pivot, touch_s = touches(world, block, starts, limits_s)
     near = turned(starts, pivot, -slope)
-    impacts = run_world(
-        world, near, block, time_limit_s=limits_s, step_fraction=step_fraction, impact_limit=2, impact_room=2
-    ).impacts
-    # the block then is clear of its indentation, and has not struck again
-    clear = impacts[:, 0, I_TIME_AFTER] + approach_s(world, block)
-    turned_s = np.fmin(np.fmin(clear, impacts[:, 1, I_TIME]), limits_s)
-    during = run_world(
-        world, near, block, time_limit_s=turned_s, times_s=times_s, step_fraction=step_fraction, impact_room=impact_room
-    )
-    onward = run_world(
-        world, turned(during.ends[:, INSTANT_STATE], pivot, slope), block, time_limit_s=limits_s - turned_s,
-        times_s=np.maximum(times_s - turned_s[:, None], 0.0), step_fraction=step_fraction, impact_room=impact_room,
-    )  # fmt: skip
-    late = (times_s > turned_s[:, None])[..., None]
+
+    def run(states: Array, until_s: Array, instants_s: Array, **more: int) -> BatchResult:
+        more = {"impact_room": impact_room} | more
+        return run_world(
+            world, states, block, time_limit_s=until_s, times_s=instants_s, step_fraction=step_fraction, **more
+        )
+
+    # until the block is clear of its indentation, and has not struck again; mostly the expected instant serves
+    back_s = np.minimum(touch_s + _contact_s(world, block) + approach_s(world, block), limits_s)
+    first = run(near, back_s, times_s)
+    samples, ends, impacts_s = first.samples, first.ends[:, INSTANT_STATE], first.impacts[..., I_TIME]
+    again = (back_s < limits_s) & ~((first.impact_count == 1) & np.isfinite(first.impacts[:, 0, I_TIME_AFTER]))
+    if again.any():
+        strikes = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, impact_room=2).impacts
+        clear_s = np.fmin(strikes[:, 0, I_TIME_AFTER] + approach_s(world, block), strikes[:, 1, I_TIME])
+        back_s = np.where(again, np.fmin(clear_s, limits_s), back_s)
+        other = run(near, np.where(again, back_s, 0.0), times_s)
+        samples = np.where(again[:, None, None], other.samples, samples)
+        ends = np.where(again[:, None], other.ends[:, INSTANT_STATE], ends)
+        impacts_s = np.where(again[:, None], other.impacts[..., I_TIME], impacts_s)
+    onward = run(turned(ends, pivot, slope), limits_s - back_s, np.maximum(times_s - back_s[:, None], 0.0))
+    late = (times_s > back_s[:, None])[..., None]
     return TurnedRun(
-        np.where(late, onward.samples, turned(during.samples, pivot[:, None], slope[:, None])),
+        np.where(late, onward.samples, turned(samples, pivot[:, None], slope[:, None])),
         onward.ends[:, INSTANT_STATE],
-        np.hstack([during.impacts[..., I_TIME], turned_s[:, None] + onward.impacts[..., I_TIME]]),
+        np.hstack([impacts_s, back_s[:, None] + onward.impacts[..., I_TIME]]),
     )
+
+
+def _contact_s(world: World, block: Array) -> Array:
+    """(n,) longest duration of an impact on linear springs, half of a period, in which the whole block is pressed."""
+    mass = np.array([b.mass_kg for b in world.blocks.values()])[block]
+    softest = world.contact[..., [K_L, K_UL]].min(axis=(0, 1))
+    return np.asarray(np.pi / 2.0 * (np.sqrt(mass / softest[0]) + np.sqrt(mass / softest[1])))
 
 
 def approach_s(world: World, block: Array) -> Array:
@@ -83,9 +99,9 @@ def approach_s(world: World, block: Array) -> Array:
     return APPROACH * np.sqrt(_radii(world, block) / world.gravity_m_s2)
 
 
-def touched_points(world: World, block: Array, starts: Array, longest_s: Array) -> Array:
-    """(n, 2) points on the normals through the points of the ground that blocks from `starts` (n, 6) touch first,
-    within `longest_s` (n,). A turn about any point of a normal moves a facet equally."""
+def touches(world: World, block: Array, starts: Array, longest_s: Array) -> tuple[Array, Array]:
+    """Where and when blocks from `starts` (n, 6) first touch the ground, within `longest_s` (n,): (n, 2) points on the
+    normals through the touched points, (n,) times. A turn about any point of a normal moves a facet equally."""
     radius = _radii(world, block)
     wait_s, step_s = np.zeros(len(block)), TOUCH_STEP * approach_s(world, block)
 
@@ -110,7 +126,7 @@ def touched_points(world: World, block: Array, starts: Array, longest_s: Array) 
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
     # a turn about the centre raises a point of the block by its distance from the centre along the ground
     ahead = np.clip(change(THETA, TURN_STEP_RAD), -radius, radius)
-    return np.asarray(touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0])
+    return touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0], wait_s
 
 
 def _radii(world: World, block: Array) -> Array:

@@ -11,7 +11,7 @@ from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.model import from_scale
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_world
-from rock2d.kinematics.turned_ground import TurnedRun, run_on_turned_ground, touched_points, turned
+from rock2d.kinematics.turned_ground import TurnedRun, run_on_turned_ground, touches, turned
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import INSTANT_STATE, POSITION, RATES
 from rock2d.scene.cross_section import CrossSection
@@ -36,7 +36,7 @@ def on(ground: CrossSection, slope_rad: float = 0.0) -> World:
 
 def test_the_touched_point_is_that_of_the_block():
     """Below the centre of the sphere; below the lowest corner of the others."""
-    touched = touched_points(on(FLOOR), BLOCK, STARTS, LIMITS_S)
+    touched, _ = touches(on(FLOOR), BLOCK, STARTS, LIMITS_S)
     touch = run_world(on(FLOOR), STARTS, BLOCK, time_limit_s=LIMITS_S, impact_limit=1, impact_room=1).impacts[:, 0]
     x, _, theta = touch[:, 2:5].T
     assert touched[0, 0] == pytest.approx(x[0], abs=2e-5)
@@ -49,7 +49,7 @@ def test_the_touched_point_is_that_of_the_block():
 def test_a_turned_ground_is_an_inclined_plane_through_the_touched_point(slope_rad):
     """As long as the block strikes once. The plane is a cross-section of its own for each block."""
     run = run_on_turned_ground(on(FLOOR, slope_rad), BLOCK, STARTS, LIMITS_S, LIMITS_S[:, None])
-    touched = touched_points(on(FLOOR), BLOCK, STARTS, LIMITS_S)
+    touched, _ = touches(on(FLOOR), BLOCK, STARTS, LIMITS_S)
     for k in BLOCK:
         x, rise = touched[k, 0], np.tan(slope_rad)
         plane = CrossSection([[-5.0, rise * (-5.0 - x)], [5.0, rise * (5.0 - x)]], ["floor"])

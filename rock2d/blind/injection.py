@@ -205,7 +205,7 @@ def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit
         back = np.minimum(approach_s(world, block), touch[:, I_TIME])
         begin = np.where(hit, touch[:, I_TIME] - back, limit_s)
         near = move_freely(world, block, np.where(hit[:, None], touch[:, BEFORE], last), np.where(hit, -back, 0.0))
-        since = np.maximum(times_s - begin[:, None], 0.0)
+        since = np.maximum(np.minimum(times_s, limit_s[:, None]) - begin[:, None], 0.0)
         run = run_on_turned_ground(world, block, near, limit_s - begin, since, impact_room=COUNTED_IMPACTS)
         samples = np.where((times_s < begin[:, None])[..., None], samples, run.samples)
         last = np.where(hit[:, None], run.ends, last)

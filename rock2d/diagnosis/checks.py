@@ -19,6 +19,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
+from rock2d.diagnosis.derivatives import scatter_columns
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
@@ -199,7 +200,7 @@ class _RemainingPatterns:
         heavy = impact_weight(chi_square(r, covariance), r.shape[1])
         # standard deviations of the rates, the last columns
         self._sd = standard_deviations(covariance)[:, -3:]
-        self._soil = whiten @ fit.jacobian.scatter
+        self._soil = whiten @ scatter_columns(fit.jacobian)[0]
         self._impacts = _Residuals(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],

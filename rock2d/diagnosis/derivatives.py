@@ -36,7 +36,8 @@ class Jacobian:
 
     def scattered_by(self, columns: Array) -> Jacobian:
         """The same derivatives with some of the columns of `scatter` and `bend`."""
-        return replace(self, scatter=self.scatter[..., columns], bend=self.bend[..., columns])
+        scatter, bend = (np.ascontiguousarray(own[..., columns]) for own in (self.scatter, self.bend))
+        return replace(self, scatter=scatter, bend=bend)
 
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
@@ -82,8 +83,8 @@ def jacobian_by_differences(
         by_impacts[..., named:] = np.concatenate([part.impacts for part in parts], axis=-1) * model.widths
         by_flights[..., named:] = np.concatenate([part.flights for part in parts], axis=-1) * model.widths
     columns, bends, further = [by_law], [np.zeros_like(by_law)], data.extra_scatter()
-    for effect, sigma in zip(model.scatter_effects, soil[len(BASE_WIDTH) :], strict=False):
-        slope, bend = _by_scatter(model, p, data, at, effect, max(sigma, DIFFERENCE_STEP))
+    for effect, sigma in zip(model.scatter_effects, soil[len(BASE_WIDTH) :]):  # noqa: B905 (further scatter follows)
+        slope, bend = by_scatter(model, p, data, at, effect, sigma)
         columns.append(slope)
         bends.append(bend)
     scatter = np.nan_to_num(np.concatenate([*columns, further], axis=-1))
@@ -95,10 +96,12 @@ def jacobian_by_differences(
     return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, bend, covariance)
 
 
-def _by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
-    """Columns (n, d, 1) of `Jacobian.scatter` and `Jacobian.bend` for an effect, from equal amounts at every impact of
-    √3 times `sigma` on either side: these and 0 are the nodes of a Gauss-Hermite quadrature."""
-    i, step, sides = list(model.effects).index(effect), np.sqrt(3.0) * sigma, []
+def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
+    """Columns (n, d, 1) of `Jacobian.scatter` and `Jacobian.bend` for an effect at the standard deviation `sigma`.
+
+    From equal amounts at every impact of √3 σ on either side, which with 0 are the nodes of a Gauss-Hermite quadrature.
+    An answer a x + b x² has the variance a² σ² + 2 b² σ⁴. The shift of the mean, b σ², is left out."""
+    i, step, sides = list(model.effects).index(effect), np.sqrt(3.0) * max(sigma, DIFFERENCE_STEP), []
     for amount in (step, -step):
         amounts = [list(v) for v in model.values(p)]
         amounts[i] = [from_scale(model.parameters[i][0], amount)]
@@ -140,7 +143,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
 
 
 def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
-    """(n, d, d) covariances at standard deviations `scatter` (k,) of the soil."""
+    """(n, d, d) covariances at standard deviations `scatter` (k,) of what varies from impact to impact."""
     columns, owner, order = scatter_columns(jacobian)
     wide = columns * scatter[owner] ** order
     return jacobian.covariance + wide @ wide.transpose(0, 2, 1)

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import Jacobian, by_scatter, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
 from rock2d.diagnosis.fitting import START_SCATTER, Fit, start_scatter
@@ -243,16 +243,26 @@ class _AddedEffect:
 
     def _gain_of_scatter(self, size: float) -> Array:
         """(releases,) the same for an effect that widens the scatter, with drawn amounts of the effect."""
-        amount = self._jacobian.scatter[..., self._wide][..., 0] * self._drawn * size / self._unit
-        own = self._fit.residuals
+        own, jacobian, sigma = self._fit.residuals, self._jacobian_at(size), size / self._unit
+        slope, bend = (part[..., self._wide][..., 0] for part in (jacobian.scatter, jacobian.bend))
+        amount = slope * self._drawn * sigma + bend * (self._drawn * sigma) ** 2 / np.sqrt(2.0)
         changed, start = Residuals(own.impacts + amount, own.flights), np.full(len(self._wide), START_SCATTER)
         gain = np.zeros(len(self._data.order))
         for residuals, sign in ((changed, 1.0), (own, -1.0)):
             for keep, side in ((np.ones_like(self._wide), sign), (~self._wide, -sign)):
-                jacobian = self._jacobian.scattered_by(keep)
-                scatter = fit_scatter(residuals.impacts, jacobian, start[keep])
-                gain += side * by_release(self._data, residuals, residual_covariance(jacobian, scatter))
+                kept = jacobian.scattered_by(keep)
+                scatter = fit_scatter(residuals.impacts, kept, start[keep])
+                gain += side * by_release(self._data, residuals, residual_covariance(kept, scatter))
         return gain
+
+    def _jacobian_at(self, size: float) -> Jacobian:
+        """The derivatives for an effect that widens the scatter, at this size."""
+        sigma, known = size / self._unit, self._jacobian
+        parts = by_scatter(self._model, self._p, self._data, self._fit.residuals, self._effect, sigma)
+        scatter, bend = (
+            np.where(self._wide, own, old) for own, old in zip(parts, (known.scatter, known.bend), strict=True)
+        )
+        return replace(known, scatter=np.nan_to_num(scatter), bend=np.nan_to_num(bend))
 
     def _fit_without_effect(self, residuals: Residuals) -> Fit:
         """The fit without the parameters of the effect, with these residuals."""
@@ -270,7 +280,9 @@ class _AddedEffect:
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
             sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest_size(self._size)
-            tried = [residual_covariance(jacobian, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
+            tried = [
+                residual_covariance(self._jacobian_at(s), np.where(self._wide, s / self._unit, scatter)) for s in sizes
+            ]
             total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
             return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(sizes[total.argmax()])
         covariance, (centre, precision) = fit.covariance(), prior(self._model)

@@ -33,6 +33,8 @@ CONVERGED_LEAD_SHARE = 0.02  # the same for a fit behind a rival, as a share of 
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 # largest change of the parameters for which the derivatives at the start are used
 DERIVATIVES_REUSE_CHANGE = 0.03
+# largest change of the logarithm of a standard deviation for which the derivatives by its effect are used
+SCATTER_REUSE_CHANGE = 0.2
 EXPLORED_IMPACTS = 100  # impacts with which parameters are explored
 
 
@@ -43,7 +45,7 @@ class Fit:
     Attributes
     ----------
     p, p_covariance : (P,) parameters on the scale of `Model`, (P, P) their covariance
-    scatter : (k,) standard deviations of the soil
+    scatter : (k,) standard deviations of the soil, and of effects that widen the scatter
     jacobian : derivatives of the residuals at p
     residuals : residuals at p
     free : whether the parameters were fitted to this model; False where they were taken from another one"""
@@ -127,7 +129,7 @@ def fit(
     scatter, noise_known = start_scatter(model, data, old), old is not None
     jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
-    damping, curvature = START_DAMPING, np.eye(model.size)
+    damping, curvature, derived_at = START_DAMPING, np.eye(model.size), scatter
     updates: int | None = None  # updates of the derivatives since they were computed; None: compute them
     for round in range(convergence.rounds):
         if updates is None:
@@ -139,7 +141,7 @@ def fit(
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
             jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, known)
-            updates = 0
+            updates, derived_at = 0, scatter
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
         covariance = residual_covariance(jacobian, scatter)
@@ -150,7 +152,7 @@ def fit(
         at, damping, gains = _advance(model, data, at, covariance, curvature, grad, damping, convergence)
         if gains and updates < MOST_UPDATES:
             jacobian, updates = _broyden_update(jacobian, before, at), updates + 1
-        elif gains or updates > 0:
+        elif gains or updates > 0 or not (keep_jacobian or _near(model, scatter, derived_at)):
             updates, damping = None, START_DAMPING
         else:
             break
@@ -215,6 +217,13 @@ def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobi
         )
     )
     return replace(jacobian, impacts=impacts, flights=flights)
+
+
+def _near(model: Model, scatter: Array, derived_at: Array) -> bool:
+    """Whether derivatives by effects that widen the scatter, for the standard deviations `derived_at`, hold for
+    `scatter`."""
+    own = slice(len(BASE_WIDTH), len(BASE_WIDTH) + len(model.scatter_effects))
+    return bool((np.abs(np.log(scatter[own] / derived_at[own])) < SCATTER_REUSE_CHANGE).all())
 
 
 def start_scatter(model: Model, data: Data, old: Fit | None) -> Array:

@@ -23,7 +23,7 @@ from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemb
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, block_clearances
 from rock2d.kinematics.states import move_freely
-from rock2d.kinematics.turned_ground import touches, turned
+from rock2d.kinematics.turned_ground import touched_points, turned
 from rock2d.records.columns import (
     BEFORE,
     I_TIME,
@@ -133,7 +133,7 @@ class LearntMotion:
         self._history[q.TIME_S] = self._begin_s + lasts
         before = q.incident_quantities(world, segments.block, zone, self._tangent, start)
         self._quantities = self._history | before
-        self._pivot, _ = touches(world, segments.block, at, np.zeros(len(at)))
+        self._pivot = touched_points(world, segments.block, at[:, POSE])
         self._slope = np.zeros(len(at))
         self._start, self._frame = start.copy(), np.zeros_like(start)
         for change in changes:
@@ -176,7 +176,8 @@ class LearntMotion:
         poses = self._run(self._world, self._start, times_s=t_s).samples
         if not any(change.lever in (SLOPE, OUTCOME, FRAME, FLIGHT) for change in self._changes):
             return poses
-        # a ground with another slope is equivalent to the stated ground with the motion turned the other way
+        # A ground with another slope is equivalent to the stated ground with the motion turned the other way. Unlike in
+        # a fit, it also meets later strikes of the same impact.
         begins = turned(self._start + self._frame, self._pivot, -self._slope)
         flights = self._flights_after(begins)
         segment = flights.segment

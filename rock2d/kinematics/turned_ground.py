@@ -1,14 +1,15 @@
 """Impacts on a ground whose slope differs from that of its facet where a block first strikes.
 
 The ground is turned about the point that is touched first, until the block has left it again: each strike finds another
-slope on a rough ground. A turned ground is equivalent to the stated one with the motion turned the other way."""
+slope on a rough ground. A turned ground is equivalent to the stated one with the motion turned the other way. Gravity
+is turned with it, which is corrected for the flights but not for the contact, where it matters little."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_world
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_L, K_UL
@@ -16,6 +17,7 @@ from rock2d.records.columns import (
     I_TIME,
     I_TIME_AFTER,
     INSTANT_STATE,
+    LINEAR_VELOCITY,
     N_POSE,
     N_STATE,
     POSE,
@@ -55,78 +57,110 @@ def run_on_turned_ground(
 
     `block` (n,): indices of the blocks; `starts` (n, 6): states shortly before the first impact; `limits_s` (n,): ends
     of the runs; `times_s` (n, k): instants of the samples; `impact_room`: largest number of impacts of either part."""
-    slope = np.broadcast_to(world.slope_rad, len(block))
-    pivot, touch_s = touches(world, block, starts, limits_s)
-    near = turned(starts, pivot, -slope)
+    touch_s = touch_times(world, block, starts, limits_s)
+    touching = move_freely(world, block, starts, touch_s)
+    pivot = touched_points(world, block, touching[:, POSE])
+    slope = np.where(touch_s < limits_s, world.slope_rad, 0.0)
+    near = move_freely(world, block, turned(touching, pivot, -slope), -touch_s)
 
-    def run(states: Array, until_s: Array, instants_s: Array, **more: int) -> BatchResult:
-        more = {"impact_room": impact_room} | more
+    def run(states: Array, until_s: Array, instants_s: Array, impact_limit: int = 0, room: int = impact_room) -> Any:
         return run_world(
-            world, states, block, time_limit_s=until_s, times_s=instants_s, step_fraction=step_fraction, **more
-        )
+            world, states, block, time_limit_s=until_s, times_s=instants_s, step_fraction=step_fraction,
+            impact_limit=impact_limit, impact_room=room,
+        )  # fmt: skip
 
     # until the block is clear of its indentation, and has not struck again; mostly the expected instant serves
-    back_s = np.minimum(touch_s + _contact_s(world, block) + approach_s(world, block), limits_s)
+    approach = approach_s(world, block)
+    back_s = np.minimum(touch_s + _expected_contact_s(world, block) + approach, limits_s)
     first = run(near, back_s, times_s)
     samples, ends, impacts_s = first.samples, first.ends[:, INSTANT_STATE], first.impacts[..., I_TIME]
-    again = (back_s < limits_s) & ~((first.impact_count == 1) & np.isfinite(first.impacts[:, 0, I_TIME_AFTER]))
+    left_s = first.impacts[:, 0, I_TIME_AFTER]
+    again = (first.impact_count > 1) | ((back_s < limits_s) & ~(left_s + 0.5 * approach <= back_s))
     if again.any():
-        strikes = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, impact_room=2).impacts
-        clear_s = np.fmin(strikes[:, 0, I_TIME_AFTER] + approach_s(world, block), strikes[:, 1, I_TIME])
-        back_s = np.where(again, np.fmin(clear_s, limits_s), back_s)
+        strikes = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, room=2).impacts
+        left_s = np.where(again, strikes[:, 0, I_TIME_AFTER], left_s)
+        clear_s = np.fmin(np.fmin(left_s + approach, strikes[:, 1, I_TIME]), limits_s)
+        back_s = np.where(again, clear_s, back_s)
         other = run(near, np.where(again, back_s, 0.0), times_s)
         samples = np.where(again[:, None, None], other.samples, samples)
         ends = np.where(again[:, None], other.ends[:, INSTANT_STATE], ends)
         impacts_s = np.where(again[:, None], other.impacts[..., I_TIME], impacts_s)
-    onward = run(turned(ends, pivot, slope), limits_s - back_s, np.maximum(times_s - back_s[:, None], 0.0))
+    flight = _Flights(world.gravity_m_s2, slope, touch_s, np.fmin(left_s, back_s))
+    onward = run(
+        flight.with_true_gravity(turned(ends, pivot, slope), back_s), limits_s - back_s,
+        np.maximum(times_s - back_s[:, None], 0.0),
+    )  # fmt: skip
     late = (times_s > back_s[:, None])[..., None]
     return TurnedRun(
-        np.where(late, onward.samples, turned(samples, pivot[:, None], slope[:, None])),
+        np.where(
+            late, onward.samples, flight.with_true_gravity(turned(samples, pivot[:, None], slope[:, None]), times_s)
+        ),
         onward.ends[:, INSTANT_STATE],
         np.hstack([impacts_s, back_s[:, None] + onward.impacts[..., I_TIME]]),
     )
 
 
-def _contact_s(world: World, block: Array) -> Array:
-    """(n,) longest duration of an impact on linear springs, half of a period, in which the whole block is pressed."""
+class _Flights(NamedTuple):
+    """Flights before `touch_s` and after `left_s` (n,) in a motion that was turned by `slope` (n,): the gravity of the
+    simulation is turned with it."""
+
+    gravity_m_s2: float
+    slope: Array
+    touch_s: Array
+    left_s: Array
+
+    def with_true_gravity(self, states: Array, times_s: Array) -> Array:
+        """States or poses (n, ..., 3 or 6) at `times_s` (n, ...) as under the true gravity."""
+        shape = (-1,) + (1,) * (times_s.ndim - 1)
+        slope, touch_s, left_s = (own.reshape(shape) for own in (self.slope, self.touch_s, self.left_s))
+        flown_s = np.minimum(times_s - touch_s, 0.0) + np.maximum(times_s - left_s, 0.0)
+        change = self.gravity_m_s2 * np.stack([-np.sin(slope), np.cos(slope) - 1.0], axis=-1)
+        out = states.copy()
+        out[..., POSITION] += 0.5 * change * flown_s[..., None] ** 2
+        if states.shape[-1] == N_STATE:
+            out[..., LINEAR_VELOCITY] += change * flown_s[..., None]
+        return out
+
+
+def _expected_contact_s(world: World, block: Array) -> Array:
+    """(n,) duration of an impact on linear springs in which the whole block is pressed."""
     mass = np.array([b.mass_kg for b in world.blocks.values()])[block]
-    softest = world.contact[..., [K_L, K_UL]].min(axis=(0, 1))
-    return np.asarray(np.pi / 2.0 * (np.sqrt(mass / softest[0]) + np.sqrt(mass / softest[1])))
+    k_l, k_ul = world.contact[..., [K_L, K_UL]].min(axis=1).T
+    return np.asarray(np.pi / 2.0 * (np.sqrt(mass / k_l) + np.sqrt(mass / k_ul)))
 
 
 def approach_s(world: World, block: Array) -> Array:
     """(n,) APPROACH in s."""
-    return APPROACH * np.sqrt(_radii(world, block) / world.gravity_m_s2)
+    return APPROACH * np.sqrt(_radii(world, block) / max(world.gravity_m_s2, 1e-3))
 
 
-def touches(world: World, block: Array, starts: Array, longest_s: Array) -> tuple[Array, Array]:
-    """Where and when blocks from `starts` (n, 6) first touch the ground, within `longest_s` (n,): (n, 2) points on the
-    normals through the touched points, (n,) times. A turn about any point of a normal moves a facet equally."""
-    radius = _radii(world, block)
+def touch_times(world: World, block: Array, starts: Array, longest_s: Array) -> Array:
+    """(n,) times in s until blocks from `starts` (n, 6) touch the ground, at most `longest_s` (n,)."""
     wait_s, step_s = np.zeros(len(block)), TOUCH_STEP * approach_s(world, block)
-
-    def clearance(pose: Array) -> Array:
-        return block_clearances(world, block, pose)
-
-    def moved(time_s: Array) -> Array:
-        return move_freely(world, block, starts, time_s)[:, POSE]
-
     for _ in range(TOUCH_ITERATIONS):  # Newton's method
-        gap = clearance(moved(wait_s))
-        closing = np.maximum((gap - clearance(moved(wait_s + step_s))) / step_s, SLOWEST_M_S)
-        wait_s = np.clip(wait_s + gap / closing, 0.0, longest_s)
-    touching = moved(wait_s)
+        now, later = (
+            block_clearances(world, block, move_freely(world, block, starts, t)[:, POSE])
+            for t in (wait_s, wait_s + step_s)
+        )
+        wait_s = np.clip(wait_s + now * step_s / np.maximum(now - later, SLOWEST_M_S * step_s), 0.0, longest_s)
+    return wait_s
+
+
+def touched_points(world: World, block: Array, touching: Array) -> Array:
+    """(n, 2) points on the normals through the points where blocks in the poses `touching` (n, 3) touch the ground. To
+    first order, a turn about any point of a normal moves a facet equally."""
+    radius = _radii(world, block)
 
     def change(column: int, step: Array | float) -> Array:
         other = touching + np.multiply.outer(step, np.arange(N_POSE) == column)
-        return (clearance(other) - clearance(touching)) / step
+        return (block_clearances(world, block, other) - block_clearances(world, block, touching)) / step
 
     shift = SHIFT_STEP_RADII * radius
     normal = np.column_stack([change(X, shift), change(Y, shift)])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
     # a turn about the centre raises a point of the block by its distance from the centre along the ground
     ahead = np.clip(change(THETA, TURN_STEP_RAD), -radius, radius)
-    return touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0], wait_s
+    return np.asarray(touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0])
 
 
 def _radii(world: World, block: Array) -> Array:

@@ -103,7 +103,7 @@ class World:
     gravity_m_s2 : gravity
     view : the camera
     order : (1 or n,) number of releases of the same block that were filmed before
-    slope_rad : (1 or n,) slope of the ground at the next impact minus the slope of the facet"""
+    slope_rad : (1 or n,) slope of the ground where a block strikes next minus the slope of the facet"""
 
     blocks: Mapping[str, Block]
     cross_section: CrossSection

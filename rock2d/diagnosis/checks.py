@@ -200,7 +200,9 @@ class _RemainingPatterns:
         heavy = impact_weight(chi_square(r, covariance), r.shape[1])
         # standard deviations of the rates, the last columns
         self._sd = standard_deviations(covariance)[:, -3:]
-        self._soil = whiten @ scatter_columns(fit.jacobian)[0]
+        columns, owner, order = scatter_columns(fit.jacobian)
+        self._soil = whiten @ (columns * fit.scatter[owner] ** order)
+        self._share = np.eye(len(fit.scatter))[owner] * order[:, None]
         self._impacts = _Residuals(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],
@@ -325,9 +327,9 @@ class _RemainingPatterns:
         z = np.einsum("ncd,nd->nc", impacts.channels, impacts.z)
         # normal scores of the sizes: symmetric, as random signs need it
         size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
-        # derivatives of the log likelihood by the scatter of the soil
+        # derivatives of the log likelihood by the logarithms of what scatters
         pulled = np.einsum("nd,ndk->nk", impacts.z, self._soil) ** 2
-        soil = impacts.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
+        soil = (impacts.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)) @ self._share
         for name, f, parts in self._functions(SPREADS, IMPACT_DEPENDENCES, impacts):
             middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
             each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)

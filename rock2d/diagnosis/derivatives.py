@@ -99,7 +99,7 @@ def jacobian_by_differences(
 def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
     """Columns (n, d, 1) of `Jacobian.scatter` and `Jacobian.bend` for an effect at the standard deviation `sigma`.
 
-    From equal amounts at every impact of √3 σ on either side, which with 0 are the nodes of a Gauss-Hermite quadrature.
+    The effect is set to √3 σ at every impact, and to -√3 σ: with 0, the nodes of a Gauss-Hermite quadrature.
     An answer a x + b x² has the variance a² σ² + 2 b² σ⁴. The shift of the mean, b σ², is left out."""
     i, step, sides = list(model.effects).index(effect), np.sqrt(3.0) * max(sigma, DIFFERENCE_STEP), []
     for amount in (step, -step):

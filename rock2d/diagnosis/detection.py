@@ -31,7 +31,14 @@ from rock2d.diagnosis.known_causes import (
     values_of_size,
     with_cause,
 )
-from rock2d.diagnosis.likelihood import clustered_covariance, fit_scatter, log_likelihood, normal_equations, prior
+from rock2d.diagnosis.likelihood import (
+    SCATTER_BOUNDS,
+    clustered_covariance,
+    fit_scatter,
+    log_likelihood,
+    normal_equations,
+    prior,
+)
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, choice_positions, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
@@ -279,7 +286,8 @@ class _AddedEffect:
         fit, data, jacobian = self._fit, self._data, self._jacobian
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
-            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest_size(self._size)
+            largest = min(largest_size(self._size), SCATTER_BOUNDS[1] * self._unit)
+            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest
             tried = [
                 residual_covariance(self._jacobian_at(s), np.where(self._wide, s / self._unit, scatter)) for s in sizes
             ]

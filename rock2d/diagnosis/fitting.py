@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Jacobian, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     fit_scatter,
@@ -33,7 +33,7 @@ CONVERGED_LEAD_SHARE = 0.02  # the same for a fit behind a rival, as a share of 
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 # largest change of the parameters for which the derivatives at the start are used
 DERIVATIVES_REUSE_CHANGE = 0.03
-# largest change of the logarithm of a standard deviation for which the derivatives by its effect are used
+# largest change of the logarithm of a standard deviation up to which the derivatives by its effect are kept
 SCATTER_REUSE_CHANGE = 0.2
 EXPLORED_IMPACTS = 100  # impacts with which parameters are explored
 
@@ -159,6 +159,8 @@ def fit(
     assert jacobian is not None
     if updates is None and not keep_jacobian:
         jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian.covariance)
+        if model.scatter_effects:
+            scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
     p_covariance = clustered_covariance(
         at.residuals, jacobian, residual_covariance(jacobian, scatter), curvature + np.diag(prior_precision),
         (data.impact_release, data.flight_release), len(data.order),
@@ -223,7 +225,8 @@ def _near(model: Model, scatter: Array, derived_at: Array) -> bool:
     """Whether derivatives by effects that widen the scatter, for the standard deviations `derived_at`, hold for
     `scatter`."""
     own = slice(len(BASE_WIDTH), len(BASE_WIDTH) + len(model.scatter_effects))
-    return bool((np.abs(np.log(scatter[own] / derived_at[own])) < SCATTER_REUSE_CHANGE).all())
+    now, then = (np.maximum(s[own], DIFFERENCE_STEP) for s in (scatter, derived_at))  # the smallest step
+    return bool((np.abs(np.log(now / then)) < SCATTER_REUSE_CHANGE).all())
 
 
 def start_scatter(model: Model, data: Data, old: Fit | None) -> Array:

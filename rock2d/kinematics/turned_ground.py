@@ -2,7 +2,7 @@
 
 The ground is turned about the point that is touched first, until the block has left it again: each strike finds another
 slope on a rough ground. A turned ground is equivalent to the stated one with the motion turned the other way. Gravity
-is turned with it, which is corrected for the flights but not for the contact, where it matters little."""
+is turned with it, which is corrected afterwards."""
 
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_L, K_UL
 from rock2d.records.columns import (
+    BEFORE,
     I_TIME,
     I_TIME_AFTER,
     INSTANT_STATE,
@@ -32,8 +33,6 @@ from rock2d.scene.world import World
 
 APPROACH = 0.3  # time before and after an impact with a turned ground, in √(radius / g)
 TURN_STEP_RAD, SHIFT_STEP_RADII = 1e-4, 1e-4  # for derivatives of clearances
-TOUCH_STEP, TOUCH_ITERATIONS = 1e-3, 3  # step for the derivative by time, in APPROACH; iterations for the touch
-SLOWEST_M_S = 0.05  # speed of a slower block towards the ground
 
 
 class TurnedRun(NamedTuple):
@@ -57,11 +56,12 @@ def run_on_turned_ground(
 
     `block` (n,): indices of the blocks; `starts` (n, 6): states shortly before the first impact; `limits_s` (n,): ends
     of the runs; `times_s` (n, k): instants of the samples; `impact_room`: largest number of impacts of either part."""
-    touch_s = touch_times(world, block, starts, limits_s)
-    touching = move_freely(world, block, starts, touch_s)
+    touch = run_world(world, starts, block, time_limit_s=limits_s, impact_limit=1, impact_room=1).impacts[:, 0]
+    strikes = np.isfinite(touch[:, I_TIME])
+    slope, touch_s = np.where(strikes, world.slope_rad, 0.0), np.where(strikes, touch[:, I_TIME], 0.0)
+    touching = np.where(strikes[:, None], touch[:, BEFORE], starts)
     pivot = touched_points(world, block, touching[:, POSE])
-    slope = np.where(touch_s < limits_s, world.slope_rad, 0.0)
-    near = move_freely(world, block, turned(touching, pivot, -slope), -touch_s)
+    near = lifted(world, block, move_freely(world, block, turned(touching, pivot, -slope), -touch_s))
 
     def run(states: Array, until_s: Array, instants_s: Array, impact_limit: int = 0, room: int = impact_room) -> Any:
         return run_world(
@@ -69,51 +69,50 @@ def run_on_turned_ground(
             impact_limit=impact_limit, impact_room=room,
         )  # fmt: skip
 
-    # until the block is clear of its indentation, and has not struck again; mostly the expected instant serves
-    approach = approach_s(world, block)
-    back_s = np.minimum(touch_s + _expected_contact_s(world, block) + approach, limits_s)
+    # until the block is clear of its indentation, and has not struck again; mostly the expected instant is late enough
+    approach, contact = approach_s(world, block), _expected_contact_s(world, block)
+    back_s = np.minimum(touch_s + contact + approach, limits_s)
     first = run(near, back_s, times_s)
     samples, ends, impacts_s = first.samples, first.ends[:, INSTANT_STATE], first.impacts[..., I_TIME]
     left_s = first.impacts[:, 0, I_TIME_AFTER]
     again = (first.impact_count > 1) | ((back_s < limits_s) & ~(left_s + 0.5 * approach <= back_s))
     if again.any():
-        strikes = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, room=2).impacts
-        left_s = np.where(again, strikes[:, 0, I_TIME_AFTER], left_s)
-        clear_s = np.fmin(np.fmin(left_s + approach, strikes[:, 1, I_TIME]), limits_s)
-        back_s = np.where(again, clear_s, back_s)
+        later = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, room=2).impacts
+        left_s = np.where(again, later[:, 0, I_TIME_AFTER], left_s)
+        back_s = np.where(again, np.fmin(np.fmin(left_s + approach, later[:, 1, I_TIME]), limits_s), back_s)
         other = run(near, np.where(again, back_s, 0.0), times_s)
         samples = np.where(again[:, None, None], other.samples, samples)
         ends = np.where(again[:, None], other.ends[:, INSTANT_STATE], ends)
         impacts_s = np.where(again[:, None], other.impacts[..., I_TIME], impacts_s)
-    flight = _Flights(world.gravity_m_s2, slope, touch_s, np.fmin(left_s, back_s))
+    # the time of contact counts as flight, but not that for which a block lies on the ground
+    flies_s = np.where(np.isnan(impacts_s[:, 0]), touch_s, np.fmax(np.fmin(left_s, back_s) - contact, touch_s))
+    flight = _Flights(world.gravity_m_s2, slope, touch_s, flies_s)
     onward = run(
-        flight.with_true_gravity(turned(ends, pivot, slope), back_s), limits_s - back_s,
+        lifted(world, block, flight.with_true_gravity(turned(ends, pivot, slope), back_s)), limits_s - back_s,
         np.maximum(times_s - back_s[:, None], 0.0),
     )  # fmt: skip
-    late = (times_s > back_s[:, None])[..., None]
+    samples = flight.with_true_gravity(turned(samples, pivot[:, None], slope[:, None]), times_s)
     return TurnedRun(
-        np.where(
-            late, onward.samples, flight.with_true_gravity(turned(samples, pivot[:, None], slope[:, None]), times_s)
-        ),
+        np.where((times_s > back_s[:, None])[..., None], onward.samples, samples),
         onward.ends[:, INSTANT_STATE],
         np.hstack([impacts_s, back_s[:, None] + onward.impacts[..., I_TIME]]),
     )
 
 
 class _Flights(NamedTuple):
-    """Flights before `touch_s` and after `left_s` (n,) in a motion that was turned by `slope` (n,): the gravity of the
-    simulation is turned with it."""
+    """Parts of a simulated motion in which the block flies: before `touch_s` and after `flies_s` (n,). The motion was
+    turned back by `slope` (n,), and its gravity with it."""
 
     gravity_m_s2: float
     slope: Array
     touch_s: Array
-    left_s: Array
+    flies_s: Array
 
     def with_true_gravity(self, states: Array, times_s: Array) -> Array:
         """States or poses (n, ..., 3 or 6) at `times_s` (n, ...) as under the true gravity."""
         shape = (-1,) + (1,) * (times_s.ndim - 1)
-        slope, touch_s, left_s = (own.reshape(shape) for own in (self.slope, self.touch_s, self.left_s))
-        flown_s = np.minimum(times_s - touch_s, 0.0) + np.maximum(times_s - left_s, 0.0)
+        slope, touch_s, flies_s = (own.reshape(shape) for own in (self.slope, self.touch_s, self.flies_s))
+        flown_s = np.minimum(times_s - touch_s, 0.0) + np.maximum(times_s - flies_s, 0.0)
         change = self.gravity_m_s2 * np.stack([-np.sin(slope), np.cos(slope) - 1.0], axis=-1)
         out = states.copy()
         out[..., POSITION] += 0.5 * change * flown_s[..., None] ** 2
@@ -134,33 +133,34 @@ def approach_s(world: World, block: Array) -> Array:
     return APPROACH * np.sqrt(_radii(world, block) / max(world.gravity_m_s2, 1e-3))
 
 
-def touch_times(world: World, block: Array, starts: Array, longest_s: Array) -> Array:
-    """(n,) times in s until blocks from `starts` (n, 6) touch the ground, at most `longest_s` (n,)."""
-    wait_s, step_s = np.zeros(len(block)), TOUCH_STEP * approach_s(world, block)
-    for _ in range(TOUCH_ITERATIONS):  # Newton's method
-        now, later = (
-            block_clearances(world, block, move_freely(world, block, starts, t)[:, POSE])
-            for t in (wait_s, wait_s + step_s)
-        )
-        wait_s = np.clip(wait_s + now * step_s / np.maximum(now - later, SLOWEST_M_S * step_s), 0.0, longest_s)
-    return wait_s
-
-
 def touched_points(world: World, block: Array, touching: Array) -> Array:
     """(n, 2) points on the normals through the points where blocks in the poses `touching` (n, 3) touch the ground. To
     first order, a turn about any point of a normal moves a facet equally."""
-    radius = _radii(world, block)
-
-    def change(column: int, step: Array | float) -> Array:
-        other = touching + np.multiply.outer(step, np.arange(N_POSE) == column)
-        return (block_clearances(world, block, other) - block_clearances(world, block, touching)) / step
-
-    shift = SHIFT_STEP_RADII * radius
-    normal = np.column_stack([change(X, shift), change(Y, shift)])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
     # a turn about the centre raises a point of the block by its distance from the centre along the ground
-    ahead = np.clip(change(THETA, TURN_STEP_RAD), -radius, radius)
-    return np.asarray(touching[:, POSITION] + ahead[:, None] * normal[:, [Y, X]] * [1.0, -1.0])
+    ahead, radius = _change(world, block, touching, THETA, np.full(len(block), TURN_STEP_RAD)), _radii(world, block)
+    along = _normals(world, block, touching)[:, [Y, X]] * [1.0, -1.0]
+    return np.asarray(touching[:, POSITION] + np.clip(ahead, -radius, radius)[:, None] * along)
+
+
+def lifted(world: World, block: Array, states: Array) -> Array:
+    """The states (n, 6), with blocks that are inside the ground moved out of it along its normal."""
+    depth, out = -block_clearances(world, block, states[:, POSE]), states.copy()
+    if (inside := depth > 0.0).any():
+        out[inside, POSITION] += depth[inside, None] * _normals(world, block[inside], states[inside, POSE])
+    return out
+
+
+def _normals(world: World, block: Array, poses: Array) -> Array:
+    """(n, 2) directions in which blocks in `poses` (n, 3) move away from the ground."""
+    step = SHIFT_STEP_RADII * _radii(world, block)
+    away = np.column_stack([_change(world, block, poses, column, step) for column in (X, Y)])
+    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9))
+
+
+def _change(world: World, block: Array, poses: Array, column: int, step: Array) -> Array:
+    """(n,) change of the clearance with a column of `poses`, by steps (n,)."""
+    moved = poses + np.multiply.outer(step, np.arange(N_POSE) == column)
+    return (block_clearances(world, block, moved) - block_clearances(world, block, poses)) / step
 
 
 def _radii(world: World, block: Array) -> Array:

@@ -137,10 +137,10 @@ def save_fit(path: Path, validated: Validated) -> None:
     fit, out = validated.fit, validated.held_out
     save_arrays(
         path, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
-        slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, bend=fit.jacobian.bend,
-        covariance=fit.jacobian.covariance,
-        impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
-        out_flights=out.residuals.flights, score=out.score, out_parameters=out.parameters,
+        slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, later=fit.jacobian.later,
+        bend=fit.jacobian.bend, covariance=fit.jacobian.covariance, impacts=fit.residuals.impacts,
+        flights=fit.residuals.flights, out_impacts=out.residuals.impacts, out_flights=out.residuals.flights,
+        score=out.score, out_parameters=out.parameters,
     )  # fmt: skip
 
 
@@ -148,7 +148,9 @@ def load_fit(path: Path, model: Model) -> Validated | None:
     """Read what `save_fit` wrote; None if there is no readable file."""
     if (a := load_arrays(path)) is None:
         return None
-    jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["bend"], a["covariance"])
+    jacobian = Jacobian(
+        a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["later"], a["bend"], a["covariance"]
+    )
     residuals = Residuals(a["impacts"], a["flights"])
     fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], jacobian, residuals)
     residuals = Residuals(a["out_impacts"], a["out_flights"])

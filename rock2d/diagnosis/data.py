@@ -122,7 +122,27 @@ class FilmData(FilmSegments):
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
         states = self.states(world)
-        difference = _outcome_differences(world, self.impacts, states, shift, self.step_fraction)
+        start, instants = self.starts(world, states, shift), self.instants_s(world)
+        simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
+        difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
+        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
+        return Residuals(difference, states.residuals * seen)
+
+    def starts(self, world: World, states: States, shift: Array | None = None) -> Array:
+        """(n, 6) true states a little before each impact, with which simulations begin."""
+        impacts = self.impacts
+        starts = move_freely(
+            world, impacts.block, states.middle[impacts.before], impacts.start_s * world.view.time_scale
+        )
+        return starts if shift is None else starts + shift
+
+    def instants_s(self, world: World) -> Array:
+        """(n, k) true times after the starts at which outcomes are compared."""
+        return (self.impacts.wait_s[:, None] + _moments_s(self.impacts)) * world.view.time_scale
+
+    def outcomes(self, world: World, states: States, difference: Array) -> Array:
+        """Residuals (n, 6), in the camera's units, from differences of true poses (n, k, 3) at the instants."""
+        difference = _level_and_rate(self.impacts.tangent, _moments_s(self.impacts) * world.view.time_scale, difference)
         at, along = states.middle[self.impacts.after], self.impacts.tangent
         across = np.column_stack([-along[:, Y], along[:, X]])
         for c, direction in ((ALONG, along), (ACROSS, across)):
@@ -130,8 +150,7 @@ class FilmData(FilmSegments):
         difference[:, RATES] *= world.view.time_scale
         no_angle = self.unknown_spin[self.impacts.after] > 0.0
         difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # not measured
-        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
-        return Residuals(difference, states.residuals * seen)
+        return difference
 
     def incident(self, world: World) -> Array:
         """(n, 6) states at the starts of the simulations."""
@@ -325,32 +344,30 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     return samples
 
 
-def _outcome_differences(
-    world: World, impacts: FlightPairs, states: States, shift: Array | None, step_fraction: float
-) -> Array:
-    """(n, 6) simulated - measured at the beginning of the next flight: along the ground, across it (m), angle (rad),
-    then their rates. `shift` (6,) or (n, 6) is added to the states before the impacts."""
-    scale = world.view.time_scale
-    starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
-    if shift is not None:
-        starts = starts + shift
-    moments = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
-    instants = (impacts.wait_s[:, None] + moments) * scale
-    simulated = _simulated_poses(world, impacts, starts, instants, step_fraction)
-    measured = move_freely(
+def _moments_s(impacts: FlightPairs) -> Array:
+    """(n, k) recorded times after the beginnings of the next flights at which outcomes are compared."""
+    return np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
+
+
+def _measured_poses(world: World, impacts: FlightPairs, states: States) -> Array:
+    """(n, k, 3) true poses at the compared instants, from the measured flights."""
+    return move_freely(
         world,
         np.repeat(impacts.block, COMPARED_INSTANTS),
         np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),
-        ((impacts.begin_s[:, None] + moments) * scale).ravel(),
+        ((impacts.begin_s[:, None] + _moments_s(impacts)) * world.view.time_scale).ravel(),
     )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, N_POSE)
-    difference = simulated - measured
-    t = moments * scale
+
+
+def _level_and_rate(tangent: Array, t: Array, difference: Array) -> Array:
+    """(n, 6) straight lines through differences of poses (n, k, 3) at times t (n, k): along the ground, across it (m),
+    angle (rad) at t = 0, then their rates."""
     centred = t - t.mean(axis=1, keepdims=True)
     rate = (centred[..., None] * difference).sum(axis=1) / (centred**2).sum(axis=1)[:, None]
     level = difference.mean(axis=1) - rate * t.mean(axis=1)[:, None]
     return np.column_stack([
-        *ground_axes(impacts.tangent, level[:, POSITION]), level[:, THETA],
-        *ground_axes(impacts.tangent, rate[:, POSITION]), rate[:, THETA],
+        *ground_axes(tangent, level[:, POSITION]), level[:, THETA],
+        *ground_axes(tangent, rate[:, POSITION]), rate[:, THETA],
     ])  # fmt: skip
 
 

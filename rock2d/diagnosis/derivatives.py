@@ -8,6 +8,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.later_strikes import by_later_strikes
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, Model, choice_positions, from_scale, scatter_positions
 from rock2d.effects.effect import Effect
 from rock2d.records.columns import N_STATE
@@ -24,6 +25,7 @@ class Jacobian:
     impacts : (n, d, P) of impacts by parameters
     flights : (m, 3, degrees, P) of flights by parameters
     scatter : (n, d, k) of impacts by what scatters from impact to impact: the soil, and effects that widen the scatter
+    later : (n, d, k) the part of `scatter` that comes from later strikes of an impact, which meet another place
     bend : (n, d, k) second order of the same, which adds a variance (bend σ²)² at a standard deviation σ; 0 for the
         soil, whose second order is part of `covariance`
     covariance : (n, d, d) of the measurement noise in the residuals of impacts"""
@@ -31,13 +33,14 @@ class Jacobian:
     impacts: Array
     flights: Array
     scatter: Array
+    later: Array
     bend: Array
     covariance: Array
 
     def scattered_by(self, columns: Array) -> Jacobian:
         """The same derivatives with some of the columns of `scatter` and `bend`."""
-        scatter, bend = (np.ascontiguousarray(own[..., columns]) for own in (self.scatter, self.bend))
-        return replace(self, scatter=scatter, bend=bend)
+        own = {name: np.ascontiguousarray(getattr(self, name)[..., columns]) for name in ("scatter", "later", "bend")}
+        return replace(self, **own)
 
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
@@ -89,11 +92,13 @@ def jacobian_by_differences(
         bends.append(bend)
     scatter = np.nan_to_num(np.concatenate([*columns, further], axis=-1))
     bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
+    later = np.zeros_like(scatter)
+    later[..., : len(BASE_WIDTH)] = by_later_strikes(model, p, data)
     if covariance is None and not n:
         covariance = data.outcome_noise()
     elif covariance is None:
         covariance = _noise_covariance(model, p, data, at, soil)
-    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, bend, covariance)
+    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, later, bend, covariance)
 
 
 def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
@@ -150,9 +155,10 @@ def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
 
 
 def scatter_columns(jacobian: Jacobian) -> tuple[Array, Array, Array]:
-    """Columns (n, d, c) of first and second order that are not 0 everywhere, the standard deviation that each belongs
-    to (c,), and the order (c,), the power of the standard deviation in it."""
+    """Columns (n, d, c) of the first strike, of later ones, and of second order, the last two where they are not 0; the
+    standard deviation that each belongs to (c,), and the order (c,), the power of the standard deviation in it."""
     k = jacobian.scatter.shape[-1]
-    bent = np.flatnonzero(jacobian.bend.any(axis=(0, 1)))
-    columns = np.concatenate([jacobian.scatter, jacobian.bend[..., bent]], axis=-1)
-    return columns, np.concatenate([np.arange(k), bent]), np.repeat([1.0, 2.0], [k, len(bent)])
+    again, bent = (np.flatnonzero(own.any(axis=(0, 1))) for own in (jacobian.later, jacobian.bend))
+    parts = [jacobian.scatter - jacobian.later, jacobian.later[..., again], jacobian.bend[..., bent]]
+    owner = np.concatenate([np.arange(k), again, bent])
+    return np.concatenate(parts, axis=-1), owner, np.repeat([1.0, 2.0], [k + len(again), len(bent)])

@@ -353,6 +353,7 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     slope = replace(
         jacobian,
         scatter=np.concatenate([jacobian.scatter, columns], axis=-1),
+        later=np.concatenate([jacobian.later, np.zeros_like(columns)], axis=-1),
         bend=np.concatenate([jacobian.bend, np.zeros_like(columns)], axis=-1),
     )
     start = np.concatenate([fit.scatter, np.full(len(units), START_SCATTER)])

@@ -72,7 +72,12 @@ class Fit:
         impacts, flights = releases[data.impact_release], releases[data.flight_release]
         s = self.jacobian
         jacobian = Jacobian(
-            s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.bend[impacts], s.covariance[impacts]
+            s.impacts[impacts],
+            s.flights[flights],
+            s.scatter[impacts],
+            s.later[impacts],
+            s.bend[impacts],
+            s.covariance[impacts],
         )
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
         return replace(self, jacobian=jacobian, residuals=residuals)

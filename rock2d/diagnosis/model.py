@@ -166,21 +166,28 @@ class Model:
         self, p: Array, data: Data, shift: Array | None = None, amounts: Sequence[Sequence[float]] | None = None
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
-        world, coefficients = self.world(p, data.impact_order, amounts), self.coefficients(p)
-        for response, c in zip(self.responses, coefficients, strict=True):
-            if response.law is not None:
-                world = with_changed_law(world, response.law @ c)
-            if response.slope is not None:
-                world = replace(world, slope_rad=world.slope_rad + response.slope @ c)
-            if response.shift is not None:
-                shift = (0.0 if shift is None else shift) + response.shift @ c
-        residuals = data.residuals(world, shift)
+        world, shift = self.acting(p, data.impact_order, shift, amounts)
+        coefficients, residuals = self.coefficients(p), data.residuals(world, shift)
         for response, c in zip(self.responses, coefficients, strict=True):
             if response.impacts is not None:
                 residuals.impacts = residuals.impacts + response.impacts @ c
             if response.flights is not None:
                 residuals.flights = residuals.flights + response.flights @ c
         return residuals
+
+    def acting(
+        self, p: Array, order: Array, shift: Array | None = None, amounts: Sequence[Sequence[float]] | None = None
+    ) -> tuple[World, Array | None]:
+        """World of the impacts at p, and shift of the states before, with the learnt changes; see `residuals`."""
+        world = self.world(p, order, amounts)
+        for response, c in zip(self.responses, self.coefficients(p), strict=True):
+            if response.law is not None:
+                world = with_changed_law(world, response.law @ c)
+            if response.slope is not None:
+                world = replace(world, slope_rad=world.slope_rad + response.slope @ c)
+            if response.shift is not None:
+                shift = (0.0 if shift is None else shift) + response.shift @ c
+        return world, shift
 
     def coefficients(self, p: Array) -> list[Array]:
         """Coefficients of each learnt change."""

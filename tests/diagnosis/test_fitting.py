@@ -34,7 +34,7 @@ def test_intervals_hold_where_the_residuals_of_a_release_depend_on_each_other(sh
     release, none = np.repeat(np.arange(releases), each), np.empty(0, np.int64)
     j = np.column_stack([np.ones(releases * each), np.repeat(rng.normal(size=releases), each)])[:, None]
     noise, flights = np.ones((releases * each, 1, 1)), np.empty((0, 3, 2))
-    slope = Jacobian(j, np.empty((0, 3, 2, 2)), *np.empty((2, releases * each, 1, 0)), noise)
+    slope = Jacobian(j, np.empty((0, 3, 2, 2)), *np.empty((3, releases * each, 1, 0)), noise)
     found, stated, plain = [], [], []
     for _ in range(300):
         r = rng.normal(size=(releases * each, 1)) + shared * rng.normal(size=(releases, 1))[release]

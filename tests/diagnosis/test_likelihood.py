@@ -22,7 +22,7 @@ def impacts(soil, count=800, seed=5):
     heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
     own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
     none = np.empty((count, 6, 0)), np.empty((0, 3, 2, 0))
-    return heavy * (drawn + own), Jacobian(*none, by_soil, 0.0 * by_soil, noise)
+    return heavy * (drawn + own), Jacobian(*none, by_soil, 0.0 * by_soil, 0.0 * by_soil, noise)
 
 
 def posterior(r, slope, soil):

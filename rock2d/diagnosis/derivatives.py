@@ -38,7 +38,7 @@ class Jacobian:
     covariance: Array
 
     def scattered_by(self, columns: Array) -> Jacobian:
-        """The same derivatives with some of the columns of `scatter` and `bend`."""
+        """The same derivatives with some of the columns of `scatter`, `later` and `bend`."""
         own = {name: np.ascontiguousarray(getattr(self, name)[..., columns]) for name in ("scatter", "later", "bend")}
         return replace(self, **own)
 
@@ -65,7 +65,7 @@ def jacobian_by_differences(
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
     covariance : covariance of the noise, if known
-    known : derivatives by the first parameters at p, if known"""
+    known : derivatives by the first parameters at p, and by the soil of later strikes, if known"""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
@@ -74,11 +74,11 @@ def jacobian_by_differences(
         first = known.impacts.shape[-1]
         by_impacts[..., :first], by_flights[..., :first] = known.impacts, known.flights
     fixed = {*scatter_positions(model), *choice_positions(model)}
+    steps = np.where(p + DIFFERENCE_STEP <= high, DIFFERENCE_STEP, -DIFFERENCE_STEP)
     for k in sorted(set(range(first, model.named_size)) - fixed):
-        step = DIFFERENCE_STEP if p[k] + DIFFERENCE_STEP <= high[k] else -DIFFERENCE_STEP
-        stepped = model.residuals(p + step * (np.arange(size) == k), data)
-        by_impacts[..., k] = (stepped.impacts - at.impacts) / step
-        by_flights[..., k] = (stepped.flights - at.flights) / step
+        stepped = model.residuals(p + steps[k] * (np.arange(size) == k), data)
+        by_impacts[..., k] = (stepped.impacts - at.impacts) / steps[k]
+        by_flights[..., k] = (stepped.flights - at.flights) / steps[k]
     by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
     if model.responses and first < size:
         by_levers = LeverDerivatives(model, p, data, at, by_law)
@@ -93,7 +93,8 @@ def jacobian_by_differences(
     scatter = np.nan_to_num(np.concatenate([*columns, further], axis=-1))
     bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
     later = np.zeros_like(scatter)
-    later[..., : len(BASE_WIDTH)] = by_later_strikes(model, p, data)
+    law = slice(len(BASE_WIDTH))
+    later[..., law] = by_later_strikes(model, p, data, steps[law]) if known is None else known.later[..., law]
     if covariance is None and not n:
         covariance = data.outcome_noise()
     elif covariance is None:

@@ -1,7 +1,7 @@
 """Likelihood of the residuals: robust, with a covariance for each impact.
 
 The residual of an impact has three sources: the noise of the measured flights on both sides, the soil, which varies
-from impact to impact (each parameter of the law by a fitted standard deviation), and the model's error. The first two
+from strike to strike (each parameter of the law by a fitted standard deviation), and the model's error. The first two
 make the covariance of the impact. A Student distribution allows for the few impacts that fall on the other side of an
 edge. The coefficients of flights are independent and have unit variance.
 

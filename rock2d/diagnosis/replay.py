@@ -142,7 +142,7 @@ def simulated_releases(data: FilmData, fit: Fit, film: Releases, signs: Signs, *
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
 
-    The soil varies from impact to impact. Few impacts of a release matter, so one soil is drawn for each release."""
+    The soil varies from strike to strike. Few strikes of a release matter, so one soil is drawn for each release."""
     order = data.order[film.release]
     if not repetitions:
         return recorded_simulation(data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs)

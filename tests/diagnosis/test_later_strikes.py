@@ -8,7 +8,9 @@ import pytest
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.later_strikes import by_later_strikes
 from rock2d.diagnosis.likelihood import fit_scatter, log_likelihood
+from rock2d.diagnosis.model import BASE_MU
 from rock2d.engines.batch import run_world
+from rock2d.records.columns import I_TIME, INSTANT_STATE
 from tests.kinematics.synthetic_films import base_fit, film, world
 
 
@@ -25,10 +27,38 @@ def test_the_soil_of_later_strikes_acts_where_there_are_later_strikes(fitted):
         true, data.starts(true, data.states(true)), data.impact_block, time_limit_s=instants_s[:, -1], impact_room=4,
         step_fraction=data.step_fraction,
     ).impact_count  # fmt: skip
-    later = np.abs(by_later_strikes(base.model, base.p, data)).max(axis=(1, 2))
+    later = np.abs(by_later_strikes(base.model, base.p, data, np.full(5, 0.02))).max(axis=(1, 2))
     assert (later[strikes == 1] == 0.0).all()
     assert np.mean(later[strikes > 1] > 0.0) > 0.9
     assert 3 < (strikes > 1).sum() < 0.7 * len(strikes)
+
+
+def test_what_is_left_is_the_soil_of_the_first_strike(fitted):
+    """Simulated with another friction until the second strike, and with the fitted one from there on."""
+    data, base = fitted
+    true, step = base.model.world(base.p, data.impact_order), 0.02 * (np.arange(5) == BASE_MU)
+    other = base.model.world(base.p + step, data.impact_order)
+    states, instants_s = data.states(true), data.instants_s(true)
+    block, limits_s, options = data.impact_block, instants_s[:, -1] + 1e-9, {"step_fraction": data.step_fraction}
+    starts = data.starts(true, states)
+    second_s = run_world(other, starts, block, time_limit_s=limits_s, impact_limit=2, impact_room=2, **options).impacts[
+        :, 1, I_TIME
+    ]
+    split_s = np.fmin(second_s, limits_s)
+    first = run_world(other, starts, block, time_limit_s=split_s, times_s=instants_s, **options)
+    since_s = np.maximum(instants_s - split_s[:, None], 0.0)
+    onward = run_world(
+        true, first.ends[:, INSTANT_STATE], block, time_limit_s=limits_s - split_s, times_s=since_s, **options
+    )
+    poses = np.where((instants_s > split_s[:, None])[..., None], onward.samples, first.samples)
+    level = run_world(true, starts, block, time_limit_s=limits_s, times_s=instants_s, **options).samples
+    change = data.outcomes(true, states, poses - level) / 0.02
+    jacobian = base.jacobian
+    expected = (jacobian.scatter - jacobian.later)[..., BASE_MU]
+    several = np.isfinite(second_s)
+    error = np.abs(change - expected)[several] / np.abs(expected[several]).max(axis=0)
+    assert np.median(error) < 0.01
+    assert np.quantile(error, 0.9) < 0.1
 
 
 def test_a_soil_that_varies_from_strike_to_strike_is_found_as_such(fitted):

@@ -31,7 +31,7 @@ UNDETERMINED_TEXT = "not determined by these data"
 
 def parameters_section(result: Diagnosis, content: Mapping[str, Any], models: Models) -> dict[str, Any]:
     """Template variables of the parameters. For each model: `law`, the base law's five parameters, and `scatter`, their
-    scatter from impact to impact (1 sigma) in %."""
+    scatter from strike to strike (1 sigma) in %."""
     values = [_law_values(model.fit) for model in models.values()]
     return {
         "law": [(*about, [own[i] for own in values]) for i, about in enumerate(LAW)],

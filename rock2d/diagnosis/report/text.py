@@ -91,7 +91,7 @@ def verdict_sentence(content: Mapping[str, Any]) -> tuple[str, str]:
     if verdict == "none":
         return "No gap", (
             "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "
-            "larger than the noise of the measurement and the scatter of the soil from impact to impact."
+            "larger than the noise of the measurement and the scatter of the soil from strike to strike."
         )
     outside = _outside_sentence(content)
     if verdict == "unknown":
@@ -336,7 +336,7 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
             "A release is divided into flights. Everything between two flights counts as one impact, which is "
             "predicted from the measured flight before it. In flight only gravity acts, unless an effect adds a force.",
             "The noise of the camera is normal. It is estimated from the flights, not taken from experiment.yaml. The "
-            "scatter of the soil from impact to impact is fitted by maximum likelihood.",
+            "scatter of the soil from strike to strike is fitted by maximum likelihood.",
             "The position of the camera's axis is not stated. Effects that turn, scale or distort the image assume "
             "that it points at ditch and embankment, and fit its distance from there.",
         ]

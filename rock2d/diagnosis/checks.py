@@ -19,7 +19,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
-from rock2d.diagnosis.derivatives import scatter_columns
+from rock2d.diagnosis.derivatives import ScatterColumns
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
@@ -200,9 +200,8 @@ class _RemainingPatterns:
         heavy = impact_weight(chi_square(r, covariance), r.shape[1])
         # standard deviations of the rates, the last columns
         self._sd = standard_deviations(covariance)[:, -3:]
-        columns, owner, order = scatter_columns(fit.jacobian)
-        self._soil = whiten @ (columns * fit.scatter[owner] ** order)
-        self._share = np.eye(len(fit.scatter))[owner] * order[:, None]
+        scattered = ScatterColumns.of(fit.jacobian)
+        self._soil, self._share = whiten @ scattered.scaled(fit.scatter), scattered.share
         self._impacts = _Residuals(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -150,16 +151,35 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
 
 def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
     """(n, d, d) covariances at standard deviations `scatter` (k,) of what varies from impact to impact."""
-    columns, owner, order = scatter_columns(jacobian)
-    wide = columns * scatter[owner] ** order
+    wide = ScatterColumns.of(jacobian).scaled(scatter)
     return jacobian.covariance + wide @ wide.transpose(0, 2, 1)
 
 
-def scatter_columns(jacobian: Jacobian) -> tuple[Array, Array, Array]:
-    """Columns (n, d, c) of the first strike, of later ones, and of second order, the last two where they are not 0; the
-    standard deviation that each belongs to (c,), and the order (c,), the power of the standard deviation in it."""
-    k = jacobian.scatter.shape[-1]
-    again, bent = (np.flatnonzero(own.any(axis=(0, 1))) for own in (jacobian.later, jacobian.bend))
-    parts = [jacobian.scatter - jacobian.later, jacobian.later[..., again], jacobian.bend[..., bent]]
-    owner = np.concatenate([np.arange(k), again, bent])
-    return np.concatenate(parts, axis=-1), owner, np.repeat([1.0, 2.0], [k + len(again), len(bent)])
+class ScatterColumns(NamedTuple):
+    """What varies from impact to impact, as independent columns.
+
+    Attributes
+    ----------
+    columns : (n, d, c) of the first strike, of later ones, and of second order, the last two where they are not 0
+    owner : (c,) standard deviation that each belongs to
+    order : (c,) power of the standard deviation in it
+    share : (c, k) order of each column in the standard deviation that it belongs to, else 0"""
+
+    columns: Array
+    owner: Array
+    order: Array
+    share: Array
+
+    @classmethod
+    def of(cls, jacobian: Jacobian) -> ScatterColumns:
+        """The columns of these derivatives."""
+        k = jacobian.scatter.shape[-1]
+        again, bent = (np.flatnonzero(own.any(axis=(0, 1))) for own in (jacobian.later, jacobian.bend))
+        parts = [jacobian.scatter - jacobian.later, jacobian.later[..., again], jacobian.bend[..., bent]]
+        owner = np.concatenate([np.arange(k), again, bent])
+        order = np.repeat([1.0, 2.0], [k + len(again), len(bent)])
+        return cls(np.concatenate(parts, axis=-1), owner, order, np.eye(k)[owner] * order[:, None])
+
+    def scaled(self, scatter: Array) -> Array:
+        """(n, d, c) the columns at standard deviations `scatter` (k,)."""
+        return np.asarray(self.columns * scatter[self.owner] ** self.order)

@@ -34,7 +34,9 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
     own = np.flatnonzero(possible & np.isfinite(second_s))
     changes = np.zeros((*instants_s.shape, 3, size))
     if len(own):
-        worlds = [world] + [model.acting(p + step, data.impact_order)[0] for step in _unit_steps(steps, len(p))]
+        worlds = [world] + [
+            model.acting(p + step, data.impact_order)[0] for step in steps[:, None] * np.eye(size, len(p))
+        ]
         rows = [np.broadcast_to(each.contact, (count, *each.contact.shape[1:]))[own] for each in worlds]
         level = replace(world, contact=np.concatenate(rows), slope_rad=np.zeros(1))
         block, since_s = (np.concatenate([part] * len(worlds)) for part in (
@@ -48,11 +50,6 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
         for k, (pose, step) in enumerate(zip(changed, steps, strict=True)):
             changes[own, ..., k] = (pose - same) / step
     return np.nan_to_num(np.stack([data.outcomes(world, states, changes[..., k]) for k in range(size)], axis=-1))
-
-
-def _unit_steps(steps: Array, size: int) -> Array:
-    """(5, P) steps of the parameters of the law, one at a time."""
-    return np.asarray(steps[:, None] * np.eye(len(steps), size))
 
 
 def _second_strikes(world: World, data: FilmData, starts: Array, instants_s: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Jacobian, scatter_columns
+from rock2d.diagnosis.derivatives import Jacobian, ScatterColumns
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
@@ -189,9 +189,8 @@ class _Point(NamedTuple):
 
 
 class _Cost(NamedTuple):
-    """Residuals (n, d), their `scatter_columns` (n, d, c), and their covariance without them (n, d, d).
-
-    `share`: (c, k) order of each column in the standard deviation that it belongs to, else 0."""
+    """Residuals (n, d), `columns` (n, d, c) and `share` (c, k) of their `ScatterColumns`, and their covariance without
+    these (n, d, d)."""
 
     r: Array
     columns: Array
@@ -202,9 +201,8 @@ class _Cost(NamedTuple):
     def of(cls, r: Array, jacobian: Jacobian) -> _Cost:
         """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
-        columns, owner, order = scatter_columns(jacobian)
-        share = np.eye(jacobian.scatter.shape[-1])[owner] * order[:, None]
-        return cls(r[good], columns[good], share, jacobian.covariance[good])
+        own = ScatterColumns.of(jacobian)
+        return cls(r[good], own.columns[good], own.share, jacobian.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """Cost at logarithms (k,) of the standard deviations."""

@@ -4,12 +4,12 @@ The ground is turned about the point that is touched first, until the block has 
 slope on a rough ground. A turned ground is equivalent to the stated one with the motion turned the other way. Gravity
 is turned with it, which is corrected afterwards."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
+from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_world
 from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_L, K_UL
@@ -63,7 +63,9 @@ def run_on_turned_ground(
     pivot = touched_points(world, block, touching[:, POSE])
     near = lifted(world, block, move_freely(world, block, turned(touching, pivot, -slope), -touch_s))
 
-    def run(states: Array, until_s: Array, instants_s: Array, impact_limit: int = 0, room: int = impact_room) -> Any:
+    def run(
+        states: Array, until_s: Array, instants_s: Array, impact_limit: int = 0, room: int = impact_room
+    ) -> BatchResult:
         return run_world(
             world, states, block, time_limit_s=until_s, times_s=instants_s, step_fraction=step_fraction,
             impact_limit=impact_limit, impact_room=room,

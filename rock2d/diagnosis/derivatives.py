@@ -56,7 +56,7 @@ def jacobian_by_differences(
     data: Data,
     at: Residuals,
     soil: Array,
-    covariance: Array | None = None,
+    noise: Jacobian | None = None,
     known: Jacobian | None = None,
 ) -> Jacobian:
     """Derivatives at p by finite differences.
@@ -65,8 +65,8 @@ def jacobian_by_differences(
     ----------
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
-    covariance : covariance of the noise, if known
-    known : derivatives by the first parameters at p, and by the soil of later strikes, if known"""
+    noise : derivatives nearby, whose covariance of the noise and `later` are taken over
+    known : derivatives by the first parameters at p, if known"""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
@@ -95,11 +95,11 @@ def jacobian_by_differences(
     bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
     later = np.zeros_like(scatter)
     law = slice(len(BASE_WIDTH))
-    later[..., law] = by_later_strikes(model, p, data, steps[law]) if known is None else known.later[..., law]
-    if covariance is None and not n:
-        covariance = data.outcome_noise()
-    elif covariance is None:
-        covariance = _noise_covariance(model, p, data, at, soil)
+    later[..., law] = by_later_strikes(model, p, data, steps[law]) if noise is None else noise.later[..., law]
+    if noise is not None:
+        covariance = noise.covariance
+    else:
+        covariance = _noise_covariance(model, p, data, at, soil) if n else data.outcome_noise()
     return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, later, bend, covariance)
 
 

@@ -141,7 +141,7 @@ def fit(
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            noise = None if jacobian is None or renew else jacobian.covariance
+            noise = None if renew else jacobian
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
@@ -157,13 +157,16 @@ def fit(
         at, damping, gains = _advance(model, data, at, covariance, curvature, grad, damping, convergence)
         if gains and updates < MOST_UPDATES:
             jacobian, updates = _broyden_update(jacobian, before, at), updates + 1
-        elif gains or updates > 0 or not (keep_jacobian or _near(model, scatter, derived_at)):
+        elif gains or updates > 0:
             updates, damping = None, START_DAMPING
+        elif not (keep_jacobian or _near(model, scatter, derived_at)):
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian, jacobian)
+            damping, derived_at = START_DAMPING, scatter
         else:
             break
     assert jacobian is not None
     if updates is None and not keep_jacobian:
-        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian.covariance)
+        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian)
         if model.scatter_effects:
             scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
     p_covariance = clustered_covariance(

@@ -23,7 +23,9 @@ from rock2d.diagnosis.evidence import (
     evidence_of_members,
     gain_left_by_forms,
     outside_probability,
+    plausible_rivals,
     single_answers,
+    size_faults_in,
     unexplained_probability,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
@@ -275,50 +277,67 @@ def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[
 
 
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, WeighedSet]:
-    """Evidence for all effects that were in a best set; the last best set, and the first.
+    """Evidence for all effects that were in a weighed set; the last weighed set, and the first.
 
-    A rival that gains more replaces a member. A member of impossible size that gains is replaced for good by a rival
-    that gains as much. Then members that cannot be named are removed for good, first the half that gains less; a
-    removed rival gives its place back to the member that it had replaced. The evidence for the remaining members is
-    computed again."""
+    Members are exchanged for better rivals, see `_exchange_member`, before a set is weighed. Then members that cannot
+    be named are removed for good, first the half that gains less; a removed rival gives its place back to the member
+    that it had replaced. The evidence for the remaining members is computed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
-    removed = set[str]()
+    removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
     while True:
-        if search.best.names not in by_set:
+        names = search.best.names
+        found = by_set[names].evidence if names in by_set else {}
+        tried.add(names)
+        if _exchange_member(search, found, tried, removed, replaced):
+            continue
+        if names not in by_set:
             weighed = _weighed(search, evidence, removed)  # an effect may have joined the set
             by_set.setdefault(search.best.names, weighed)
-        names = search.best.names
-        found = by_set[names].evidence
-        evidence |= found
-        exchanges = sorted(
-            (z, name, rival)
-            for name, own in found.items()
-            for rival, z in own.rival_z.items()
-            if (z < -BETTER_RIVAL_Z or (own.own_gain.significant and not own.possible))
-            and rival not in removed
-            and TWINS.get(rival) not in names - {name}
-            and names - {name} | {rival} not in by_set
-        )
+            evidence |= weighed.evidence
+            continue
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].own_gain.total
         )
-        if exchanges:
-            _, name, rival = exchanges[0]
-            if found[name].possible:
-                replaced[rival] = name
-            else:
-                removed.add(name)
-            names = names - {name} | {rival}
-        elif refused:
-            leaving = set(refused[: (len(refused) + 1) // 2])
-            removed |= leaving
-            back = {replaced[name] for name in leaving & replaced.keys()}
-            names -= leaving
-            names |= {name for name in back - removed if TWINS.get(name) not in names}
-        else:
+        if not refused:
             return evidence, by_set[names], next(iter(by_set.values()))
+        leaving = set(refused[: (len(refused) + 1) // 2])
+        removed |= leaving
+        back = {replaced[name] for name in leaving & replaced.keys()}
+        names -= leaving
+        names |= {name for name in back - removed if TWINS.get(name) not in names}
         search.best = search.set_of(names)
+
+
+def _exchange_member(
+    search: Search, found: Mapping[str, Evidence], tried: set[Names], removed: set[str], replaced: dict[str, str]
+) -> bool:
+    """Exchange a member of the best set for a rival that gains more. A member of impossible size that gains is replaced
+    for good by a rival that gains as much. Returns whether the set may have further rivals.
+
+    `found`: evidence for the members, if the set was weighed; `tried`: sets that cannot be the result."""
+    best, options = search.best, list[tuple[float, str, str, bool]]()
+    for name, without in search.without(best).items():
+        gain = found[name].own_gain if name in found else search.gain(best, without)
+        possible = found[name].possible if name in found else not any(size_faults_in(best, search, name, gain))
+        for rival, z in plausible_rivals(search, name, gain).items():
+            allowed = rival not in removed and TWINS.get(rival) not in best.names - {name}
+            better = z < -BETTER_RIVAL_Z or (gain.significant and not possible)
+            if allowed and better and best.names - {name} | {rival} not in tried:
+                options.append((z, name, rival, possible))
+    if not options:
+        return False
+    _, name, rival, possible = min(options)
+    other = search.set_of(best.names - {name} | {rival})
+    tried.add(other.names)
+    if not possible:
+        removed.add(name)
+    elif search.gain(other, best).significance > BETTER_RIVAL_Z:
+        replaced[rival] = name
+    else:  # what screening expects of a rival can be too much
+        return True
+    search.best = other
+    return True
 
 
 def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Dependence]:

@@ -265,13 +265,7 @@ def _evidence_of_member(
             gain = gain_beyond_luck(search, name, own_gain.total)
             p_chance = max(p_chance, chance_p_value(gain, np.max(others_chance_gains, axis=0)))
         p_no_closure = probability_of_no_closure(search, name, learnt, without)
-    large_gain, other_names = own_gain.significance >= LARGE_GAIN_Z, best.names - {name}
-    rival_z = {
-        rival: z
-        for rival, z in search.find_rivals(best, name, RIVAL_Z, rivals).items()
-        if (own := search.known.get(other_names | {rival})) is None
-        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], large_gain))
-    }
+    rival_z = plausible_rivals(search, name, own_gain, rivals)
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # only contacts could tell them apart, and something in the contacts is not understood
         rival_z = {twin: 0.0} | rival_z
@@ -279,7 +273,7 @@ def _evidence_of_member(
         if other in search.effects and other not in best.names:
             rival_z = {other: min(OTHER_FORM_Z, rival_z.get(other, np.inf))} | rival_z
     sizes = [relative_size(fit, name) for fit in (best.fit, learnt.fit)]
-    negligible, out_of_range = size_faults(effect, sizes, large_gain)
+    negligible, out_of_range = size_faults(effect, sizes, own_gain.significance >= LARGE_GAIN_Z)
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
@@ -293,6 +287,17 @@ def _evidence_of_member(
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
         evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
     return evidence, without
+
+
+def plausible_rivals(search: Search, name: str, gain: SummedGain, fitted: Collection[str] = ()) -> dict[str, float]:
+    """`Search.find_rivals` of a member of the best set with this `gain`, without those of impossible size."""
+    best = search.best
+    return {
+        rival: z
+        for rival, z in search.find_rivals(best, name, RIVAL_Z, fitted).items()
+        if (other := search.known.get(best.names - {name} | {rival})) is None
+        or not any(size_faults_in(other, search, rival, gain))
+    }
 
 
 def gain_beyond_luck(search: Search, name: str, gain: float) -> float:
@@ -383,6 +388,12 @@ def size_faults(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tup
     is_choice = effect.parameters[0].must_choose
     negligible = min(sizes) < LEAST_SIZE and (effect.scatter or not large_gain)
     return negligible, max(sizes) > LARGEST_SIZE and not is_choice
+
+
+def size_faults_in(cause_set: Validated, search: Search, name: str, gain: SummedGain) -> tuple[bool, bool]:
+    """`size_faults` of a member of a set, if its place has this `gain`."""
+    size, large_gain = relative_size(cause_set.fit, name), gain.significance >= LARGE_GAIN_Z
+    return size_faults(search.effects[name], [size], large_gain)
 
 
 def probability_of_no_closure(search: Search, name: str, learnt: Validated, without: Validated) -> float:

@@ -25,7 +25,7 @@ ROUNDING = 1e-15  # relative addition to the curvature, which is singular if no 
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 PRIOR_SCATTER = 0.3  # width of the half-normal prior of the soil's logarithmic standard deviations
 SCATTER_BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
-CONVERGED_SCATTER_GAIN = 1e-3  # gain in log likelihood of a step below which the fit has converged
+CONVERGED_SCATTER_GAIN = 1e-2  # gain in log likelihood of a step below which the fit has converged
 MOST_SCATTER_STEPS = 30
 LARGEST_SCATTER_STEP, SMALLEST_SCATTER_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
@@ -86,12 +86,13 @@ def normal_equations(
     chi2 = np.einsum("ni,ni->n", r[good], u)
     weight = impact_weight(chi2, r.shape[1])
     j = jacobian.impacts[good]
-    curvature = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
-    grad = np.einsum("n,nip,ni->p", weight, j, u)
-    rf, jf = residuals.flights[flights], jacobian.flights[flights]
-    wf = flight_weight(rf)
-    curvature += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
-    grad += np.einsum("mcd,mcd,mcdp->p", wf, rf, jf)
+    pull = weight[:, None, None] * (inverse @ j)
+    curvature, grad = np.tensordot(j, pull, ((0, 1), (0, 1))), np.tensordot(r[good], pull, 2)
+    moved = np.flatnonzero(jacobian.flights.any(axis=(0, 1, 2)))  # most parameters change no flight
+    rf, jf = residuals.flights[flights], jacobian.flights[flights][..., moved]
+    pull = flight_weight(rf)[..., None] * jf
+    curvature[np.ix_(moved, moved)] += np.tensordot(jf, pull, ((0, 1, 2), (0, 1, 2)))
+    grad[moved] += np.tensordot(rf, pull, 3)
     return curvature, grad
 
 

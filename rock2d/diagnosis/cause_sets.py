@@ -31,7 +31,7 @@ from rock2d.processes import Processes
 MOST_CAUSES = 5  # in a set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step
 EXCHANGED_AT_ONCE = 2  # rivals that are fitted in place of each member
-LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
+LEAST_PROMISE = 3.0  # log likelihood that screening must promise of an addition
 LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect that only widens the scatter must gain alone
 REFIT_SHARE = 0.5  # an addition is fitted again if it gains this share of the largest gain
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
@@ -196,16 +196,17 @@ class Search:
     def _promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
     ) -> list[Validated]:
-        """The sets with one more effect that is not in `excluded`: the `most` of them with the largest expected gains.
+        """The sets with one more effect that is not in `excluded`: the `most` of them that promise most.
 
         `lead`: see `_fit`."""
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
-        expected = {name: e.total for name, e in self.expected_beside(cause_set).items() if name not in excluded}
+        expected = {name: e for name, e in self.expected_beside(cause_set).items() if name not in excluded}
+        promised = {name: e.promise for name, e in expected.items()}
         if cause_set is self.best:
-            self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values()))
-        ranked = sorted(expected, key=lambda name: -expected[name])
-        return self._with_each([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], cause_set, lead)
+            self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(e.total, 0.0) for e in expected.values()))
+        ranked = sorted(promised, key=lambda name: -promised[name])
+        return self._with_each([n for n in ranked if promised[n] > LEAST_PROMISE][:most], cause_set, lead)
 
     def _with_each(self, names: Sequence[str], cause_set: Validated, lead: float = 0.0) -> list[Validated]:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""

@@ -56,7 +56,8 @@ def jacobian_by_differences(
     data: Data,
     at: Residuals,
     soil: Array,
-    noise: Jacobian | None = None,
+    covariance: Array | None = None,
+    later: Array | None = None,
     known: Jacobian | None = None,
 ) -> Jacobian:
     """Derivatives at p by finite differences.
@@ -65,7 +66,8 @@ def jacobian_by_differences(
     ----------
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
-    noise : derivatives nearby, whose covariance of the noise and `later` are taken over
+    covariance : covariance of the noise, if known
+    later : `Jacobian.later` of a fit nearby, if it is taken over
     known : derivatives by the first parameters at p, if known"""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
@@ -93,14 +95,11 @@ def jacobian_by_differences(
         bends.append(bend)
     scatter = np.nan_to_num(np.concatenate([*columns, further], axis=-1))
     bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
-    later = np.zeros_like(scatter)
-    law = slice(len(BASE_WIDTH))
-    later[..., law] = by_later_strikes(model, p, data, steps[law]) if noise is None else noise.later[..., law]
-    if noise is not None:
-        covariance = noise.covariance
-    else:
+    of_later, law = np.zeros_like(scatter), slice(len(BASE_WIDTH))
+    of_later[..., law] = by_later_strikes(model, p, data, steps[law]) if later is None else later[..., law]
+    if covariance is None:
         covariance = _noise_covariance(model, p, data, at, soil) if n else data.outcome_noise()
-    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, later, bend, covariance)
+    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, of_later, bend, covariance)
 
 
 def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:

@@ -132,6 +132,7 @@ def fit(
     p = np.clip(model.start() if start is None else start, low, high)
     begin, at = p, _Point(p, residuals or model.residuals(p, data))
     scatter, noise_known = start_scatter(model, data, old), old is not None
+    own_noise = old is None or renew_noise
     jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curvature, derived_at = START_DAMPING, np.eye(model.size), scatter
@@ -141,11 +142,13 @@ def fit(
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            noise = None if renew else jacobian
+            covariance, later = (None, None) if renew or jacobian is None else (jacobian.covariance, jacobian.later)
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, known)
+            jacobian = jacobian_by_differences(
+                model, at.p, data, at.residuals, scatter, covariance, None if own_noise else later, known
+            )
             updates, derived_at = 0, scatter
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
@@ -160,13 +163,15 @@ def fit(
         elif gains or updates > 0:
             updates, damping = None, START_DAMPING
         elif not (keep_jacobian or _near(model, scatter, derived_at)):
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian, jacobian)
+            covariance, later = jacobian.covariance, jacobian.later
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later, jacobian)
             damping, derived_at = START_DAMPING, scatter
         else:
             break
     assert jacobian is not None
     if updates is None and not keep_jacobian:
-        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian)
+        covariance, later = jacobian.covariance, None if own_noise else jacobian.later
+        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later)
         if model.scatter_effects:
             scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
     p_covariance = clustered_covariance(

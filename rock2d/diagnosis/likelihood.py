@@ -25,7 +25,7 @@ ROUNDING = 1e-15  # relative addition to the curvature, which is singular if no 
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 PRIOR_SCATTER = 0.3  # width of the half-normal prior of the soil's logarithmic standard deviations
 SCATTER_BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
-CONVERGED_SCATTER_GAIN = 1e-2  # gain in log likelihood of a step below which the fit has converged
+CONVERGED_SCATTER_GAIN = 1e-3  # gain in log likelihood of a step below which the fit has converged
 MOST_SCATTER_STEPS = 30
 LARGEST_SCATTER_STEP, SMALLEST_SCATTER_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 

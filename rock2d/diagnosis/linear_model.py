@@ -16,14 +16,16 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
-from rock2d.diagnosis.fitting import Fit, extended
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, residual_covariance
+from rock2d.diagnosis.fitting import SMALLEST_START_SCATTER, Fit, extended
 from rock2d.diagnosis.likelihood import (
     IMPACT_STUDENT_DF,
     chi_square,
+    fit_scatter,
     flight_log_likelihood,
     flight_weight,
     impact_weight,
+    log_likelihood,
     prior,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, to_scale
@@ -32,6 +34,7 @@ from rock2d.effects.effect import Effect, Parameter
 
 CHANCE_DRAWS, CHANCE_SEED = 100, 0
 LARGEST_STEP = 1.0  # largest step of an effect's parameter, on the scale of `Model`
+SCAN_VALUES, FAR_STEPS = 17, 2  # tried sizes of a column, and Newton steps from the best of them
 LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of its size as a single effect
 
 
@@ -42,10 +45,11 @@ class Step:
     Attributes
     ----------
     gain : (releases,) gain in log likelihood on held-out releases
-    step : (k,) step of the further parameters, to subtract
+    own, step : (P,), (k,) steps of the parameters of the fit and of the further ones, to subtract
     choice : index of the width with the largest gain"""
 
     gain: Array
+    own: Array
     step: Array
     choice: int
 
@@ -79,8 +83,48 @@ class LinearModel:
         steps = []
         for i, width in enumerate(widths):
             gain = self._held_out(impacts, flights, parts, width) - self._score_before
-            steps.append(Step(gain, self._newton(curvature, grad, width)[len(self._fit.p) :], i))
+            own, step = np.split(self._newton(curvature, grad, width), [len(self._fit.p)])
+            steps.append(Step(gain, own, step, i))
         return max(steps, key=lambda step: float(step.gain.sum()))
+
+    def far_step(self, columns: Residuals, low: Array, high: Array) -> tuple[Array, Array]:
+        """Steps as in `Step`, from the most likely place of one column between `low` and `high` (k,).
+
+        Impacts that a strong cause changes much count little in a robust likelihood without the cause. So a Newton
+        step from there is far too short."""
+        shares = np.linspace(low, high, SCAN_VALUES)  # (s, k)
+        white = self._whiten @ columns.impacts
+        along, square = np.einsum("nd,ndk->nk", self._z, white), (white**2).sum(axis=1)
+        chi2 = (self._z**2).sum(axis=1)[:, None] + shares[:, None] * (2.0 * along + shares[:, None] * square)
+        df = IMPACT_STUDENT_DF + self._z.shape[1]
+        total = -0.5 * df * (self._known[:, None] * np.log1p(np.maximum(chi2, 0.0) / IMPACT_STUDENT_DF)).sum(axis=1)
+        if columns.flights.any():
+            for s, k in np.ndindex(total.shape):
+                total[s, k] += flight_log_likelihood(self._flights + shares[s, k] * columns.flights[..., k]).sum()
+        s, k = np.unravel_index(total.argmax(), total.shape)
+        own, step = np.zeros(len(self._fit.p)), -shares[s] * (np.arange(len(low)) == k)
+        for _ in range(FAR_STEPS):
+            further = LinearModel(replace(self._fit, residuals=self._after(columns, own, step)), self._data)
+            best = further.best_step(columns, [np.ones(len(low))])
+            own, step = own + best.own, -np.clip(-(step + best.step), low, high)
+        return own, step
+
+    def _after(self, columns: Residuals, own: Array, step: Array) -> Residuals:
+        """Residuals that the linear model expects after these steps."""
+        fit = self._fit
+        return Residuals(
+            fit.residuals.impacts - fit.jacobian.impacts @ own - columns.impacts @ step,
+            fit.residuals.flights - fit.jacobian.flights @ own - columns.flights @ step,
+        )
+
+    def promise(self, columns: Residuals, own: Array, step: Array) -> float:
+        """Gain in log likelihood after these steps, with the scatter of the soil fitted again. It may have grown with
+        what the further parameters explain, and then hides their gain."""
+        fit = self._fit
+        after = self._after(columns, own, step)
+        scatter = fit_scatter(after.impacts, fit.jacobian, np.maximum(fit.scatter, SMALLEST_START_SCATTER))
+        total = log_likelihood(after.impacts, residual_covariance(fit.jacobian, scatter)).sum()
+        return float(total + flight_log_likelihood(after.flights).sum()) - fit.total()
 
     def chance_gains(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
@@ -180,10 +224,12 @@ class Expected(SummedGain):
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
+    promise : see `LinearModel.promise`
     p : start parameters for a fit of the model with the effect
     chance_gains : (draws,) gains by chance, see `LinearModel.chance_gains`"""
 
     gain: Array
+    promise: float
     p: Array
     chance_gains: Array
 
@@ -199,9 +245,10 @@ class Screening:
         fit = self._fit
         model = replace(fit.model, effects=[*fit.model.effects, effect], known_p=fit.p)
         start, first, parameters = extended(fit, model), len(fit.p), model.parameters[-1]
+        low, high = model.bounds()
         must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]
-        trials, steps, chance = list[tuple[Array, Array]](), np.eye(model.size), []
+        trials, steps, chance = list[tuple[float, Array, Array]](), np.eye(model.size), []
         for at in _starts(start, first, parameters):
             if not free or must_choose:
                 break
@@ -210,7 +257,10 @@ class Screening:
             columns.flights *= 1.0 / DIFFERENCE_STEP
             linear_step = self._linear.best_step(columns, [np.ones(len(free))])
             step = np.clip(linear_step.step, -LARGEST_STEP, LARGEST_STEP)
-            trials.append((linear_step.gain, at - step @ steps[free]))
+            far = self._linear.far_step(columns, low[free] - at[free], high[free] - at[free])
+            for own, way in ((linear_step.own, step), far):
+                promise = self._linear.promise(columns, own, way)
+                trials.append((promise, linear_step.gain, at - way @ steps[free]))
             chance.append(self._linear.chance_gains(columns))
         base = len(BASE_WIDTH)
         at, full_step = start.copy(), np.zeros(model.size)
@@ -224,13 +274,14 @@ class Screening:
             columns = _stacked([self._change(model, at, full_step)])
             linear_step = self._linear.best_step(columns, [np.ones(1)])
             share = 1.0 if must_choose else float(np.clip(-linear_step.step[0], 0.0, LARGEST_MULTIPLE))
-            trials.append((linear_step.gain, at + share * full_step))
+            promise = self._linear.promise(columns, linear_step.own, np.array([-share]))
+            trials.append((promise, linear_step.gain, at + share * full_step))
             chance.append(self._linear.chance_gains(columns))
         if not trials:
-            return Expected(np.zeros(len(self._data.order)), start, np.zeros(CHANCE_DRAWS))
-        gain, p = max(trials, key=lambda one: float(one[0].sum()))
-        low, high = model.bounds()
-        return Expected(gain, np.clip(p, low, high), np.max(chance, axis=0))
+            return Expected(np.zeros(len(self._data.order)), 0.0, start, np.zeros(CHANCE_DRAWS))
+        promise, _, p = max(trials, key=lambda one: one[0])
+        gain = max((own for _, own, _ in trials), key=lambda own: float(own.sum()))
+        return Expected(gain, promise, np.clip(p, low, high), np.max(chance, axis=0))
 
     def all(self, effects: Mapping[str, Effect], alone: Mapping[str, Array]) -> dict[str, Expected]:
         """Expected gain of every effect that is not in the model and does not only widen the scatter."""

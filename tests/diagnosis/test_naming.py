@@ -18,15 +18,22 @@ GAINS = {"camera_tilt": 50.0, "scale_error": 40.0, "frame_rate_error": 35.0, "ad
 
 
 class Sets:
-    """Stands for a search: a set is its names."""
+    """Stands for a search: a set is its names. A set that replaces another one gains `confirmed` in each release."""
 
-    def __init__(self, *names: str) -> None:
+    def __init__(self, *names: str, confirmed: float) -> None:
+        self.confirmed = confirmed
         self.best, self.effects = self.set_of(frozenset(names)), GAINS
         self.data, self.bars = None, DiagnosisBars(False, len(GAINS), 1)
         self.weighed: list[set[str]] = []
 
     def set_of(self, names: frozenset[str]) -> Any:
         return SimpleNamespace(names=names, fit=None, held_out=None)
+
+    def without(self, cause_set: Any) -> dict[str, Any]:
+        return {name: self.set_of(cause_set.names - {name}) for name in sorted(cause_set.names)}
+
+    def gain(self, cause_set: Any, other: Any) -> Gain:
+        return Gain(self.confirmed + np.linspace(-0.1, 0.1, 10))
 
 
 def member(name: str, chance: float, ahead: Mapping[str, float] | None = None) -> Evidence:
@@ -37,14 +44,23 @@ def member(name: str, chance: float, ahead: Mapping[str, float] | None = None) -
 def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
     """(evidence of a member in a set, members at first) -> members at last, and the sets that were weighed."""
 
-    def of(judged: Any, *names: str) -> tuple[set[str], list[set[str]]]:
-        search = Sets(*names)
+    def of(judged: Any, *names: str, confirmed: float = 1.0) -> tuple[set[str], list[set[str]]]:
+        search = Sets(*names, confirmed=confirmed)
 
         def evidence_of_members(own: Any, *_: Any) -> dict[str, Evidence]:
             search.weighed.append(set(own.best.names))
             return {name: judged(name, own.best.names) for name in own.best.names}
 
+        def rivals(own: Any, name: str, gain: Gain) -> Mapping[str, float]:
+            return judged(name, own.best.names).rival_z
+
+        def size_faults_in(best: Any, own: Any, name: str, gain: Gain) -> tuple[bool, bool]:
+            found = judged(name, best.names)
+            return found.negligible, found.out_of_range
+
         monkeypatch.setattr(attribution, "evidence_of_members", evidence_of_members)
+        monkeypatch.setattr(attribution, "plausible_rivals", rivals)
+        monkeypatch.setattr(attribution, "size_faults_in", size_faults_in)
         monkeypatch.setattr(attribution, "learn", lambda best, data: SimpleNamespace(changes=[]))
         attribution._evidence_of_sets(search)  # type: ignore[arg-type]
         return set(search.best.names), search.weighed
@@ -60,7 +76,16 @@ def test_a_rival_that_is_refused_gives_the_place_back(stay):
 
     members, weighed = stay(judged, "scale_error", "adhesion")
     assert members == {"scale_error", "adhesion"}
-    assert {"camera_tilt", "adhesion"} in weighed
+    assert weighed == [{"camera_tilt", "adhesion"}, {"scale_error", "adhesion"}]
+
+
+def test_a_rival_that_its_fit_does_not_confirm_does_not_come_in(stay):
+    """Screening expects too much of it."""
+
+    def judged(name, names):
+        return member(name, SURE, {"camera_tilt": -3.0} if name == "scale_error" else None)
+
+    assert stay(judged, "scale_error", confirmed=-1.0) == ({"scale_error"}, [{"scale_error"}])
 
 
 def test_a_refused_member_gives_way_to_its_better_rival_before_it_is_lost(stay):
@@ -86,7 +111,7 @@ def test_rivals_that_are_each_better_than_the_other_come_to_an_end(stay):
         return member(name, SURE, {other[name]: -5.0})
 
     members, weighed = stay(judged, "camera_tilt")
-    assert len(members) == 1 and len(weighed) == 2
+    assert len(members) == 1 and len(weighed) == 1
 
 
 def test_twins_never_come_together(stay):
@@ -114,4 +139,4 @@ def test_a_member_of_impossible_size_gives_way_to_a_rival_that_does_as_well(stay
 
     members, weighed = stay(judged, "scale_error", "adhesion")
     assert members == {"camera_tilt", "adhesion"}
-    assert weighed == [{"scale_error", "adhesion"}, {"camera_tilt", "adhesion"}]
+    assert weighed == [{"camera_tilt", "adhesion"}]

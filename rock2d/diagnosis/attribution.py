@@ -25,7 +25,6 @@ from rock2d.diagnosis.evidence import (
     outside_probability,
     plausible_rivals,
     single_answers,
-    size_faults_in,
     unexplained_probability,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
@@ -279,7 +278,7 @@ def _weighed(search: Search, known: Mapping[str, Evidence], removed: Collection[
 def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, WeighedSet]:
     """Evidence for all effects that were in a weighed set; the last weighed set, and the first.
 
-    Members are exchanged for better rivals, see `_exchange_member`, before a set is weighed. Then members that cannot
+    Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
     be named are removed for good, first the half that gains less; a removed rival gives its place back to the member
     that it had replaced. The evidence for the remaining members is computed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
@@ -288,13 +287,13 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     while True:
         names = search.best.names
         found = by_set[names].evidence if names in by_set else {}
+        evidence |= found
         tried.add(names)
         if _exchange_member(search, found, tried, removed, replaced):
             continue
         if names not in by_set:
             weighed = _weighed(search, evidence, removed)  # an effect may have joined the set
             by_set.setdefault(search.best.names, weighed)
-            evidence |= weighed.evidence
             continue
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].own_gain.total
@@ -313,31 +312,35 @@ def _exchange_member(
     search: Search, found: Mapping[str, Evidence], tried: set[Names], removed: set[str], replaced: dict[str, str]
 ) -> bool:
     """Exchange a member of the best set for a rival that gains more. A member of impossible size that gains is replaced
-    for good by a rival that gains as much. Returns whether the set may have further rivals.
+    for good by a rival that gains as much. Returns whether there is one.
 
-    `found`: evidence for the members, if the set was weighed; `tried`: sets that cannot be the result."""
+    `found`: evidence for the members, if the set was weighed; `tried`: sets that do not come in (again)."""
     best, options = search.best, list[tuple[float, str, str, bool]]()
     for name, without in search.without(best).items():
-        gain = found[name].own_gain if name in found else search.gain(best, without)
-        possible = found[name].possible if name in found else not any(size_faults_in(best, search, name, gain))
-        for rival, z in plausible_rivals(search, name, gain).items():
-            allowed = rival not in removed and TWINS.get(rival) not in best.names - {name}
-            better = z < -BETTER_RIVAL_Z or (gain.significant and not possible)
-            if allowed and better and best.names - {name} | {rival} not in tried:
-                options.append((z, name, rival, possible))
-    if not options:
-        return False
-    _, name, rival, possible = min(options)
-    other = search.set_of(best.names - {name} | {rival})
-    tried.add(other.names)
-    if not possible:
-        removed.add(name)
-    elif search.gain(other, best).significance > BETTER_RIVAL_Z:
-        replaced[rival] = name
-    else:  # what screening expects of a rival can be too much
+        own = found.get(name)
+        rivals = plausible_rivals(search, name, search.gain(best, without)) if own is None else own.rival_z
+        impossible = own is not None and own.own_gain.significant and not own.possible
+        options += [
+            (z, name, rival, impossible)
+            for rival, z in rivals.items()
+            if (z < -BETTER_RIVAL_Z or impossible)
+            and rival not in removed
+            and TWINS.get(rival) not in best.names - {name}
+            and best.names - {name} | {rival} not in tried
+        ]
+    for _, name, rival, impossible in sorted(options):
+        other = search.set_of(best.names - {name} | {rival})
+        tried.add(other.names)
+        # what screening expects of a rival can be too much
+        if not impossible and search.gain(other, best).significance <= BETTER_RIVAL_Z:
+            continue
+        if impossible:
+            removed.add(name)
+        else:
+            replaced[rival] = name
+        search.best = other
         return True
-    search.best = other
-    return True
+    return False
 
 
 def _dependences(fitted: Fit, learnt: Learnt, data: Data) -> list[Dependence]:

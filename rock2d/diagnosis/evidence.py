@@ -291,12 +291,12 @@ def _evidence_of_member(
 
 def plausible_rivals(search: Search, name: str, gain: SummedGain, fitted: Collection[str] = ()) -> dict[str, float]:
     """`Search.find_rivals` of a member of the best set with this `gain`, without those of impossible size."""
-    best = search.best
+    large_gain, others = gain.significance >= LARGE_GAIN_Z, search.best.names - {name}
     return {
         rival: z
-        for rival, z in search.find_rivals(best, name, RIVAL_Z, fitted).items()
-        if (other := search.known.get(best.names - {name} | {rival})) is None
-        or not any(size_faults_in(other, search, rival, gain))
+        for rival, z in search.find_rivals(search.best, name, RIVAL_Z, fitted).items()
+        if (own := search.known.get(others | {rival})) is None
+        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], large_gain))
     }
 
 
@@ -388,12 +388,6 @@ def size_faults(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tup
     is_choice = effect.parameters[0].must_choose
     negligible = min(sizes) < LEAST_SIZE and (effect.scatter or not large_gain)
     return negligible, max(sizes) > LARGEST_SIZE and not is_choice
-
-
-def size_faults_in(cause_set: Validated, search: Search, name: str, gain: SummedGain) -> tuple[bool, bool]:
-    """`size_faults` of a member of a set, if its place has this `gain`."""
-    size, large_gain = relative_size(cause_set.fit, name), gain.significance >= LARGE_GAIN_Z
-    return size_faults(search.effects[name], [size], large_gain)
 
 
 def probability_of_no_closure(search: Search, name: str, learnt: Validated, without: Validated) -> float:

@@ -122,10 +122,11 @@ def fit(
     Parameters
     ----------
     start : parameters to start from; default: the base law without effects
-    old : a fit whose noise covariance and scatter are the start, and whose derivatives are used near its parameters
+    old : a fit whose scatter is the start, whose derivatives are used near its parameters, and whose noise covariance
+        and derivatives by the soil of later strikes are kept
     convergence : when the fit ends
     keep_jacobian : use the derivatives of `old` everywhere
-    renew_noise : compute the noise covariance at the start, instead of taking that of `old`
+    renew_noise : compute both anew, instead of taking those of `old`
     residuals : residuals at the start, if known"""
     low, high = model.bounds()
     centre, prior_precision = prior(model)
@@ -142,13 +143,12 @@ def fit(
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            covariance, later = (None, None) if renew or jacobian is None else (jacobian.covariance, jacobian.later)
+            covariance = None if renew or jacobian is None else jacobian.covariance
+            later = None if own_noise or jacobian is None else jacobian.later
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
-            jacobian = jacobian_by_differences(
-                model, at.p, data, at.residuals, scatter, covariance, None if own_noise else later, known
-            )
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later, known)
             updates, derived_at = 0, scatter
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))

@@ -3,9 +3,10 @@
 A column is the derivative of all residuals by a further parameter. The expected gain is the difference between one
 Newton step with these columns and one without; the parameters of the fit are free in both. No simulation is needed.
 
-`Screening` finds the effects that are worth a fit. Each effect adds one column for each of its parameters. That takes a
-few simulations for each effect, where a fit takes a hundred. An effect that is strong, or whose first small step does
-nothing, has a second column: the change of the residuals between no effect and its size as a single effect."""
+`Screening` finds the effects that are worth a fit: those of which the linear model promises most, also far from no
+effect. Each adds one column for each of its parameters. That takes a few simulations, where a fit takes a hundred. An
+effect that is strong, or whose first small step does nothing, has a second column: the change of the residuals between
+no effect and its size as a single effect."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, residual_covariance
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, residual_covariance
 from rock2d.diagnosis.fitting import SMALLEST_START_SCATTER, Fit, extended
 from rock2d.diagnosis.likelihood import (
     IMPACT_STUDENT_DF,
@@ -26,15 +27,16 @@ from rock2d.diagnosis.likelihood import (
     flight_weight,
     impact_weight,
     log_likelihood,
+    newton_step,
+    normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions, to_scale
 from rock2d.diagnosis.significance import SummedGain
 from rock2d.effects.effect import Effect, Parameter
 
 CHANCE_DRAWS, CHANCE_SEED = 100, 0
-LARGEST_STEP = 1.0  # largest step of an effect's parameter, on the scale of `Model`
-SCAN_VALUES, FAR_STEPS = 17, 2  # tried sizes of a column, and Newton steps from the best of them
+SCAN_VALUES, NEWTON_STEPS = 17, 2  # tried sizes of a column, and Newton steps from the best of them
 LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of its size as a single effect
 
 
@@ -45,11 +47,10 @@ class Step:
     Attributes
     ----------
     gain : (releases,) gain in log likelihood on held-out releases
-    own, step : (P,), (k,) steps of the parameters of the fit and of the further ones, to subtract
+    step : (k,) step of the further parameters, to subtract
     choice : index of the width with the largest gain"""
 
     gain: Array
-    own: Array
     step: Array
     choice: int
 
@@ -83,15 +84,52 @@ class LinearModel:
         steps = []
         for i, width in enumerate(widths):
             gain = self._held_out(impacts, flights, parts, width) - self._score_before
-            own, step = np.split(self._newton(curvature, grad, width), [len(self._fit.p)])
-            steps.append(Step(gain, own, step, i))
+            steps.append(Step(gain, self._newton(curvature, grad, width)[len(self._fit.p) :], i))
         return max(steps, key=lambda step: float(step.gain.sum()))
 
-    def far_step(self, columns: Residuals, low: Array, high: Array) -> tuple[Array, Array]:
-        """Steps as in `Step`, from the most likely place of one column between `low` and `high` (k,).
+    def promise(self, columns: Residuals, low: Array, high: Array) -> tuple[float, Array]:
+        """Largest gain in log likelihood with steps of the columns between `low` and `high` (k,), and these steps (k,),
+        to add. The parameters of the fit are free.
 
-        Impacts that a strong cause changes much count little in a robust likelihood without the cause. So a Newton
-        step from there is far too short."""
+        Impacts that a strong cause changes much count little in a robust likelihood without the cause, so a Newton step
+        from there is far too short. So a second start is the most likely place of one column. The scatter of the soil
+        is fitted again: it may have grown with what the columns explain."""
+        fit = self._fit
+        (least, most), (centre, precision) = fit.model.bounds(), prior(fit.model)
+        size, count, covariance = len(fit.p), len(low), fit.covariance()
+        jacobian = replace(
+            fit.jacobian, impacts=np.concatenate([fit.jacobian.impacts, columns.impacts], axis=-1),
+            flights=np.concatenate([fit.jacobian.flights, columns.flights], axis=-1),
+        )  # fmt: skip
+        least, most = np.concatenate([least - fit.p, low]), np.concatenate([most - fit.p, high])
+        to_centre = np.concatenate([fit.p - centre, np.zeros(count)])
+        precision = np.concatenate([precision, np.ones(count)])
+        best = -np.inf, np.zeros(count)
+        for x in (np.zeros(size + count), np.concatenate([np.zeros(size), self._likely_place(columns, low, high)])):
+            x = np.clip(x, least, most)
+            for _ in range(NEWTON_STEPS):
+                curvature, grad = normal_equations(self._after(jacobian, x), jacobian, covariance)
+                grad += precision * (to_centre + x)
+                grad[[*choice_positions(fit.model), *scatter_positions(fit.model)]] = 0.0  # not fitted by steps
+                x = np.clip(x - newton_step(curvature + np.diag(precision), grad, x, least, most), least, most)
+            after = self._after(jacobian, x)
+            scatter = fit_scatter(after.impacts, fit.jacobian, np.maximum(fit.scatter, SMALLEST_START_SCATTER))
+            total = log_likelihood(after.impacts, residual_covariance(fit.jacobian, scatter)).sum()
+            total += flight_log_likelihood(after.flights).sum() - self._total
+            best = max(best, (float(total), x[size:]), key=lambda one: one[0])
+        return best
+
+    @cached_property
+    def _total(self) -> float:
+        return self._fit.total()
+
+    def _after(self, jacobian: Jacobian, x: Array) -> Residuals:
+        """Residuals that the linear model expects after these steps."""
+        own = self._fit.residuals
+        return Residuals(own.impacts + jacobian.impacts @ x, own.flights + jacobian.flights @ x)
+
+    def _likely_place(self, columns: Residuals, low: Array, high: Array) -> Array:
+        """(k,) step of one of the columns, between `low` and `high` (k,), that is most likely on a grid."""
         shares = np.linspace(low, high, SCAN_VALUES)  # (s, k)
         white = self._whiten @ columns.impacts
         along, square = np.einsum("nd,ndk->nk", self._z, white), (white**2).sum(axis=1)
@@ -102,29 +140,7 @@ class LinearModel:
             for s, k in np.ndindex(total.shape):
                 total[s, k] += flight_log_likelihood(self._flights + shares[s, k] * columns.flights[..., k]).sum()
         s, k = np.unravel_index(total.argmax(), total.shape)
-        own, step = np.zeros(len(self._fit.p)), -shares[s] * (np.arange(len(low)) == k)
-        for _ in range(FAR_STEPS):
-            further = LinearModel(replace(self._fit, residuals=self._after(columns, own, step)), self._data)
-            best = further.best_step(columns, [np.ones(len(low))])
-            own, step = own + best.own, -np.clip(-(step + best.step), low, high)
-        return own, step
-
-    def _after(self, columns: Residuals, own: Array, step: Array) -> Residuals:
-        """Residuals that the linear model expects after these steps."""
-        fit = self._fit
-        return Residuals(
-            fit.residuals.impacts - fit.jacobian.impacts @ own - columns.impacts @ step,
-            fit.residuals.flights - fit.jacobian.flights @ own - columns.flights @ step,
-        )
-
-    def promise(self, columns: Residuals, own: Array, step: Array) -> float:
-        """Gain in log likelihood after these steps, with the scatter of the soil fitted again. It may have grown with
-        what the further parameters explain, and then hides their gain."""
-        fit = self._fit
-        after = self._after(columns, own, step)
-        scatter = fit_scatter(after.impacts, fit.jacobian, np.maximum(fit.scatter, SMALLEST_START_SCATTER))
-        total = log_likelihood(after.impacts, residual_covariance(fit.jacobian, scatter)).sum()
-        return float(total + flight_log_likelihood(after.flights).sum()) - fit.total()
+        return np.asarray(shares[s] * (np.arange(len(low)) == k))
 
     def chance_gains(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
@@ -224,7 +240,7 @@ class Expected(SummedGain):
     Attributes
     ----------
     gain : (releases,) log likelihood on held-out releases
-    promise : see `LinearModel.promise`
+    promise : see `LinearModel.promise`; says which effects are worth a fit
     p : start parameters for a fit of the model with the effect
     chance_gains : (draws,) gains by chance, see `LinearModel.chance_gains`"""
 
@@ -256,11 +272,8 @@ class Screening:
             columns.impacts *= 1.0 / DIFFERENCE_STEP
             columns.flights *= 1.0 / DIFFERENCE_STEP
             linear_step = self._linear.best_step(columns, [np.ones(len(free))])
-            step = np.clip(linear_step.step, -LARGEST_STEP, LARGEST_STEP)
-            far = self._linear.far_step(columns, low[free] - at[free], high[free] - at[free])
-            for own, way in ((linear_step.own, step), far):
-                promise = self._linear.promise(columns, own, way)
-                trials.append((promise, linear_step.gain, at - way @ steps[free]))
+            promise, step = self._linear.promise(columns, low[free] - at[free], high[free] - at[free])
+            trials.append((promise, linear_step.gain, at + step @ steps[free]))
             chance.append(self._linear.chance_gains(columns))
         base = len(BASE_WIDTH)
         at, full_step = start.copy(), np.zeros(model.size)
@@ -273,8 +286,8 @@ class Screening:
         if np.abs(full_step).max(initial=0.0) > DIFFERENCE_STEP:
             columns = _stacked([self._change(model, at, full_step)])
             linear_step = self._linear.best_step(columns, [np.ones(1)])
-            share = 1.0 if must_choose else float(np.clip(-linear_step.step[0], 0.0, LARGEST_MULTIPLE))
-            promise = self._linear.promise(columns, linear_step.own, np.array([-share]))
+            least, most = (1.0, 1.0) if must_choose else (0.0, LARGEST_MULTIPLE)
+            promise, share = self._linear.promise(columns, np.array([least]), np.array([most]))
             trials.append((promise, linear_step.gain, at + share * full_step))
             chance.append(self._linear.chance_gains(columns))
         if not trials:

@@ -54,13 +54,8 @@ def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
         def rivals(own: Any, name: str, gain: Gain) -> Mapping[str, float]:
             return judged(name, own.best.names).rival_z
 
-        def size_faults_in(best: Any, own: Any, name: str, gain: Gain) -> tuple[bool, bool]:
-            found = judged(name, best.names)
-            return found.negligible, found.out_of_range
-
         monkeypatch.setattr(attribution, "evidence_of_members", evidence_of_members)
         monkeypatch.setattr(attribution, "plausible_rivals", rivals)
-        monkeypatch.setattr(attribution, "size_faults_in", size_faults_in)
         monkeypatch.setattr(attribution, "learn", lambda best, data: SimpleNamespace(changes=[]))
         attribution._evidence_of_sets(search)  # type: ignore[arg-type]
         return set(search.best.names), search.weighed
@@ -139,4 +134,4 @@ def test_a_member_of_impossible_size_gives_way_to_a_rival_that_does_as_well(stay
 
     members, weighed = stay(judged, "scale_error", "adhesion")
     assert members == {"camera_tilt", "adhesion"}
-    assert weighed == [{"camera_tilt", "adhesion"}]
+    assert weighed == [{"scale_error", "adhesion"}, {"camera_tilt", "adhesion"}]

@@ -216,7 +216,7 @@ class FilmData(FilmSegments):
         flights = self.flights
         bends = self.unit_bends()
         x, y, theta, vx, vy, w = self.states(world).middle.T
-        speed, radius = np.hypot(vx, vy), np.array([b.radius_m for b in world.blocks.values()])[flights.block]
+        speed, radius = np.hypot(vx, vy), world.radii_m[flights.block]
         terms = [vx, vy, speed * vx, speed * vy, w * radius * vx, w * radius * vy, x, y, x * vx, y * vy,
                  self.order[flights.release], np.sin(theta), np.cos(theta), w * radius * np.sin(theta),
                  w * radius * np.cos(theta)]  # fmt: skip
@@ -258,7 +258,7 @@ class TableData(ImpactTable):
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
-        radius = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
+        radius = world.radii_m[self.impact_block]
         starts, gap = true.copy(), block_clearances(world, self.impact_block, true[:, POSE])
         starts[:, X] += gap * self.tangent[:, Y]  # along the normal, until the block touches the ground
         starts[:, Y] -= gap * self.tangent[:, X]

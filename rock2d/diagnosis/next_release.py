@@ -70,7 +70,7 @@ def _place(cell: Cell) -> str:
 
 def _distance(data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float) -> Array:
     """(n,) distance between the predictions of two models for each impact, in standard deviations."""
-    radius = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
+    radius = setup.radii_m[data.impact_block]
     shift = np.zeros((len(radius), N_STATE))
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
     shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / radius)

@@ -233,7 +233,7 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
 
 def incident_quantities(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> dict[str, Array]:
     """Name -> (n,): quantities of impacts from the states `before` them (n, 6)."""
-    radius = np.array([b.radius_m for b in world.blocks.values()])[block]
+    radius = world.radii_m[block]
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
     spin = before[:, OMEGA] * radius
     # of the block to the ground at the touch

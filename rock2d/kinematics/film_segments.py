@@ -49,7 +49,7 @@ class FilmSegments:
         start = start_instants(world, film, flights, basis, states)
         pairs = find_pairs(world, film, flights, basis, states, start)
         contacts = find_contacts(world, film, flights, basis, states, (pairs.before, pairs.after))
-        real = contacts.are_impacts(pairs.tangent, _radii(world)[pairs.block])
+        real = contacts.are_impacts(pairs.tangent, world.radii_m[pairs.block])
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
         return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, order)
@@ -108,12 +108,8 @@ class FilmSegments:
         return out
 
 
-def _radii(world: World) -> Array:
-    return np.array([b.radius_m for b in world.blocks.values()])
-
-
 def _rolling(world: World, flights: Flights, states: States) -> Array:
     """(flights,) spin in rad/s of a block that rolls at its speed of flight, or at least at √(g radius)."""
-    radius = _radii(world)[flights.block]
+    radius = world.radii_m[flights.block]
     speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
     return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)

@@ -69,7 +69,7 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
     flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
     t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
     clearance = block_clearances(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
-    well_above = clearance > START_HEIGHT_RADII * np.array([b.radius_m for b in world.blocks.values()])[block]
+    well_above = clearance > START_HEIGHT_RADII * world.radii_m[block]
     start = np.full(len(flights), np.nan)
     for i, (a, b) in enumerate(itertools.pairwise(basis.start)):
         high = np.flatnonzero(well_above[a:b])
@@ -83,7 +83,6 @@ def find_pairs(world: World, film: Film, flights: Flights, basis: Basis, states:
     """All pairs of consecutive flights; `start`: see `start_instants`."""
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
-    blocks = list(world.blocks.values())
     ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
     begin = film.t_s[flights.first[after]] - basis.middle[after]
     leaves = move_freely(world, flights.block[before], states.middle[before], ends)
@@ -91,7 +90,7 @@ def find_pairs(world: World, film: Film, flights: Flights, basis: Basis, states:
     facet = nearest_facets(0.5 * (leaves + arrives)[:, POSITION], world.cross_section.points_m)
     wait = film.t_s[flights.first[after]] - (basis.middle[before] + start[before])
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]
-    size = np.array([b.radius_m for b in blocks])[flights.block[after]]
+    size = world.radii_m[flights.block[after]]
     window = np.minimum(length, COMPARISON_WINDOW * np.sqrt(size / max(world.gravity_m_s2, 1e-3)))
     return FlightPairs(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,

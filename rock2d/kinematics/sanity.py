@@ -248,7 +248,7 @@ def _ground_gives_way(setup: World, film: Film) -> bool:
 
     ground, step = setup.cross_section, max(1, len(film.t_s) // MOST_GROUND_FRAMES)
     first = np.searchsorted(film.release, np.arange(len(film.release_names)))
-    radius = np.array([b.radius_m for b in setup.blocks.values()])[film.release_block[film.release[::step]]]
+    radius = setup.radii_m[film.release_block[film.release[::step]]]
     position = film.pose[::step, POSITION]
     deep = ground.covers(position) & ground.covers(position + radius[:, None] * [0.0, 1.0])
     if (rise := ground.embankment) is not None:

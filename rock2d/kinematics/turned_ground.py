@@ -132,14 +132,14 @@ def _expected_contact_s(world: World, block: Array) -> Array:
 
 def approach_s(world: World, block: Array) -> Array:
     """(n,) APPROACH in s."""
-    return APPROACH * np.sqrt(_radii(world, block) / max(world.gravity_m_s2, 1e-3))
+    return APPROACH * np.sqrt(world.radii_m[block] / max(world.gravity_m_s2, 1e-3))
 
 
 def touched_points(world: World, block: Array, touching: Array) -> Array:
     """(n, 2) points on the normals through the points where blocks in the poses `touching` (n, 3) touch the ground. To
     first order, a turn about any point of a normal moves a facet equally."""
     # a turn about the centre raises a point of the block by its distance from the centre along the ground
-    ahead, radius = _change(world, block, touching, THETA, np.full(len(block), TURN_STEP_RAD)), _radii(world, block)
+    ahead, radius = _change(world, block, touching, THETA, np.full(len(block), TURN_STEP_RAD)), world.radii_m[block]
     along = _normals(world, block, touching)[:, [Y, X]] * [1.0, -1.0]
     return np.asarray(touching[:, POSITION] + np.clip(ahead, -radius, radius)[:, None] * along)
 
@@ -154,7 +154,7 @@ def lifted(world: World, block: Array, states: Array) -> Array:
 
 def _normals(world: World, block: Array, poses: Array) -> Array:
     """(n, 2) directions in which blocks in `poses` (n, 3) move away from the ground."""
-    step = SHIFT_STEP_RADII * _radii(world, block)
+    step = SHIFT_STEP_RADII * world.radii_m[block]
     away = np.column_stack([_change(world, block, poses, column, step) for column in (X, Y)])
     return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9))
 
@@ -163,10 +163,6 @@ def _change(world: World, block: Array, poses: Array, column: int, step: Array) 
     """(n,) change of the clearance with a column of `poses`, by steps (n,)."""
     moved = poses + np.multiply.outer(step, np.arange(N_POSE) == column)
     return (block_clearances(world, block, moved) - block_clearances(world, block, poses)) / step
-
-
-def _radii(world: World, block: Array) -> Array:
-    return np.array([b.radius_m for b in world.blocks.values()])[block]
 
 
 def turned(states: Array, pivot: Array, angle: Array) -> Array:

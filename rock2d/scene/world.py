@@ -114,6 +114,11 @@ class World:
     slope_rad: Array = field(default_factory=lambda: np.zeros(1))
 
     @property
+    def radii_m(self) -> Array:
+        """(blocks,) radii of the blocks."""
+        return np.array([block.radius_m for block in self.blocks.values()])
+
+    @property
     def mean_size_m(self) -> float:
         """Mean size of the blocks in m, which scales lengths from the laboratory to the slope."""
         return float(np.mean([block.size_m for block in self.blocks.values()]))

@@ -132,12 +132,14 @@ class Search:
         place of the member, if less than z; the closest first.
 
         A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
-        MISSED_BY_TWIN, counts as less than one standard error. Its twin and the effects `fitted` are fitted in its
-        place: what screening expects of an effect can be far too little."""
+        MISSED_BY_TWIN, counts as less than one standard error. Its twin, the effects `fitted`, and the first that
+        promise as much are fitted in its place: what screening expects of an effect can be far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
-        twin = TWINS.get(name, name)
-        self._with_each(sorted(({*fitted, twin} & self.effects.keys()) - cause_set.names), smaller)
-        alone = self.gain(cause_set, smaller).total
+        twin, alone = TWINS.get(name, name), self.gain(cause_set, smaller).total
+        expected = self.expected.get(smaller.names, {})
+        first = sorted(expected.keys() - cause_set.names, key=lambda n: (-expected[n].promise, n))[:EXCHANGED_AT_ONCE]
+        rivals = {*fitted, twin, *(n for n in first if expected[n].promise > 0.5 * alone > 0.0)}
+        self._with_each(sorted((rivals & self.effects.keys()) - cause_set.names), smaller)
         for rival in self.effects.keys() - cause_set.names:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
                 continue

@@ -54,6 +54,9 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
+# Effects whose first parameter turns the picture of ground without an embankment. If they leave less than this share
+# of a turn of the ground, gravity is turned.
+TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 # laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
@@ -211,10 +214,24 @@ def evidence_of_members(
         name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
         bar.step(name)
+    if only_gravity_is_turned(best.fit):
+        for name in TURNS:
+            evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
     return evidence_of
+
+
+def only_gravity_is_turned(fit: Fit) -> bool:
+    """Whether the turns of camera and ground cancel in the picture. Then only gravity has another direction there. So
+    has it under a steady force along x, which is outside the catalogue."""
+    model = fit.model
+    if not model.positions.keys() >= TURNS or model.setup.cross_section.embankments:
+        return False
+    values = dict(zip(model.positions, model.values(fit.p), strict=True))
+    turns = [values[name][0] for name in TURNS]
+    return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))
 
 
 def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:

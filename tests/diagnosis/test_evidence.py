@@ -12,6 +12,7 @@ from rock2d.diagnosis.evidence import (
     beyond_other_law,
     chance_p_value,
     inclusion_probabilities,
+    only_gravity_is_turned,
     outside_probability,
     probability_from_p_value,
     relative_size,
@@ -19,10 +20,11 @@ from rock2d.diagnosis.evidence import (
     size_faults,
     unexplained_probability,
 )
-from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain
 from rock2d.effects import catalogue
-from tests.effects.worlds import world
+from tests.effects.worlds import FLOOR, with_effect, world
+from tests.laboratory import SETUP
 
 RELEASES = 40
 EFFECTS = ("adhesion", "air_drag", "frame_rate_error", "scale_error")
@@ -146,3 +148,22 @@ def test_the_place_where_an_effect_acts_is_no_size():
     own = SimpleNamespace(model=model, p=model.start())
     own.p[model.positions[effect.name]] = [0.1, 0.0, 0.0, 2.0]
     assert 0.0 < relative_size(own, effect.name) < 0.1
+
+
+@pytest.mark.parametrize(
+    "ground_rad, ground, cancels", [(-0.02, FLOOR, True), (-0.01, FLOOR, False), (-0.02, SETUP, False)]
+)
+def test_turns_of_camera_and_ground_that_cancel_turn_only_gravity(ground_rad, ground, cancels):
+    """The ground then lies in the picture as stated, as if a steady force acted along x. An embankment shows it."""
+    values = {"camera_tilt": [0.02, 0.0, 0.0], "geometry_error": [ground_rad, 0.0]}
+    model = Model(stated := world(ground), np.ones(5), [catalogue()[name] for name in values])
+    p = model.start()
+    for name, own in values.items():
+        p[model.positions[name].start] = to_scale(model.parameters_of(name)[0], own[0])
+    assert only_gravity_is_turned(SimpleNamespace(model=model, p=p)) == cancels
+    built = with_effect(
+        with_effect(stated, "geometry_error", values["geometry_error"]), "camera_tilt", values["camera_tilt"]
+    )
+    picture = built.view.record(np.column_stack([built.cross_section.points_m, np.zeros(len(ground.points_m))]))[:, :2]
+    angle = [np.arctan2(*(points[-1] - points[0])[::-1]) for points in (picture, ground.points_m)]
+    assert (abs(angle[0] - angle[1]) < 1e-9) == cancels

@@ -388,13 +388,14 @@ def relative_size(fit: Fit, name: str) -> float:
     """Largest size among the parameters of an effect, as a share of the plausible range on its side.
 
     It is 1 for an effect that is a choice. The aim of the camera, and a choice of the place where an effect acts, do
-    not count."""
+    not count. An optional parameter does not lie at the end of its range: it only refines the effect."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
         if parameter not in AIM_PARAMETERS and not parameter.has_neutral_choice:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
-            sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
+            size = 1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9)
+            sizes.append(min(size, LARGEST_SIZE) if parameter.optional else size)
     return float(max(sizes))
 
 

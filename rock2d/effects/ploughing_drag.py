@@ -48,7 +48,7 @@ EFFECT = Effect(
             "1/s",
             0.0,
             0.0,
-            8000.0,
+            6000.0,
             "drag over slip, at a depth of one block size, over the mean mass",
             time=-1,
         ),

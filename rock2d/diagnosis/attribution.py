@@ -312,7 +312,7 @@ def _exchange_member(
     search: Search, found: Mapping[str, Evidence], tried: set[Names], removed: set[str], replaced: dict[str, str]
 ) -> bool:
     """Exchange a member of the best set for a rival that gains more. A member of impossible size that gains is replaced
-    for good by a rival that gains as much. Returns whether there is one.
+    for good by a rival that gains as much. Returns whether a member was exchanged.
 
     `found`: evidence for the members, if the set was weighed; `tried`: sets that do not come in (again)."""
     best, options = search.best, list[tuple[float, str, str, bool]]()

@@ -204,11 +204,10 @@ class Search:
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
         expected = {name: e for name, e in self.expected_beside(cause_set).items() if name not in excluded}
-        promised = {name: e.promise for name, e in expected.items()}
         if cause_set is self.best:
             self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(e.total, 0.0) for e in expected.values()))
-        ranked = sorted(promised, key=lambda name: -promised[name])
-        return self._with_each([n for n in ranked if promised[n] > LEAST_PROMISE][:most], cause_set, lead)
+        ranked = sorted(expected, key=lambda name: -expected[name].promise)
+        return self._with_each([n for n in ranked if expected[n].promise > LEAST_PROMISE][:most], cause_set, lead)
 
     def _with_each(self, names: Sequence[str], cause_set: Validated, lead: float = 0.0) -> list[Validated]:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""

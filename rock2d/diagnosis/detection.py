@@ -194,15 +194,9 @@ class _AddedEffect:
         self._least_gain = least  # gain that is needed to name the effect
         self._fit, self._data, self._effect, self._world = fit, data, effect, world
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
+        own, soil = fit.jacobian, start_scatter(self._model, data, fit)
         self._jacobian = jacobian_by_differences(
-            self._model,
-            self._p,
-            data,
-            fit.residuals,
-            start_scatter(self._model, data, fit),
-            fit.jacobian.covariance,
-            fit.jacobian.later,
-            fit.jacobian,
+            self._model, self._p, data, fit.residuals, soil, own.covariance, own.later, own
         )
         place, self._others = self._model.positions[effect.name], np.ones(self._model.size, bool)
         self._others[place] = False

@@ -54,8 +54,8 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
-# Effects whose first parameter turns the picture of ground without an embankment. If they leave less than this share
-# of a turn of the ground, gravity is turned.
+# Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
+# than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")

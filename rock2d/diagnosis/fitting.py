@@ -143,12 +143,12 @@ def fit(
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            covariance = None if renew or jacobian is None else jacobian.covariance
+            noise = None if renew or jacobian is None else jacobian.covariance
             later = None if own_noise or jacobian is None else jacobian.later
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later, known)
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later, known)
             updates, derived_at = 0, scatter
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
@@ -163,15 +163,15 @@ def fit(
         elif gains or updates > 0:
             updates, damping = None, START_DAMPING
         elif not (keep_jacobian or _near(model, scatter, derived_at)):
-            covariance, later = jacobian.covariance, jacobian.later
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later, jacobian)
+            noise, later = jacobian.covariance, jacobian.later
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later, jacobian)
             damping, derived_at = START_DAMPING, scatter
         else:
             break
     assert jacobian is not None
     if updates is None and not keep_jacobian:
-        covariance, later = jacobian.covariance, None if own_noise else jacobian.later
-        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, covariance, later)
+        noise, later = jacobian.covariance, None if own_noise else jacobian.later
+        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later)
         if model.scatter_effects:
             scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
     p_covariance = clustered_covariance(

@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, residual_covariance
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian
 from rock2d.diagnosis.fitting import SMALLEST_START_SCATTER, Fit, extended
 from rock2d.diagnosis.likelihood import (
     IMPACT_STUDENT_DF,
@@ -26,7 +26,6 @@ from rock2d.diagnosis.likelihood import (
     flight_log_likelihood,
     flight_weight,
     impact_weight,
-    log_likelihood,
     newton_step,
     normal_equations,
     prior,
@@ -36,7 +35,7 @@ from rock2d.diagnosis.significance import SummedGain
 from rock2d.effects.effect import Effect, Parameter
 
 CHANCE_DRAWS, CHANCE_SEED = 100, 0
-SCAN_VALUES, NEWTON_STEPS = 17, 2  # tried sizes of a column, and Newton steps from the best of them
+GRID_SIZES, NEWTON_STEPS = 17, 2  # tried sizes of a column, and Newton steps from the best of them
 LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of its size as a single effect
 
 
@@ -60,7 +59,7 @@ class LinearModel:
 
     def __init__(self, fit: Fit, data: Data) -> None:
         self._fit, self._data = fit, data
-        covariance = fit.covariance()
+        self._covariance = covariance = fit.covariance()
         r = np.nan_to_num(fit.residuals.impacts)
         self._known = np.isfinite(fit.residuals.impacts).all(axis=1)
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -96,7 +95,7 @@ class LinearModel:
         is fitted again: it may have grown with what the columns explain."""
         fit = self._fit
         (least, most), (centre, precision) = fit.model.bounds(), prior(fit.model)
-        size, count, covariance = len(fit.p), len(low), fit.covariance()
+        size, count = len(fit.p), len(low)
         jacobian = replace(
             fit.jacobian, impacts=np.concatenate([fit.jacobian.impacts, columns.impacts], axis=-1),
             flights=np.concatenate([fit.jacobian.flights, columns.flights], axis=-1),
@@ -108,15 +107,14 @@ class LinearModel:
         for x in (np.zeros(size + count), np.concatenate([np.zeros(size), self._likely_place(columns, low, high)])):
             x = np.clip(x, least, most)
             for _ in range(NEWTON_STEPS):
-                curvature, grad = normal_equations(self._after(jacobian, x), jacobian, covariance)
+                curvature, grad = normal_equations(self._after(jacobian, x), jacobian, self._covariance)
                 grad += precision * (to_centre + x)
                 grad[[*choice_positions(fit.model), *scatter_positions(fit.model)]] = 0.0  # not fitted by steps
                 x = np.clip(x - newton_step(curvature + np.diag(precision), grad, x, least, most), least, most)
             after = self._after(jacobian, x)
             scatter = fit_scatter(after.impacts, fit.jacobian, np.maximum(fit.scatter, SMALLEST_START_SCATTER))
-            total = log_likelihood(after.impacts, residual_covariance(fit.jacobian, scatter)).sum()
-            total += flight_log_likelihood(after.flights).sum() - self._total
-            best = max(best, (float(total), x[size:]), key=lambda one: one[0])
+            gain = replace(fit, residuals=after, scatter=scatter).total() - self._total
+            best = max(best, (gain, x[size:]), key=lambda one: one[0])
         return best
 
     @cached_property
@@ -130,7 +128,7 @@ class LinearModel:
 
     def _likely_place(self, columns: Residuals, low: Array, high: Array) -> Array:
         """(k,) step of one of the columns, between `low` and `high` (k,), that is most likely on a grid."""
-        shares = np.linspace(low, high, SCAN_VALUES)  # (s, k)
+        shares = np.linspace(low, high, GRID_SIZES)  # (s, k)
         white = self._whiten @ columns.impacts
         along, square = np.einsum("nd,ndk->nk", self._z, white), (white**2).sum(axis=1)
         chi2 = (self._z**2).sum(axis=1)[:, None] + shares[:, None] * (2.0 * along + shares[:, None] * square)

@@ -24,6 +24,8 @@ REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_dampi
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
 LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause
+# gain in log likelihood of a step below which a fit that locates the ground has converged
+REGISTERED_GAIN = 3.0
 SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
 
 
@@ -107,12 +109,13 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     is not where the blocks strike it, some impacts are missed, and flights are cut short."""
     effects_by_name, registered = catalogue(), None
     setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
-    model = Model(setup, base.model.base, effects)
+    model = Model(setup, base.model.base, [effect.without_optional() for effect in effects])
     p = extended(base, model)
     first = [model.positions[name].start for name in REGISTERED]
+    noise_of: Fit | None = base
     for _ in range(MOST_REGISTRATIONS):
-        fitted = fit(model, data, p)
-        p, world = fitted.p, setup
+        fitted = fit(model, data, p, noise_of, Convergence(REGISTERED_GAIN))
+        p, world, noise_of = fitted.p, setup, None
         if (np.abs(p) / np.sqrt(np.diag(fitted.p_covariance)))[first].max() < REGISTERED_Z:
             break
         for name, values in zip(REGISTERED, model.values(p), strict=False):

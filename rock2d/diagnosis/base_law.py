@@ -12,6 +12,7 @@ from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.workload import BASE
 from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
@@ -109,7 +110,7 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     is not where the blocks strike it, some impacts are missed, and flights are cut short."""
     effects_by_name, registered = catalogue(), None
     setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
-    model = Model(setup, base.model.base, [effect.without_optional() for effect in effects])
+    model = Model(setup, base.model.base, [_with_one_scale(effect) for effect in effects])
     p = extended(base, model)
     first = [model.positions[name].start for name in REGISTERED]
     noise_of: Fit | None = base
@@ -125,6 +126,12 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
             break
         data, registered = again, (again, world)
     return registered
+
+
+def _with_one_scale(effect: Effect) -> Effect:
+    """The effect without different scales along x and y: they would take up what the law of impacts misses."""
+    parameters = [replace(q, low=1.0, high=1.0) if q.name == "aspect" else q for q in effect.parameters]
+    return replace(effect, parameters=parameters)
 
 
 def ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:

@@ -156,7 +156,7 @@ class Search:
         if (found := self.known.get(less.names | {name})) is not None:
             return self.gain(cause_set, found)
         expected = self.expected.get(less.names, {}).get(name)
-        return None if expected is None else self.gain(cause_set, less).plus(-expected.gain)
+        return None if expected is None or expected.promise <= 0.0 else self.gain(cause_set, less).plus(-expected.gain)
 
     def set_of(self, names: Names) -> Validated:
         """The set of these effects, fitted by way of smaller and larger sets if it is new."""
@@ -203,6 +203,7 @@ class Search:
         `lead`: see `_fit`."""
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
+        excluded = excluded | {TWINS[name] for name in cause_set.names & TWINS.keys()}
         expected = {name: e for name, e in self.expected_beside(cause_set).items() if name not in excluded}
         if cause_set is self.best:
             self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(e.total, 0.0) for e in expected.values()))

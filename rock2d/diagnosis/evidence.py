@@ -201,6 +201,7 @@ def evidence_of_members(
         if not scatter and evidence.named(name):
             if (
                 before is None
+                or not before.replacement_gain.gain.any()
                 or abs(evidence.own_gain.total - before.own_gain.total) >= RELEARN_CHANGE * before.own_gain.total
             ):
                 to_relearn[name] = without
@@ -283,12 +284,12 @@ def _evidence_of_member(
             p_chance = max(p_chance, chance_p_value(gain, np.max(others_chance_gains, axis=0)))
         p_no_closure = probability_of_no_closure(search, name, learnt, without)
     rival_z = plausible_rivals(search, name, own_gain, rivals)
-    if learnt.changes and (twin := TWINS.get(name)) is not None:
+    if learnt.changes and (twin := TWINS.get(name, "")) in search.effects:
         # only contacts could tell them apart, and something in the contacts is not understood
-        rival_z = {twin: 0.0} | rival_z
+        rival_z = _first(twin, 0.0, rival_z)
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
-            rival_z = {other: min(OTHER_FORM_Z, rival_z.get(other, np.inf))} | rival_z
+            rival_z = _first(other, min(OTHER_FORM_Z, rival_z.get(other, np.inf)), rival_z)
     sizes = [relative_size(fit, name) for fit in (best.fit, learnt.fit)]
     negligible, out_of_range = size_faults(effect, sizes, own_gain.significance >= LARGE_GAIN_Z)
     evidence = Evidence(
@@ -304,6 +305,11 @@ def _evidence_of_member(
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
         evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
     return evidence, without
+
+
+def _first(rival: str, z: float, rival_z: Mapping[str, float]) -> dict[str, float]:
+    """Rivals with one that comes first, at z standard errors."""
+    return {rival: z} | {other: own for other, own in rival_z.items() if other != rival}
 
 
 def plausible_rivals(search: Search, name: str, gain: SummedGain, fitted: Collection[str] = ()) -> dict[str, float]:
@@ -387,15 +393,14 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
 def relative_size(fit: Fit, name: str) -> float:
     """Largest size among the parameters of an effect, as a share of the plausible range on its side.
 
-    It is 1 for an effect that is a choice. The aim of the camera, and a choice of the place where an effect acts, do
-    not count. An optional parameter does not lie at the end of its range: it only refines the effect."""
+    It is 1 for an effect that is a choice. The aim of the camera, a choice of the place where an effect acts, and
+    optional parameters, which only refine an effect, do not count."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
-        if parameter not in AIM_PARAMETERS and not parameter.has_neutral_choice:
+        if parameter not in AIM_PARAMETERS and not parameter.may_be_missing:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
-            size = 1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9)
-            sizes.append(min(size, LARGEST_SIZE) if parameter.optional else size)
+            sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))
 
 

@@ -117,11 +117,6 @@ class Effect:
         """Whether it changes only the record, not the motion."""
         return self.origin == CAMERA
 
-    def without_optional(self) -> Effect:
-        """The effect with its optional parameters fixed at their neutral values."""
-        fixed = [replace(q, low=q.neutral, high=q.neutral) if q.optional else q for q in self.parameters]
-        return replace(self, parameters=fixed)
-
     def on_blocks(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
         """The world with the effect on some blocks; `values`: block -> values of the parameters. Only for an effect
         that changes only blocks."""

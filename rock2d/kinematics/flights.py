@@ -35,6 +35,7 @@ SMOOTH_DEGREE = 4  # degree of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
 SMALLEST_NOISE = 1.0e-9  # for positions in m and angles in rad, in films without noise
 NOISE_LAGS = 6  # frames over which the noise may be correlated
+LARGEST_VARIANCE = 9.0  # variance of a flight, over the median of all, up to which it counts in the noise
 
 
 @dataclass
@@ -174,7 +175,7 @@ def find_flights(world: World, film: Film) -> Flights:
             before = len(found) - 1
     flights = Flights(*np.array(found, np.int64).reshape(-1, 5).T)
     if len(found):
-        film.noise, film.long_noise = (_or_stated(film, own) for own in _flight_noise(film, flights))
+        film.noise, film.long_noise = (_or_stated(film, own) for own in flight_noise(film, flights))
     return flights
 
 
@@ -264,29 +265,39 @@ def _kinked(recording: _Recording, before: tuple[int, int], after: tuple[int, in
     return bool(change > IMPACT_VELOCITY_CHANGE**2 * g * size and sigmas > IMPACT_SIGMAS**2 * factor)
 
 
-def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
+def flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
     """(3,) noise of a frame, and of averages over many frames, from the residuals of cubics fitted to the flights whose
-    quantity was measured; the noise of the film where these are too few."""
+    quantity was measured; the noise of the film where these are too few. A flight that deviates far more than most, for
+    example one that holds an impact, does not count."""
+    long_enough = np.flatnonzero(flights.last - flights.first >= 2 * NOISE_LAGS)
+    residuals = [_cubic_residuals(film, flights.first[f], flights.last[f]) for f in long_enough]
+    variances = np.array([(r**2).sum(axis=0) / (len(r) - 4) for r in residuals]).reshape(-1, 3)
+    measured = np.column_stack([np.ones((len(residuals), 2), bool), film.angle_known[flights.release[long_enough]]])
+    typical = [
+        np.median(own[known]) if known.any() else 0.0 for own, known in zip(variances.T, measured.T, strict=True)
+    ]
+    counted = measured & (variances <= LARGEST_VARIANCE * np.maximum(typical, SMALLEST_NOISE**2))
     lagged, pairs = np.zeros((NOISE_LAGS + 1, 3)), np.zeros((NOISE_LAGS + 1, 3))
-    freedom, used = np.zeros(3), np.zeros(3)
-    for a, b, angle_known in zip(flights.first, flights.last, film.angle_known[flights.release], strict=True):
-        n = b - a
-        if n < 2 * NOISE_LAGS:
-            continue
-        t = film.t_s[a:b]
-        basis = np.linalg.qr(np.vander((t - t[0]) / (t[-1] - t[0]) - 0.5, 4))[0]
-        r, measured = film.pose[a:b] - basis @ (basis.T @ film.pose[a:b]), np.array([1, 1, angle_known])
+    freedom, used = np.zeros(3), counted.sum(axis=0)
+    for r, own in zip(residuals, counted, strict=True):
+        n = len(r)
         for k in range(NOISE_LAGS + 1):
-            lagged[k] += measured * (r[k:] * r[: n - k]).sum(axis=0)
-            pairs[k] += measured * (n - k)
-        freedom += measured * (n - 4)
-        used += measured
+            lagged[k] += own * (r[k:] * r[: n - k]).sum(axis=0)
+            pairs[k] += own * (n - k)
+        freedom += own * (n - 4)
     enough, freedom, pairs = freedom >= 50, np.maximum(freedom, 1), np.maximum(pairs, 1)
     variance = np.maximum(lagged[0] / freedom, SMALLEST_NOISE**2)
     # four fitted parameters give even white noise a small negative correlation
     correlation = lagged[1:] / pairs[1:] / variance + 4.0 * used / (freedom + 4.0 * used)
     long_sigma = np.sqrt(variance) * np.sqrt(np.maximum(1.0 + 2.0 * correlation.sum(axis=0), 1.0))
     return np.where(enough, np.sqrt(variance), film.noise), np.where(enough, long_sigma, film.noise)
+
+
+def _cubic_residuals(film: Film, first: int, last: int) -> Array:
+    """(n, 3) residuals of a cubic through some frames."""
+    t, pose = film.t_s[first:last], film.pose[first:last]
+    basis = np.linalg.qr(np.vander((t - t[0]) / (t[-1] - t[0]) - 0.5, 4))[0]
+    return np.asarray(pose - basis @ (basis.T @ pose))
 
 
 def clearances(block, ground, pose: Array) -> Array:

@@ -150,12 +150,12 @@ def test_the_place_where_an_effect_acts_is_no_size():
     assert 0.0 < relative_size(own, effect.name) < 0.1
 
 
-def test_an_aspect_at_the_end_of_its_range_does_not_refuse_a_scale():
+def test_an_aspect_neither_makes_nor_refuses_a_scale():
     effect = catalogue()["scale_error"]
     model = Model(world(), np.ones(5), [effect])
-    for scale, faults in ((0.95, (False, False)), (0.85, (False, True))):
+    for scale, faults in ((0.95, (False, False)), (0.85, (False, True)), (1.0, (True, False))):
         own = SimpleNamespace(model=model, p=model.start())
-        own.p[5:7] = [to_scale(q, v) for q, v in zip(model.parameters[0][:2], (scale, 1.1), strict=True)]
+        own.p[5:7] = [to_scale(q, v) for q, v in zip(model.parameters[0][:2], (scale, 1.03), strict=True)]
         assert size_faults(effect, [relative_size(own, effect.name)], large_gain=False) == faults
 
 

@@ -14,7 +14,7 @@ from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.kinematics.film_findings import flightless_remarks
-from rock2d.kinematics.flights import Flights, load_film
+from rock2d.kinematics.flights import Flights, find_flights, flight_noise, load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.states import fit_states, flight_basis, move_freely
@@ -56,6 +56,15 @@ def test_noise_is_read_from_the_flights():
     FilmData.of(read, setup_world(experiment))
     assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
+
+
+def test_a_flight_that_holds_an_impact_does_not_make_the_film_noisy():
+    experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
+    read = load_film(experiment)
+    flights = find_flights(setup_world(experiment), read)
+    first, last = int(flights.first[0]), int(flights.last[0])
+    read.pose[first:last] += 0.01 * np.abs(np.linspace(-1.0, 1.0, last - first))[:, None]
+    assert flight_noise(read, flights)[0] == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
 
 
 @pytest.mark.parametrize("view", [View(), View(scale=1.3, time_scale=0.8), View(0.1, lens_per_m2=0.5)])

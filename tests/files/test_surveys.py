@@ -113,7 +113,7 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
         profile()
 
 
-def grid(folder, kind: str):
+def grid(folder, kind: str, crs: str = "EPSG:2056"):
     """A plane that falls by 1 in 2 to the north-east of a corner at (1000, 2000), 5 m cells."""
     rasterio = pytest.importorskip("rasterio")
     x, y = 1000 + 5 * (np.arange(40) + 0.5), 2000 + 5 * (np.arange(30) + 0.5)
@@ -122,7 +122,7 @@ def grid(folder, kind: str):
     transform = rasterio.Affine(5, 0, 1000, 0, -5, 2150)
     driver = {"tif": "GTiff", "asc": "AAIGrid"}[kind]
     profile = {"driver": "GTiff", "width": 40, "height": 30, "count": 1, "dtype": "float32", "nodata": -9999.0}
-    with rasterio.open(folder / "g.tif", "w", transform=transform, crs="EPSG:2056", **profile) as made:
+    with rasterio.open(folder / "g.tif", "w", transform=transform, crs=crs, **profile) as made:
         made.write(heights[::-1].astype("float32"), 1)
     if driver == "AAIGrid":
         from rasterio.shutil import copy
@@ -145,6 +145,17 @@ def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
         profile(line=(900, 2010, 1090, 2070))
     with pytest.raises(InputError, match="needs either"):
         profile()
+
+
+@pytest.mark.parametrize(
+    ("crs", "said"),
+    [
+        ("EPSG:2226", "the coordinates are in 'US survey foot': expected metres"),
+        ("EPSG:2056+6360", "the heights are in 'US survey foot': expected metres"),
+    ],
+)
+def test_a_terrain_model_in_feet_is_refused(tmp_path, crs, said):
+    refusal(profile_of, grid(tmp_path, "tif", crs), line=(1010, 2010, 1090, 2070), said=said)
 
 
 def test_lines_that_meet_make_a_row_and_a_damaged_drawing_is_recovered(tmp_path):

@@ -19,7 +19,7 @@ HEIGHT_COLUMNS = ("height", "elevation", "z", "y")
 MAP_COLUMNS = ("x", "y", "z")  # a line on a map with heights
 ZONE_COLUMNS = ("zone", "soil")
 SEPARATORS = ";\t, "
-METRES = ("", "m")  # units that a header may state
+METRES = ("", "m", "metre", "metres", "meter", "meters")  # units that a survey may state
 
 
 def read_table(path: Path) -> Profile:

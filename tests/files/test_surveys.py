@@ -113,6 +113,18 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
         profile()
 
 
+@pytest.mark.parametrize(("unit", "said"), [(2, "Feet"), (4, "Millimeters"), (0, None), (6, None)])
+def test_a_drawing_in_another_unit_than_metres_is_refused(tmp_path, unit, said):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new(units=unit)
+    drawing.modelspace().add_lwpolyline(POINTS.tolist())
+    drawing.saveas(tmp_path / "p.dxf")
+    if said is None:
+        assert profile_of(tmp_path / "p.dxf") == pytest.approx(POINTS)
+    else:
+        refusal(profile_of, tmp_path / "p.dxf", said=f"the unit of the drawing is {said} .* expected metres")
+
+
 def grid(folder, kind: str, crs: str = "EPSG:2056"):
     """A plane that falls by 1 in 2 to the north-east of a corner at (1000, 2000), 5 m cells."""
     rasterio = pytest.importorskip("rasterio")
@@ -257,6 +269,8 @@ def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
         ("0,30,default\n", "must not be called default", 1),
         ("0,30,\n", "name of a zone", 1),
         ("start,end,name\n", "names no zone", 1),
+        ("start [km],end [km],name\n0,0.04,rock\n", r"column 'start \[km\]': expected metres", 1),
+        ("start [m],end (ft),name\n0,40,rock\n", r"column 'end \(ft\)': expected metres", 1),
     ],
 )  # fmt: skip
 def test_zones_with_a_mistake_are_refused_with_their_line_and_nothing_is_written(tmp_path, table, said, line):

@@ -12,6 +12,7 @@ from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, statio
 from rock2d.files.text_files import require_regular
 
 POLYLINES = "LWPOLYLINE POLYLINE"
+UNITLESS, METRES = 0, 6  # values of $INSUNITS, the unit of a drawing
 
 
 def read_drawing(path: Path, layer: str | None = None) -> Profile:
@@ -20,10 +21,12 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     If all points have the same z, x is the station and y the height. Otherwise it is a line on a map: the station is
     the distance along it, z the height.
 
-    Raises InputError if the file is not DXF, or if there is no polyline (on this layer)."""
+    Raises InputError if the file is not DXF, if it states another unit than m, or if there is no polyline (on this
+    layer)."""
     require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
     require_regular(path)
     document, damaged = _document(path)
+    _check_metres(document, path)
     model = document.modelspace()
     polylines, lines = list(model.query(POLYLINES)), list(model.query("LINE"))
     layers = sorted({entity.dxf.layer for entity in [*polylines, *lines]})
@@ -60,6 +63,19 @@ def _document(path: Path) -> tuple[Any, bool]:
         return recover.readfile(path)[0], True
     except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError) as error:
         raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
+
+
+def _check_metres(document: Any, path: Path) -> None:
+    """Raise InputError for a drawing whose unit is another than m. Without a stated unit, it is in m."""
+    from ezdxf.units import unit_name
+
+    unit = document.header.get("$INSUNITS", UNITLESS)
+    if unit not in (UNITLESS, METRES):
+        message = (
+            f"the unit of the drawing is {unit_name(unit)} ($INSUNITS = {unit}): expected metres; scale it to m, or if "
+            f"its numbers are in m, set $INSUNITS to {METRES}"
+        )
+        raise InputError(message, path, code="bad_value")
 
 
 def _chains(lines: list[Array]) -> list[Array]:

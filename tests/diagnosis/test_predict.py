@@ -1,5 +1,6 @@
 """Predictions of a diagnosed model on other releases, and the two commands."""
 
+import copy
 import json
 from dataclasses import replace
 
@@ -51,6 +52,13 @@ def test_what_was_found_beside_an_unknown_cause_is_used(content):
     pd.testing.assert_frame_equal(predict(other, unknown), predict(other, content))
     nothing = {**unknown, "model": None}
     pd.testing.assert_frame_equal(predict(other, nothing), predict(other, nothing, base_only=True))
+
+
+def test_a_parameter_without_values_by_block_says_so_with_null_or_not_at_all(content):
+    other, null = film(TILTED, 2, seed=99, duration_s=0.6), copy.deepcopy(content)
+    for parameter in null["model"]["parameters"]["camera_tilt"].values():
+        parameter["by_block"] = None
+    pd.testing.assert_frame_equal(predict(other, null), predict(other, content))
 
 
 def known(effect: str = "none", *values: float) -> dict:

@@ -113,6 +113,17 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
         profile()
 
 
+def test_layers_whose_longest_lines_have_the_same_length_are_refused_unless_one_is_chosen(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new()
+    for layer, level in (("survey", 0.0), ("design", 1.0)):
+        points = POINTS + np.array([0.0, level])
+        drawing.modelspace().add_lwpolyline(points.tolist(), dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "p.dxf")
+    refusal(profile_of, tmp_path / "p.dxf", said="the layers design, survey have the same length: choose one")
+    assert profile_of(tmp_path / "p.dxf", layer="survey") == pytest.approx(POINTS)
+
+
 @pytest.mark.parametrize(("unit", "said"), [(2, "Feet"), (4, "Millimeters"), (0, None), (6, None)])
 def test_a_drawing_in_another_unit_than_metres_is_refused(tmp_path, unit, said):
     ezdxf = pytest.importorskip("ezdxf")

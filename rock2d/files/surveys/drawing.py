@@ -1,5 +1,6 @@
 """Profiles from DXF drawings: the longest polyline, or the longest of one layer."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     If all points have the same z, x is the station and y the height. Otherwise it is a line on a map: the station is
     the distance along it, z the height.
 
-    Raises InputError if the file is not DXF, if it states another unit than m, or if there is no polyline (on this
-    layer)."""
+    Raises InputError if the file is not DXF, if it states another unit than m, if there is no polyline (on this layer),
+    or if the longest ones of several layers have the same length."""
     require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
     require_regular(path)
     document, damaged = _document(path)
@@ -30,17 +31,24 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     model = document.modelspace()
     polylines, lines = list(model.query(POLYLINES)), list(model.query("LINE"))
     layers = sorted({entity.dxf.layer for entity in [*polylines, *lines]})
-    wanted = {layer} if layer is not None else set(layers)
-    found = [points for e in polylines if e.dxf.layer in wanted and len(points := _points(e)) > 1]
-    for name in wanted:
-        found += _chains([_points(entity) for entity in lines if entity.dxf.layer == name])
-    if not found:
+    longest = {}
+    for name in layers if layer is None else [layer]:
+        found = [points for e in polylines if e.dxf.layer == name and len(points := _points(e)) > 1]
+        found += _chains([_points(e) for e in lines if e.dxf.layer == name])
+        if found:
+            longest[name] = max(found, key=_length_m)
+    if not longest:
         there = f"; layers with lines: {', '.join(layers)}" if layers else ""
         where = f" on layer {layer!r}" if layer is not None else ""
         raise InputError(f"no polyline{where}{there}", path, code="empty")
-    longest = max(found, key=lambda points: float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()))
-    flat = np.ptp(longest[:, 2]) == 0.0
-    profile = checked_profile(longest[:, :2] if flat else station_and_height(longest), f"drawing {path.name}")
+    greatest = max(map(_length_m, longest.values()))
+    chosen = [name for name, points in longest.items() if math.isclose(_length_m(points), greatest)]
+    if len(chosen) > 1:
+        message = f"the longest lines of the layers {', '.join(chosen)} have the same length: choose one with --layer"
+        raise InputError(message, path, code="bad_value")
+    points = longest[chosen[0]]
+    flat = np.ptp(points[:, 2]) == 0.0
+    profile = checked_profile(points[:, :2] if flat else station_and_height(points), f"drawing {path.name}")
     remark = ("the drawing is damaged; this is what could be recovered",) if damaged else ()
     return replace(profile, remarks=(*remark, *profile.remarks))
 
@@ -76,6 +84,10 @@ def _check_metres(document: Any, path: Path) -> None:
             f"its numbers are in m, set $INSUNITS to {METRES}"
         )
         raise InputError(message, path, code="bad_value")
+
+
+def _length_m(points: Array) -> float:
+    return float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum())
 
 
 def _chains(lines: list[Array]) -> list[Array]:

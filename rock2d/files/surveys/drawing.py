@@ -13,7 +13,7 @@ from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, statio
 from rock2d.files.text_files import require_regular
 
 POLYLINES = "LWPOLYLINE POLYLINE"
-UNITLESS, METRES = 0, 6  # values of $INSUNITS, the unit of a drawing
+NO_UNIT, METRE = 0, 6  # values of $INSUNITS, the unit of a drawing
 
 
 def read_drawing(path: Path, layer: str | None = None) -> Profile:
@@ -77,11 +77,11 @@ def _check_metres(document: Any, path: Path) -> None:
     """Raise InputError for a drawing whose unit is another than m. Without a stated unit, it is in m."""
     from ezdxf.units import unit_name
 
-    unit = document.header.get("$INSUNITS", UNITLESS)
-    if unit not in (UNITLESS, METRES):
+    unit = document.header.get("$INSUNITS", NO_UNIT)
+    if unit not in (NO_UNIT, METRE):
         message = (
             f"the unit of the drawing is {unit_name(unit)} ($INSUNITS = {unit}): expected metres; scale it to m, or if "
-            f"its numbers are in m, set $INSUNITS to {METRES}"
+            f"its numbers are in m, set $INSUNITS to {METRE}"
         )
         raise InputError(message, path, code="bad_value")
 

@@ -172,6 +172,8 @@ def _write_results(
         for named in (scenario.diagnosed, scenario.posterior):
             if named is not None:  # the scenario refers to it by a relative path
                 copied = path_inside(folder, named.given)
+                if copied.name != named.file.name:  # it names the folder of a diagnosis
+                    copied /= named.file.name
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(named.file, copied)
     with bars.stage(PAGE_STAGE, 1, "step") as bar:

@@ -101,7 +101,8 @@ def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
         data=data_of(COMBINATIONS, table),
     )  # fmt: skip
     alt = "Volume of earth against each number that was varied, and over each pair of them"
-    text = f"{volume_text(content.combinations).capitalize()}. Volume is not cost: a steep facing needs a wall."
+    least = volume_text(content.combinations)
+    text = f"{least[0].upper()}{least[1:]}. Volume is not cost: a steep facing needs a wall."
     return Section("Least volume", [text], pictures=_picture(figures, "combinations", alt), tables=[shown])
 
 

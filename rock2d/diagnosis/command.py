@@ -18,10 +18,11 @@ from rock2d.diagnosis.predict import predict, read_for_prediction
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
+from rock2d.files.csv_tables import write_csv
 from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale
 from rock2d.files.experiment import load_experiment
-from rock2d.files.folders import atomic_folder, check_file, make_folder, write_whole
+from rock2d.files.folders import atomic_file, atomic_folder, check_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import scale_remarks
 
@@ -194,5 +195,6 @@ def run_prediction(
     for remark in scale_remarks(known, read.blocks):
         report(remark)
     table = predict(read, content, base_only=base_only)
-    write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    with atomic_file(out) as partial:
+        write_csv(partial, table)
     report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -62,7 +62,7 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
                 for q in known[name].parameters
             ]
             world = known[name].apply(world, values)
-            by_block = [q.get("by_block", {}) for q in parameters.values()]
+            by_block = [q.get("by_block") or {} for q in parameters.values()]
             blocks = [block for block in world.blocks if all(block in q for q in by_block)]
             world = known[name].on_blocks(world, {b: [q[b]["value"] for q in by_block] for b in blocks})
     return world

@@ -344,10 +344,11 @@ def _typed(
             raise InputError(message, path, line, code="bad_value", key=name)
         if name in texts:
             known = {*texts[name], ""}
-            for word in set(cells) - known:
-                message = f"column {name}: {shown(word)} is not in experiment.yaml"
-                message += did_you_mean(word, texts[name])
-                raise InputError(message, path, lines[cells.index(word)], code="unknown_name", name=word)
+            for line, word in zip(lines, cells, strict=True):
+                if word not in known:
+                    message = f"column {name}: {shown(word)} is not in experiment.yaml"
+                    message += did_you_mean(word, texts[name])
+                    raise InputError(message, path, line, code="unknown_name", name=word)
             columns[name] = cells
         elif name == "release":
             columns[name] = np.array(_numbers(path, lines, name, cells, _release_number), np.int64)

@@ -34,7 +34,7 @@ class FieldTestKeys(Checked):
     zones: dict[Name, float] = Field(
         min_length=1,
         description="Zone name -> inclination in degrees from which the ground belongs to it; the steepest that holds "
-        "counts, one must be 0 or less",
+        "counts, below all of them the lowest, which must be 0 or less",
     )
     edge_m: float = Field(
         default=0.0, ge=0, le=100, description="Length of the ground at the start that is zone edge, in m"
@@ -51,7 +51,11 @@ class FieldTestKeys(Checked):
     )
 
     @model_validator(mode="after")
-    def _all_ground_has_a_zone(self) -> FieldTestKeys:
+    def _blocks_and_ground_are_clear(self) -> FieldTestKeys:
+        names: dict[int, str] = {}
+        for name, number in self.block_ids.items():
+            if names.setdefault(number, name) != name:
+                raise mistake(f"block_id {number} is also that of {names[number]}", "block_ids", name)
         if min(self.zones.values()) > 0.0:
             raise mistake("one zone must begin at 0 degrees or less", "zones")
         return self

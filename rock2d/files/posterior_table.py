@@ -42,12 +42,14 @@ def read_posterior(given: str, file: Path) -> Posterior:
     """Read a table (CSV) with a column for each place and a row for each draw.
 
     Raises InputError with the line if there are no numbers, or too few or too many rows."""
-    rows = [row for row in csv.reader(read_text(file).splitlines()) if any(cell.strip() for cell in row)]
-    places = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    lines = enumerate(csv.reader(read_text(file).splitlines()), 1)
+    rows = [(n, row) for n, row in lines if any(cell.strip() for cell in row)]
+    top, header = rows[0] if rows else (1, [])
+    places = tuple(cell.strip() for cell in header)
     if not places or len(set(places)) != len(places) or not all(places):
-        raise InputError("expected a first line with a different place in each column", file, 1, 1, code="bad_table")
+        raise InputError("expected a first line with a different place in each column", file, top, 1, code="bad_table")
     draws = []
-    for n, row in enumerate(rows[1:], 2):
+    for n, row in rows[1:]:
         try:
             draws.append([float(cell) for cell in row])
         except ValueError:

@@ -62,9 +62,13 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
 
 
 def with_change(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Scenario:
-    """The scenario whose data `change` has changed, checked. Raises InputError as `variant` does."""
+    """The scenario whose data `change` has changed, checked, without the key ``uncertainty`` and without scatter of
+    numbers that the change removes. Raises InputError as `variant` does."""
     data = copy.deepcopy(scenario.document.data)
     change(data)
+    data.pop("uncertainty", None)
+    if "scatter" in data:
+        data["scatter"] = {p: varied for p, varied in data["scatter"].items() if number_at(data, p) is not None}
     document = scenario.document.with_data(data)
     return checked_scenario(document, scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain)
 

@@ -15,6 +15,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, l
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
+from tests.diagnosed_files import content, undiagnosed
 from tests.scenarios_of_tests import UNKNOWN, small_site
 
 PLACE = "embankment.height_m"
@@ -134,6 +135,23 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     assert not list(tmp_path.glob(".*"))
     with pytest.raises(InputError, match="earlier run"):
         run_design(*question, progress=False)
+
+
+@pytest.mark.parametrize("given", [".", "calib", "calib/", "calib/diagnosis.json"])
+def test_the_answer_keeps_the_diagnosis_and_the_posterior_of_its_scenario(tmp_path, monkeypatch, given):
+    monkeypatch.setattr(command, "_write_page", lambda *of: [])
+    (tmp_path / "calib").mkdir()
+    for folder in (tmp_path, tmp_path / "calib"):
+        (folder / "diagnosis.json").write_text(json.dumps(content()))
+    rows = "".join(f"{mass}\n" for mass in range(570, 590))
+    (tmp_path / "calib" / "posterior.csv").write_text(f"blocks.box.mass_kg\n{rows}")
+    unknown = "uncertainty: {sites: 4, releases: 20, posterior: calib/posterior.csv}"
+    scenario = undiagnosed(tmp_path, f"{{diagnosis: {given}}}", more=unknown)
+    question = (scenario.document.file, PLACE, (4.0, 6.0), Target("crest", 0.99, 0.5), tmp_path / "out")
+    run_design(*question, tolerance=3.0, progress=False, report=lambda line: None)
+    least = load_scenario(tmp_path / "out" / "least.yaml")
+    assert least.diagnosed.fingerprint == scenario.diagnosed.fingerprint
+    assert (least.posterior.draws == scenario.posterior.draws).all()
 
 
 def check_slider(page: str, answer) -> None:

@@ -1,5 +1,7 @@
 """The least volume over several numbers of the earthworks: each combination is the search of its own scenario."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,7 @@ from rock2d.design import command, least_volume
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target
 from rock2d.design.least_volume import Combination, minimised, volume_text
+from rock2d.design.report_sections import _volume_section
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from tests.scenarios_of_tests import small_site
@@ -112,6 +115,14 @@ def test_a_least_volume_at_the_end_of_a_range_is_told(best, ends):
     tried = [of(*best, 10.0), *(of(x, y, 20.0) for x in (1.0, 3.0) for y in (4.0, 6.0))]
     said = volume_text(tried).partition("the range of ")[2]
     assert said == (f"{', '.join(ends)} ends there, so a wider range may give less" if ends else "")
+
+
+def test_the_page_writes_names_and_units_as_they_are():
+    judged = Judgement(5.0, {"ball": 0.9}, {"ball": 0.9}, {"ball": 0.9}, False)
+    target = Target("Crest", 0.3, 0.9, above_J=5000.0)
+    none = Combination({"x": 1.0}, Answer(PLACE, target, None, 0.1, (judged,)), 10.0, 0.0)
+    section = _volume_section(SimpleNamespace(combinations=[none]), {})
+    assert section is not None and section.texts[0].startswith(f"No combination meets the target: {target.text}.")
 
 
 @pytest.mark.parametrize(

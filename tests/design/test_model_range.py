@@ -40,6 +40,18 @@ def test_one_thing_changes_at_a_time(scenario):
     assert cube.area_m2 == pytest.approx(ball.area_m2)
 
 
+def test_what_a_change_removes_neither_varies_nor_is_unknown(tmp_path):
+    vary = "{times: {uniform: {low: 0.9, high: 1.1}}}"
+    diameter, sd, mass = "blocks.ball.diameter_m", "roughness.slope.sd_deg", "blocks.ball.mass_kg"
+    more = f"{ROUGH}scatter: {{{diameter}: {vary}, {mass}: {vary}}}\n"
+    more += f"uncertainty: {{sites: 4, releases: 20, site: {{{diameter}: {vary}, {sd}: {vary}}}}}\n"
+    scenario = load_scenario(scenario_file(tmp_path, "site", model=SOILS, more=more))
+    found = {model.name: model.scenario for model in other_models(scenario, "batch")}
+    assert list(found["square blocks"].scatter) == [mass]
+    assert list(found["smooth ground"].scatter) == [diameter, mass]
+    assert set(range_table(scenario, "batch", 3, 10)["model"]) == {BASE, *found}
+
+
 def test_the_first_model_is_the_run_itself(scenario, table):
     passing = run(scenario, engine="batch", seed=3, releases=RELEASES).to_pandas("passing").set_index("line")
     own = table[table["model"] == BASE].set_index("line")

@@ -59,6 +59,7 @@ def test_a_posterior_stands_beside_other_values(tmp_path):
         (f"{K_L},{K_L}\n1,2\n", "different place"),
         (table(draws(5)), "10 to 100000 draws, found 5"),
         (table(draws()).replace("\n", "\nx,1\n", 1), "fitted.csv:2:1: expected numbers"),
+        (table(draws()).replace("\n", "\n\n1,2\n\nx,1\n", 1), "fitted.csv:5:1: expected numbers"),
         (table(draws()).replace("\n", "\n1\n", 1), "expected 2 finite numbers"),
         (table(draws()).replace("k_ul_N_m", "k_x"), "small.yaml.*is not the place of a number in this file"),
     ],

@@ -1,5 +1,6 @@
 """Predictions of a diagnosed model on other releases, and the two commands."""
 
+import copy
 import json
 from dataclasses import replace
 
@@ -51,6 +52,13 @@ def test_what_was_found_beside_an_unknown_cause_is_used(content):
     pd.testing.assert_frame_equal(predict(other, unknown), predict(other, content))
     nothing = {**unknown, "model": None}
     pd.testing.assert_frame_equal(predict(other, nothing), predict(other, nothing, base_only=True))
+
+
+def test_a_parameter_without_values_by_block_says_so_with_null_or_not_at_all(content):
+    other, null = film(TILTED, 2, seed=99, duration_s=0.6), copy.deepcopy(content)
+    for parameter in null["model"]["parameters"]["camera_tilt"].values():
+        parameter["by_block"] = None
+    pd.testing.assert_frame_equal(predict(other, null), predict(other, content))
 
 
 def known(effect: str = "none", *values: float) -> dict:
@@ -139,7 +147,10 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
 
 
 def test_commands_write_what_they_say(tmp_path, content):
-    write_experiment(tmp_path / "film", film(TILTED, 6, seed=5))
+    own = film(TILTED, 6, seed=5)
+    late = own.trajectories.assign(t_s=own.trajectories["t_s"] + 100 / 7)  # times with many digits
+    write_experiment(tmp_path / "film", replace(own, trajectories=late))
+    recorded = pd.read_csv(tmp_path / "film" / "trajectories.csv")
     (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
     for given in (tmp_path / "diagnosis.json", tmp_path):  # file or folder
         out = tmp_path / f"{given.stem}.csv"
@@ -147,6 +158,7 @@ def test_commands_write_what_they_say(tmp_path, content):
         assert result.exit_code == 0 and "warning" not in result.output, result.output
         table = pd.read_csv(out)
         assert list(table.columns) == list(COLUMNS) and len(table) > 100
+        assert len(table.merge(recorded, on=["release", "t_s"])) == len(table)  # times are those of the film
 
 
 def test_blocks_of_another_size_are_told(tmp_path, content):

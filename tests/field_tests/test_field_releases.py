@@ -1,5 +1,7 @@
 """The table of a field test, and the sections of its terrain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,19 @@ def test_a_section_down_the_slope_has_its_inclination_and_its_zones(field):
     assert set(zones[(middle > 6) & (middle < 47)]) == {"slope"} and set(zones[middle > 60]) == {"run_out"}
 
 
+def test_ground_that_rises_belongs_to_the_steepest_zone_that_holds(field):
+    """Backwards up the slope of 35 degrees from its foot."""
+
+    def zones(**own: float) -> set[str]:
+        terrain = replace(field.terrain, zones=own, edge_m=0.0)
+        section = terrain.section(np.array([60.0, 0.0]), np.pi)
+        middle = 0.5 * (section.points_m[1:, 0] + section.points_m[:-1, 0])
+        return set(np.array(section.zones)[(middle > 15) & (middle < 40)])
+
+    assert zones(meadow=0, counter=-90) == {"counter"}
+    assert zones(slope=15, run_out=0) == {"run_out"}  # the lowest holds below it, too
+
+
 def test_a_section_across_the_slope_is_less_steep(field):
     turn = np.radians(60.0)
     section = field.terrain.section(np.array([0.0, -10.0]), turn)
@@ -108,6 +123,7 @@ def test_missing_data_are_said(tmp_path, monkeypatch):
     [
         ("calibrate_on: [cube]", "calibrate_on: [bal]", "unknown block"),
         ("{cube: 1, box: 2}", "{cube: 1, bix: 2}", "unknown block"),
+        ("{cube: 1, box: 2}", "{cube: 1, box: 1}", r"small.yaml:9:29: .*block_id 1 is also that of cube"),
         ("{slope: 15, run_out: -90}", "{slope: 15, run_out: 5}", "must begin at 0 degrees or less"),
         ("folder: small", "folder: ../small", "expected a path inside"),
     ],

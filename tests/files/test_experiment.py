@@ -148,6 +148,12 @@ def test_a_mistake_in_the_csv_gets_its_line_and_column(folder, old, new, line, w
     assert message.startswith(f"{folder / 'seen.csv'}:{line}: ") and words in message, message
 
 
+def test_of_several_unknown_blocks_the_first_is_named(folder):
+    rows = [f"{i},unknown_{i},0.0,0,0,0" for i in range(16)]
+    (folder / "seen.csv").write_text("\n".join([ROWS.splitlines()[0], *rows]))
+    assert ":2: column block: 'unknown_0'" in refused(folder)
+
+
 def test_a_table_of_a_spreadsheet_with_decimal_commas_is_named(folder):
     (folder / "seen.csv").write_text("release;block;t_s;x_m;y_m;theta_rad\n0;sphere;0,001;1;2;3\n")
     assert "numbers need a decimal point" in refused(folder)

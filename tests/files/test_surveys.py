@@ -113,7 +113,30 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
         profile()
 
 
-def grid(folder, kind: str):
+def test_layers_whose_longest_lines_have_the_same_length_are_refused_unless_one_is_chosen(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new()
+    for layer, level in (("survey", 0.0), ("design", 1.0)):
+        points = POINTS + np.array([0.0, level])
+        drawing.modelspace().add_lwpolyline(points.tolist(), dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "p.dxf")
+    refusal(profile_of, tmp_path / "p.dxf", said="the layers design, survey have the same length: choose one")
+    assert profile_of(tmp_path / "p.dxf", layer="survey") == pytest.approx(POINTS)
+
+
+@pytest.mark.parametrize(("unit", "said"), [(2, "Feet"), (4, "Millimeters"), (0, None), (6, None)])
+def test_a_drawing_in_another_unit_than_metres_is_refused(tmp_path, unit, said):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new(units=unit)
+    drawing.modelspace().add_lwpolyline(POINTS.tolist())
+    drawing.saveas(tmp_path / "p.dxf")
+    if said is None:
+        assert profile_of(tmp_path / "p.dxf") == pytest.approx(POINTS)
+    else:
+        refusal(profile_of, tmp_path / "p.dxf", said=f"the unit of the drawing is {said} .* expected metres")
+
+
+def grid(folder, kind: str, crs: str = "EPSG:2056"):
     """A plane that falls by 1 in 2 to the north-east of a corner at (1000, 2000), 5 m cells."""
     rasterio = pytest.importorskip("rasterio")
     x, y = 1000 + 5 * (np.arange(40) + 0.5), 2000 + 5 * (np.arange(30) + 0.5)
@@ -122,7 +145,7 @@ def grid(folder, kind: str):
     transform = rasterio.Affine(5, 0, 1000, 0, -5, 2150)
     driver = {"tif": "GTiff", "asc": "AAIGrid"}[kind]
     profile = {"driver": "GTiff", "width": 40, "height": 30, "count": 1, "dtype": "float32", "nodata": -9999.0}
-    with rasterio.open(folder / "g.tif", "w", transform=transform, crs="EPSG:2056", **profile) as made:
+    with rasterio.open(folder / "g.tif", "w", transform=transform, crs=crs, **profile) as made:
         made.write(heights[::-1].astype("float32"), 1)
     if driver == "AAIGrid":
         from rasterio.shutil import copy
@@ -145,6 +168,17 @@ def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
         profile(line=(900, 2010, 1090, 2070))
     with pytest.raises(InputError, match="needs either"):
         profile()
+
+
+@pytest.mark.parametrize(
+    ("crs", "said"),
+    [
+        ("EPSG:2226", "the coordinates are in 'US survey foot': expected metres"),
+        ("EPSG:2056+6360", "the heights are in 'US survey foot': expected metres"),
+    ],
+)
+def test_a_terrain_model_in_feet_is_refused(tmp_path, crs, said):
+    refusal(profile_of, grid(tmp_path, "tif", crs), line=(1010, 2010, 1090, 2070), said=said)
 
 
 def test_lines_that_meet_make_a_row_and_a_damaged_drawing_is_recovered(tmp_path):
@@ -246,6 +280,8 @@ def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
         ("0,30,default\n", "must not be called default", 1),
         ("0,30,\n", "name of a zone", 1),
         ("start,end,name\n", "names no zone", 1),
+        ("start [km],end [km],name\n0,0.04,rock\n", r"column 'start \[km\]': expected metres", 1),
+        ("start [m],end (ft),name\n0,40,rock\n", r"column 'end \(ft\)': expected metres", 1),
     ],
 )  # fmt: skip
 def test_zones_with_a_mistake_are_refused_with_their_line_and_nothing_is_written(tmp_path, table, said, line):

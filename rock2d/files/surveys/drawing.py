@@ -1,5 +1,6 @@
 """Profiles from DXF drawings: the longest polyline, or the longest of one layer."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, statio
 from rock2d.files.text_files import require_regular
 
 POLYLINES = "LWPOLYLINE POLYLINE"
+NO_UNIT, METRE = 0, 6  # values of $INSUNITS, the unit of a drawing
 
 
 def read_drawing(path: Path, layer: str | None = None) -> Profile:
@@ -20,24 +22,33 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
     If all points have the same z, x is the station and y the height. Otherwise it is a line on a map: the station is
     the distance along it, z the height.
 
-    Raises InputError if the file is not DXF, or if there is no polyline (on this layer)."""
+    Raises InputError if the file is not DXF, if it states another unit than m, if there is no polyline (on this layer),
+    or if the longest ones of several layers have the same length."""
     require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
     require_regular(path)
     document, damaged = _document(path)
+    _check_metres(document, path)
     model = document.modelspace()
     polylines, lines = list(model.query(POLYLINES)), list(model.query("LINE"))
     layers = sorted({entity.dxf.layer for entity in [*polylines, *lines]})
-    wanted = {layer} if layer is not None else set(layers)
-    found = [points for e in polylines if e.dxf.layer in wanted and len(points := _points(e)) > 1]
-    for name in wanted:
-        found += _chains([_points(entity) for entity in lines if entity.dxf.layer == name])
-    if not found:
+    longest = {}
+    for name in layers if layer is None else [layer]:
+        found = [points for e in polylines if e.dxf.layer == name and len(points := _points(e)) > 1]
+        found += _chains([_points(e) for e in lines if e.dxf.layer == name])
+        if found:
+            longest[name] = max(found, key=_length_m)
+    if not longest:
         there = f"; layers with lines: {', '.join(layers)}" if layers else ""
         where = f" on layer {layer!r}" if layer is not None else ""
         raise InputError(f"no polyline{where}{there}", path, code="empty")
-    longest = max(found, key=lambda points: float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()))
-    flat = np.ptp(longest[:, 2]) == 0.0
-    profile = checked_profile(longest[:, :2] if flat else station_and_height(longest), f"drawing {path.name}")
+    greatest = max(map(_length_m, longest.values()))
+    chosen = [name for name, points in longest.items() if math.isclose(_length_m(points), greatest)]
+    if len(chosen) > 1:
+        message = f"the longest lines of the layers {', '.join(chosen)} have the same length: choose one with --layer"
+        raise InputError(message, path, code="bad_value")
+    points = longest[chosen[0]]
+    flat = np.ptp(points[:, 2]) == 0.0
+    profile = checked_profile(points[:, :2] if flat else station_and_height(points), f"drawing {path.name}")
     remark = ("the drawing is damaged; this is what could be recovered",) if damaged else ()
     return replace(profile, remarks=(*remark, *profile.remarks))
 
@@ -60,6 +71,23 @@ def _document(path: Path) -> tuple[Any, bool]:
         return recover.readfile(path)[0], True
     except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError) as error:
         raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
+
+
+def _check_metres(document: Any, path: Path) -> None:
+    """Raise InputError for a drawing whose unit is another than m. Without a stated unit, it is in m."""
+    from ezdxf.units import unit_name
+
+    unit = document.header.get("$INSUNITS", NO_UNIT)
+    if unit not in (NO_UNIT, METRE):
+        message = (
+            f"the unit of the drawing is {unit_name(unit)} ($INSUNITS = {unit}): expected metres; scale it to m, or if "
+            f"its numbers are in m, set $INSUNITS to {METRE}"
+        )
+        raise InputError(message, path, code="bad_value")
+
+
+def _length_m(points: Array) -> float:
+    return float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum())
 
 
 def _chains(lines: list[Array]) -> list[Array]:

@@ -19,7 +19,7 @@ HEIGHT_COLUMNS = ("height", "elevation", "z", "y")
 MAP_COLUMNS = ("x", "y", "z")  # a line on a map with heights
 ZONE_COLUMNS = ("zone", "soil")
 SEPARATORS = ";\t, "
-METRES = ("", "m")  # units that a header may state
+METRES = ("", "m", "metre", "metres", "meter", "meters")  # units that a survey may state
 
 
 def read_table(path: Path) -> Profile:
@@ -85,8 +85,8 @@ def _has_decimal_comma(cell: str) -> bool:
 
 
 def column_of(header: Sequence[str], choices: Sequence[str]) -> int | None:
-    """Index of the column named by the first of the choices that the header has, with or without the unit m; None if
-    there is none."""
+    """Index of the column named by the first of the choices that the header has, with or without a unit, which
+    `check_metres` checks; None if there is none."""
     names = [name.partition("[")[0].partition("(")[0].strip().lower() for name in header]
     names = [name.removesuffix("_m") for name in names]
     return next((names.index(name) for name in choices if name in names), None)
@@ -99,7 +99,8 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def profile_columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:
-    """Indices of the columns of station and height, or of x, y and z."""
+    """Indices of the columns of station and height, or of x, y and z. Raises InputError if one is missing, or not in
+    m."""
     on_map = [column_of(header, (name,)) for name in MAP_COLUMNS]
     columns = [column_of(header, names) for names in (STATION_COLUMNS, HEIGHT_COLUMNS)]
     if None not in on_map and column_of(header, STATION_COLUMNS[:-1]) is None:
@@ -108,9 +109,14 @@ def profile_columns(header: list[str], path: Path, line: int) -> tuple[int, ...]
     if len(found) < len(columns):
         message = f"expected columns of station and height (for example x and y), found {', '.join(header)[:80]!r}"
         raise InputError(message, path, line, 1, code="bad_table")
-    for name in (header[column] for column in found):
+    check_metres([header[column] for column in found], path, line)
+    return found
+
+
+def check_metres(names: Sequence[str], path: Path, line: int) -> None:
+    """Raise InputError if one of the names of columns states another unit than m, as in "station [km]"."""
+    for name in names:
         unit = re.search(r"[\[(]\s*(.*?)\s*[\])]", name)
         if unit and unit[1].lower() not in METRES:
             message = f"column {name!r}: expected metres; write the numbers in m"
             raise InputError(message, path, line, 1, code="bad_table")
-    return found

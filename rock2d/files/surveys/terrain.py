@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.errors import InputError, require
 from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
+from rock2d.files.surveys.table import METRES
 from rock2d.files.text_files import require_regular
 
 # The suffix chooses the driver, so that no file can call another of the many drivers.
@@ -71,16 +72,30 @@ def read_terrain(path: Path) -> Terrain:
     """A terrain model whose first band is the height in m. If it is in degrees, it is projected to the UTM zone of its
     centre.
 
-    Raises InputError if it cannot be read, or is rotated against the axes."""
+    Raises InputError if it cannot be read, is rotated against the axes, or states another unit than m."""
     require("rasterio", f"rasterio is missing, which reads terrain models: {EXTRA}")
     require_regular(path)
     import rasterio
 
     try:
         with rasterio.open(path, driver=DRIVERS[path.suffix.lower()]) as grid:
+            _check_metres(grid, path)
             return _terrain(grid, path)
     except rasterio.errors.RasterioError as error:
         raise InputError(f"no GeoTIFF or ESRI ASCII grid that can be read: {error}", path, code="bad_table") from None
+
+
+def _check_metres(grid: Any, path: Path) -> None:
+    """Raise InputError if the coordinates (unless they are degrees) or the heights are stated in another unit than m.
+    Without a stated unit, they are in m."""
+    units = {"heights": grid.units[0] or ""}
+    if grid.crs is not None and not grid.crs.is_geographic:
+        name, length_m = grid.crs.units_factor
+        units["coordinates"] = name if length_m != 1.0 else "m"
+    for what, unit in units.items():
+        if unit.lower() not in METRES:
+            message = f"the {what} are in {unit!r}: expected metres; convert coordinates and heights to m"
+            raise InputError(message, path, code="bad_value")
 
 
 def _terrain(grid: Any, path: Path) -> Terrain:

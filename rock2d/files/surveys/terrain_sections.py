@@ -35,7 +35,7 @@ class TerrainSections:
     ----------
     terrain : heights
     known : releases with starts and stops
-    zones : name -> inclination in degrees from which the ground belongs to it
+    zones : name -> inclination in degrees from which the ground belongs to it; below all of them, to the lowest
     edge_m : length of the zone `EDGE` from the start on
     beyond_deg : inclination of the ground beyond the known starts and stops; positive: it rises"""
 
@@ -98,7 +98,8 @@ class TerrainSections:
     def _zone_names(self, way: Array, heights: Array) -> list[str]:
         inclination = np.degrees(np.arctan(-np.diff(heights) / np.diff(way)))
         ordered = sorted(self.zones.items(), key=lambda item: -item[1])
-        names = [next(name for name, least in ordered if deg >= least or least <= 0) for deg in inclination]
+        lowest = min(self.zones, key=self.zones.__getitem__)
+        names = [next((name for name, least in ordered if deg >= least), lowest) for deg in inclination]
         return [EDGE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
 
     def _trusted(self, points: Array, start_m: Array) -> Array:

@@ -12,7 +12,7 @@ from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.setup_keys import plain_name
 from rock2d.files.surveys.profile import Profile
-from rock2d.files.surveys.table import ZONE_COLUMNS, column_of, number, profile_columns, text_rows
+from rock2d.files.surveys.table import ZONE_COLUMNS, check_metres, column_of, number, profile_columns, text_rows
 from rock2d.files.text_files import reads_as_number
 
 DEFAULT_ZONE = "slope"
@@ -47,6 +47,7 @@ def read_zones(file: Path) -> ZoneTable:
             message = f"expected the columns start, end and name, found {', '.join(header)[:80]!r}"
             raise InputError(message, file, line, 1, code="bad_table")
         columns = [column for column in found if column is not None]
+        check_metres([header[column] for column in columns[:2]], file, line)
     ranges = [_range(*_start_end_name(cells, columns, file, line), file, line) for line, cells in rows]
     if not ranges:
         raise InputError("the table names no zone", file, 1, 1, code="empty")

@@ -75,6 +75,35 @@ def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
 
 
+@pytest.mark.parametrize("distortion", ["{k: -0.1}", "{k: 0.08}", "{k: -0.1, centre_px: [600, 380]}", "{k: 0.0}"])
+def test_marked_points_are_as_far_apart_as_stated_whatever_the_lens(tmp_path, distortion):
+    scale = "{points_px: [[40, 360], [1240, 360]], distance_m: 2.0}"
+    found = setup(tmp_path, scale, **{"  up: up": f"  up: up\n  tilt_deg: 2.0\n  distortion: {distortion}"})
+    a, b = found.pixel_map((1280, 720)).to_world(np.array([[40, 360], [1240, 360]]))
+    assert np.hypot(*(b - a)) == pytest.approx(2.0, rel=1e-9)
+    sized = found.for_images((1280, 720))
+    assert sized.metres_per_pixel == found.pixel_map((1280, 720)).metres_per_pixel
+    assert sized.fps == 1000.0
+
+
+@pytest.mark.parametrize("centre", [None, (200.0, 120.0)])
+def test_squares_of_a_bent_checkerboard_are_as_large_as_stated(tmp_path, centre):
+    import cv2
+
+    board = checkerboard()
+    height, width = board.shape
+    middle = ((width - 1) / 2, (height - 1) / 2)
+    lens = PixelMap(1.0, (0.0, 0.0), up=1, k=-0.1, centre_px=centre or middle, half_px=float(np.hypot(*middle)))
+    seen = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    flat = lens._undistorted(seen).astype(np.float32)
+    cv2.imwrite(
+        str(tmp_path / "board.png"), cv2.remap(board, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderValue=255)
+    )
+    bent = "{k: -0.1}" if centre is None else f"{{k: -0.1, centre_px: [{centre[0]}, {centre[1]}]}}"
+    found = setup(tmp_path, BOARD, **{"  up: up": f"  up: up\n  distortion: {bent}"})
+    assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
+
+
 def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
     import cv2
 

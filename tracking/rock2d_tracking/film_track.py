@@ -170,6 +170,7 @@ def track_film(
     film = FilmFile(video)
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.shifts_px = camera_shifts(frames, film.expected_frames)
+    known = known.for_images(film.size_px) if isinstance(known, Setup) else known
     asked = known.scale if isinstance(known, Setup) else known
     stamps = frames.stamps(asked.fps)
     if isinstance(known, Setup):
@@ -308,8 +309,9 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
         return []
     return [
         f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
-        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`, and measure the "
-        "scale near the middle of the picture. A rolling shutter, air or a camera at a slant may do the same"
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`; "
+        "`metres_per_pixel` is then the scale in the middle of the picture. A rolling shutter, air or a camera at a "
+        "slant may do the same"
     ]
 
 

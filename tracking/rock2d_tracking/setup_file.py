@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -42,7 +42,8 @@ class Scale(Checked):
     """Metres per pixel, in one of three ways."""
 
     metres_per_pixel: Annotated[Annotated[float, Field(gt=0, le=10)] | GravityWord, Given] | None = Field(
-        default=None, description="Length of a pixel in m; gravity: what falls in the film gives it"
+        default=None,
+        description="Length of a pixel in m at the optical centre; gravity: what falls in the film gives it",
     )
     points_px: list[Pixel] | None = Field(default=None, min_length=2, max_length=2, description="Two marked points")
     distance_m: float | None = Field(default=None, gt=0, le=1.0e5, description="True distance of the two points in m")
@@ -147,19 +148,32 @@ class Setup:
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
         fps = None if camera.fps == FROM_GRAVITY else float(camera.fps)
-        self.scale = FilmScale(self._metres_per_pixel(camera.scale), fps, self.keys.gravity_m_s2)
+        self.scale = FilmScale(self._metres_per_pixel(), fps, self.keys.gravity_m_s2)
         self.from_gravity: FromGravity | None = None
         if self.scale.fps is None or self.scale.metres_per_pixel is None:
             self.from_gravity = FromGravity(which="fps" if fps is None else "scale", relative_error=0.0)
 
-    def _metres_per_pixel(self, scale: Scale) -> float | None:
+    def _metres_per_pixel(self, size_px: tuple[int, int] | None = None) -> float | None:
+        """The stated scale; without the size of the images, the lens is left out between marked points."""
+        scale = self.keys.camera.scale
         if scale.metres_per_pixel is not None:
             return None if scale.metres_per_pixel == FROM_GRAVITY else float(scale.metres_per_pixel)
         if scale.points_px is not None and scale.distance_m is not None:
-            a, b = np.array(scale.points_px)
+            points = np.array(scale.points_px)
+            a, b = points if size_px is None else self._map(1.0, size_px).to_world(points)
             return float(scale.distance_m / np.hypot(*(b - a)))
         assert scale.checkerboard is not None and scale.square_m is not None
-        return scale_of_board(self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m)
+        path = path_inside(self.path.parent, scale.checkerboard)
+        return scale_of_board(path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size))
+
+    def for_images(self, size_px: tuple[int, int]) -> Setup:
+        """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
+        marked points depends on it."""
+        if self.keys.camera.scale.points_px is None:
+            return self
+        own = copy.copy(self)
+        own.scale = self.scale._replace(metres_per_pixel=self._metres_per_pixel(size_px))
+        return own
 
     @property
     def metres_per_pixel(self) -> float:
@@ -183,12 +197,15 @@ class Setup:
 
     def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
         """The map for images of this size (width, height)."""
+        return self._map(self.for_images(size_px).metres_per_pixel, size_px)
+
+    def _map(self, metres_per_pixel: float, size_px: tuple[int, int]) -> PixelMap:
         camera = self.keys.camera
         middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
         bent = camera.distortion
         centre = tuple(bent.centre_px) if bent is not None and bent.centre_px is not None else middle
         return PixelMap(
-            self.metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]),
+            metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]),
             (camera.origin_m[0], camera.origin_m[1]), -1 if camera.up == "up" else 1,
             float(np.deg2rad(camera.tilt_deg)),
             bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
@@ -233,15 +250,17 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
     write_whole(path, yaml_text(keys))
 
 
-def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:
-    """Metres per pixel from a picture of a checkerboard in the plane of motion.
+def scale_of_board(
+    path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
+) -> float:
+    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
 
     corners : number of inner corners in a row, and number of rows
+    camera : gives the map to pixels without distortion, for a picture of a size (width, height)
 
     Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
     import cv2
 
-    path = path_inside(folder, picture)
     require_regular(path)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:
@@ -250,7 +269,8 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
     if not found:
         raise InputError(f"no checkerboard of {corners[0]} × {corners[1]} inner corners found", path)
     precise = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
-    grid = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
+    seen = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
+    grid = camera((image.shape[1], image.shape[0])).to_world(seen)
     along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
     sides = np.concatenate([along.ravel(), across.ravel()])
     halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]

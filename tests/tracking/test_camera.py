@@ -104,13 +104,19 @@ def test_squares_of_a_bent_checkerboard_are_as_large_as_stated(tmp_path, centre)
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
 
 
-def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    "narrow",
+    [((0, 0), (0, 40), (0, -40), (0, 0)), ((6, 0), (-6, 0), (0, 0), (0, 0)), ((0, 0), (0, 0), (-6, 0), (6, 0))],
+    ids=["right", "top", "bottom"],
+)
+def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path, narrow):
+    """One side is farther away. Its corners move inward by some pixels."""
     import cv2
 
     board = checkerboard()
     height, width = board.shape
-    seen = np.float32([[0, 0], [width, 40], [width, height - 40], [0, height]])
-    slant = cv2.getPerspectiveTransform(np.float32([[0, 0], [width, 0], [width, height], [0, height]]), seen)
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    slant = cv2.getPerspectiveTransform(corners, corners + np.array(narrow, np.float32))
     cv2.imwrite(str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255))
     with pytest.raises(InputError, match="slant"):
         setup(tmp_path, BOARD)
@@ -126,11 +132,13 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
         ("{metres_per_pixel: gravity}", {"fps: 1000.0": "fps: gravity"}, "not both"),
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: soon"}, "expected a number or gravity"),
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: -3"}, "greater than 0|> 0"),
+        ("{checkerboard: ../board.png, square_m: 0.1}", {}, "camera.scale.checkerboard: .* found '..'"),
         ("{metres_per_pixel: 1.0e-3}", {"releases: [cube]": "releases: [cub]"}, "did you mean 'cube'"),
     ],
 )
 def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
-    assert "setup.yaml:" in str(refusal(setup, tmp_path, scale, said=said, **changes))
+    error = refusal(setup, tmp_path, scale, said=said, **changes)
+    assert "setup.yaml:" in str(error) and error.line
 
 
 def test_a_checkerboard_that_is_a_pipe_is_refused(tmp_path):

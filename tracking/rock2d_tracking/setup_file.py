@@ -142,8 +142,8 @@ class Setup:
         """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
         self.path = Path(path)
         self.text = read_text(self.path) if text is None else text
-        document = Document(self.path, self.text)
-        self.keys = document.check(SetupKeys)
+        self._document = Document(self.path, self.text)
+        self.keys = self._document.check(SetupKeys)
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
@@ -163,7 +163,8 @@ class Setup:
             a, b = points if size_px is None else self._map(1.0, size_px).to_world(points)
             return float(scale.distance_m / np.hypot(*(b - a)))
         assert scale.checkerboard is not None and scale.square_m is not None
-        path = path_inside(self.path.parent, scale.checkerboard)
+        key = ("camera", "scale", "checkerboard")
+        path = path_inside(self.path.parent, scale.checkerboard, *key, error=self._document.error)
         return scale_of_board(path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size))
 
     def for_images(self, size_px: tuple[int, int]) -> Setup:
@@ -273,7 +274,7 @@ def scale_of_board(
     grid = camera((image.shape[1], image.shape[0])).to_world(seen)
     along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
     sides = np.concatenate([along.ravel(), across.ravel()])
-    halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]
+    halves = [*np.array_split(along, 2, axis=1), *np.array_split(across, 2)]
     uneven = float(np.ptp([np.mean(h) for h in halves]) / np.mean(sides))
     if uneven > LARGEST_SCALE_SPREAD:
         raise InputError(f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path)

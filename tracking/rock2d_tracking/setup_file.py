@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -159,8 +160,7 @@ class Setup:
         if scale.metres_per_pixel is not None:
             return None if scale.metres_per_pixel == FROM_GRAVITY else float(scale.metres_per_pixel)
         if scale.points_px is not None and scale.distance_m is not None:
-            points = np.array(scale.points_px)
-            a, b = points if size_px is None else self._map(1.0, size_px).to_world(points)
+            a, b = self._map(1.0, size_px).to_world(np.array(scale.points_px))
             return float(scale.distance_m / np.hypot(*(b - a)))
         assert scale.checkerboard is not None and scale.square_m is not None
         key = ("camera", "scale", "checkerboard")
@@ -170,7 +170,7 @@ class Setup:
     def for_images(self, size_px: tuple[int, int]) -> Setup:
         """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
         marked points depends on it."""
-        if self.keys.camera.scale.points_px is None:
+        if self.keys.camera.scale.points_px is None or self.keys.camera.distortion is None:
             return self
         own = copy.copy(self)
         own.scale = self.scale._replace(metres_per_pixel=self._metres_per_pixel(size_px))
@@ -196,21 +196,33 @@ class Setup:
             own.from_gravity = own.from_gravity.model_copy(update={"relative_error": min(relative_error, 1.0)})
         return own
 
-    def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
-        """The map for images of this size (width, height)."""
-        return self._map(self.for_images(size_px).metres_per_pixel, size_px)
+    def pixel_map(self, size_px: tuple[int, int] | None) -> PixelMap:
+        """The map for images of this size (width, height), None if it is not known.
 
-    def _map(self, metres_per_pixel: float, size_px: tuple[int, int]) -> PixelMap:
+        Raises InputError if the size is not known and a distortion is stated, which refers to it."""
+        if size_px is not None:
+            return self._map(self.for_images(size_px).metres_per_pixel, size_px)
+        if self.keys.camera.distortion is not None:
+            message = (
+                "cannot be taken out, because the size of the picture is not known here. Take it out in the program "
+                "that tracked the film and remove the key, or track the film itself"
+            )
+            raise self._document.error(message, "camera", "distortion", at="key", code="wrong_kind")
+        return self._map(self.metres_per_pixel)
+
+    def _map(self, metres_per_pixel: float, size_px: tuple[int, int] | None = None) -> PixelMap:
+        """The map with a scale; without the size of the images it leaves the lens out."""
         camera = self.keys.camera
-        middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
-        bent = camera.distortion
-        centre = tuple(bent.centre_px) if bent is not None and bent.centre_px is not None else middle
-        return PixelMap(
-            metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]),
-            (camera.origin_m[0], camera.origin_m[1]), -1 if camera.up == "up" else 1,
-            float(np.deg2rad(camera.tilt_deg)),
-            bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
+        flat = PixelMap(
+            metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
+            -1 if camera.up == "up" else 1, float(np.deg2rad(camera.tilt_deg)),
         )  # fmt: skip
+        bent = camera.distortion
+        if bent is None or size_px is None:
+            return flat
+        middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+        centre = middle if bent.centre_px is None else (bent.centre_px[0], bent.centre_px[1])
+        return replace(flat, k=bent.k, centre_px=centre, half_px=float(np.hypot(*middle)))
 
     @property
     def fall_px(self) -> float:

@@ -141,6 +141,25 @@ def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
     assert "setup.yaml:" in str(error) and error.line
 
 
+def test_a_written_set_up_file_can_be_read_where_it_stands(tmp_path):
+    import cv2
+
+    (tmp_path / "pictures").mkdir()
+    cv2.imwrite(str(tmp_path / "pictures" / "board.png"), checkerboard())
+    found = setup(tmp_path, BOARD.replace("board.png", "pictures/board.png"))
+    (tmp_path / "pictures" / "board.png").unlink()  # what was read is written, though it is gone
+    (tmp_path / "out").mkdir()
+    found.write(tmp_path / "out")
+    again = Setup(tmp_path / "out" / "setup.yaml")
+    assert again.text == found.text and again.metres_per_pixel == found.metres_per_pixel
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture"])
+def test_a_checkerboard_that_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "board.png").write_bytes(content)
+    assert refusal(setup, tmp_path, BOARD, said="cannot be read as a picture").file == tmp_path / "board.png"
+
+
 def test_a_checkerboard_that_is_a_pipe_is_refused(tmp_path):
     os.mkfifo(tmp_path / "board.png")
     with pytest.raises(InputError, match="expected a file, found a pipe"):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import click
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -116,6 +117,20 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
     with pytest.raises(InputError, match=said):
         tracked(tmp_path / "bad.avi", filmed / "setup.yaml", tmp_path / "out")
     assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
+
+
+def test_a_set_up_file_that_names_a_picture_is_used_again_from_the_results(filmed, tmp_path):
+    squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    board = np.pad(np.kron(squares, np.ones((24, 24), np.uint8)), 40, constant_values=255)
+    cv2.imwrite(str(tmp_path / "board.png"), board)
+    scale = "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.0144}"
+    text, stated = (filmed / "setup.yaml").read_text(), "{metres_per_pixel: 0.0006}"
+    assert stated in text
+    (tmp_path / "setup.yaml").write_text(text.replace(stated, scale))
+    tracked(filmed / "film.avi", tmp_path / "setup.yaml", tmp_path / "out")
+    tracked(filmed / "film.avi", tmp_path / "out" / "setup.yaml", tmp_path / "again")
+    first, again = ((tmp_path / name / "frames.csv").read_text() for name in ("out", "again"))
+    assert first == again
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import SETUP, Setup
 
 if TYPE_CHECKING:
     from rock2d.kinematics.film_findings import FilmFindings
@@ -60,7 +60,7 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
     two is unknown, it is computed from gravity. If nothing can be tracked, an explanation is written to
     `OUT_explained`. Raises InputError for invalid input."""
     from rock2d_tracking.explanation import write_explanation
-    from rock2d_tracking.film_track import SETUP, TRACKED, NotTrackedError, track_film
+    from rock2d_tracking.film_track import TRACKED, NotTrackedError, track_film
 
     check_folder(out, TRACKED)
     known = Setup(config) if isinstance(config, Path) else config

@@ -11,10 +11,9 @@ from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import SETUP, Setup
 from rock2d_tracking.sights import FollowedRelease
 
-SETUP = "setup.yaml"
 GUESSED_DENSITY_KG_M3 = 1000.0
 BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
 UNSEEN_RADIUS_SHARE = 0.02  # radius of a ball that was not seen, over the width of the picture

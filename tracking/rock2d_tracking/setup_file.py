@@ -16,13 +16,14 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, 
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
-from rock2d.files.text_files import read_text, require_regular
+from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
 
+SETUP = "setup.yaml"
 LARGEST_DISTORTION = 0.5
 LARGEST_SCALE_SPREAD = 0.02  # over a checkerboard; a larger one shows that the camera was oblique
 
@@ -136,6 +137,7 @@ class Setup:
     Attributes
     ----------
     path, text : those of its file
+    board : the picture of the checkerboard as it is stored, None if it names none
     scale : scale and frame rate; one may be unknown
     from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
@@ -145,6 +147,7 @@ class Setup:
         self.text = read_text(self.path) if text is None else text
         self._document = Document(self.path, self.text)
         self.keys = self._document.check(SetupKeys)
+        self.board: bytes | None = None
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
@@ -165,7 +168,10 @@ class Setup:
         assert scale.checkerboard is not None and scale.square_m is not None
         key = ("camera", "scale", "checkerboard")
         path = path_inside(self.path.parent, scale.checkerboard, *key, error=self._document.error)
-        return scale_of_board(path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size))
+        self.board = read_bytes(path)
+        return scale_of_board(
+            self.board, path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size)
+        )
 
     def for_images(self, size_px: tuple[int, int]) -> Setup:
         """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
@@ -224,6 +230,15 @@ class Setup:
         centre = middle if bent.centre_px is None else (bent.centre_px[0], bent.centre_px[1])
         return replace(flat, k=bent.k, centre_px=centre, half_px=float(np.hypot(*middle)))
 
+    def write(self, folder: Path) -> None:
+        """Write `setup.yaml` into a folder, and the picture that it names, so that it can be used from there."""
+        (folder / SETUP).write_text(self.text, encoding="utf-8")
+        picture = self.keys.camera.scale.checkerboard
+        if picture is not None and self.board is not None:
+            path = path_inside(folder, picture)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(self.board)
+
     @property
     def fall_px(self) -> float:
         """Acceleration of gravity along v in px per frame squared."""
@@ -264,18 +279,18 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
 
 
 def scale_of_board(
-    path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
+    picture: bytes, path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
 ) -> float:
     """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
 
+    picture, path : a file of an image as it is stored, and its name for errors
     corners : number of inner corners in a row, and number of rows
     camera : gives the map to pixels without distortion, for a picture of a size (width, height)
 
     Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
     import cv2
 
-    require_regular(path)
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE) if picture else None
     if image is None:
         raise InputError("cannot be read as a picture", path)
     found, points = cv2.findChessboardCorners(image, corners)

@@ -287,7 +287,7 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
               help="Program that wrote the files, one for each film.")  # fmt: skip
 @click.option("--config", type=click.Path(path_type=Path), required=True,
               help="setup.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
-@click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows.")
+@click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows in the picture.")
 @click.option("--block", help="Name of the block. Default: that of the set-up's first release.")
 @click.option("--mark", "marks", multiple=True, help="Point on the block; two give its orientation.")
 @click.option("--centroid", multiple=True, help="Points whose mean is the centroid. Default: the first mark.")

@@ -19,13 +19,18 @@ def require_regular(file: str | Path) -> None:
         raise InputError(f"expected a file, found {what}", file, code="unreadable")
 
 
-def read_text(file: str | Path) -> str:
-    """The text of a UTF-8 file; raises `InputError` if it is missing, not a regular file or not UTF-8."""
+def read_bytes(file: str | Path) -> bytes:
+    """The content of a file; raises `InputError` if it is missing or not a regular file."""
     require_regular(file)
     try:
-        raw = Path(file).read_bytes()
+        return Path(file).read_bytes()
     except OSError as error:
         raise _unreadable(file, error) from None
+
+
+def read_text(file: str | Path) -> str:
+    """The text of a UTF-8 file; raises `InputError` if it is missing, not a regular file or not UTF-8."""
+    raw = read_bytes(file)
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

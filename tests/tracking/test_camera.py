@@ -75,13 +75,48 @@ def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
 
 
-def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
+@pytest.mark.parametrize("distortion", ["{k: -0.1}", "{k: 0.08}", "{k: -0.1, centre_px: [600, 380]}", "{k: 0.0}"])
+def test_marked_points_are_as_far_apart_as_stated_whatever_the_lens(tmp_path, distortion):
+    scale = "{points_px: [[40, 360], [1240, 360]], distance_m: 2.0}"
+    found = setup(tmp_path, scale, **{"  up: up": f"  up: up\n  tilt_deg: 2.0\n  distortion: {distortion}"})
+    a, b = found.pixel_map((1280, 720)).to_world(np.array([[40, 360], [1240, 360]]))
+    assert np.hypot(*(b - a)) == pytest.approx(2.0, rel=1e-9)
+    sized = found.for_images((1280, 720))
+    assert sized.metres_per_pixel == found.pixel_map((1280, 720)).metres_per_pixel
+    assert sized.fps == 1000.0
+
+
+@pytest.mark.parametrize("centre", [None, (200.0, 120.0)])
+def test_squares_of_a_bent_checkerboard_are_as_large_as_stated(tmp_path, centre):
     import cv2
 
     board = checkerboard()
     height, width = board.shape
-    seen = np.float32([[0, 0], [width, 40], [width, height - 40], [0, height]])
-    slant = cv2.getPerspectiveTransform(np.float32([[0, 0], [width, 0], [width, height], [0, height]]), seen)
+    middle = ((width - 1) / 2, (height - 1) / 2)
+    lens = PixelMap(1.0, (0.0, 0.0), up=1, k=-0.1, centre_px=centre or middle, half_px=float(np.hypot(*middle)))
+    seen = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    flat = lens._undistorted(seen).astype(np.float32)
+    cv2.imwrite(
+        str(tmp_path / "board.png"), cv2.remap(board, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderValue=255)
+    )
+    bent = "{k: -0.1}" if centre is None else f"{{k: -0.1, centre_px: [{centre[0]}, {centre[1]}]}}"
+    found = setup(tmp_path, BOARD, **{"  up: up": f"  up: up\n  distortion: {bent}"})
+    assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "narrow",
+    [((0, 0), (0, 40), (0, -40), (0, 0)), ((6, 0), (-6, 0), (0, 0), (0, 0)), ((0, 0), (0, 0), (-6, 0), (6, 0))],
+    ids=["right", "top", "bottom"],
+)
+def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path, narrow):
+    """One side is farther away. Its corners move inward by some pixels."""
+    import cv2
+
+    board = checkerboard()
+    height, width = board.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    slant = cv2.getPerspectiveTransform(corners, corners + np.array(narrow, np.float32))
     cv2.imwrite(str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255))
     with pytest.raises(InputError, match="slant"):
         setup(tmp_path, BOARD)
@@ -97,11 +132,32 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
         ("{metres_per_pixel: gravity}", {"fps: 1000.0": "fps: gravity"}, "not both"),
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: soon"}, "expected a number or gravity"),
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: -3"}, "greater than 0|> 0"),
+        ("{checkerboard: ../board.png, square_m: 0.1}", {}, "camera.scale.checkerboard: .* found '..'"),
         ("{metres_per_pixel: 1.0e-3}", {"releases: [cube]": "releases: [cub]"}, "did you mean 'cube'"),
     ],
 )
 def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
-    assert "setup.yaml:" in str(refusal(setup, tmp_path, scale, said=said, **changes))
+    error = refusal(setup, tmp_path, scale, said=said, **changes)
+    assert "setup.yaml:" in str(error) and error.line
+
+
+def test_a_written_set_up_file_can_be_read_where_it_stands(tmp_path):
+    import cv2
+
+    (tmp_path / "pictures").mkdir()
+    cv2.imwrite(str(tmp_path / "pictures" / "board.png"), checkerboard())
+    found = setup(tmp_path, BOARD.replace("board.png", "pictures/board.png"))
+    (tmp_path / "pictures" / "board.png").unlink()  # what was read is written, though it is gone
+    (tmp_path / "out").mkdir()
+    found.write(tmp_path / "out")
+    again = Setup(tmp_path / "out" / "setup.yaml")
+    assert again.text == found.text and again.metres_per_pixel == found.metres_per_pixel
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture"])
+def test_a_checkerboard_that_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "board.png").write_bytes(content)
+    assert refusal(setup, tmp_path, BOARD, said="cannot be read as a picture").file == tmp_path / "board.png"
 
 
 def test_a_checkerboard_that_is_a_pipe_is_refused(tmp_path):

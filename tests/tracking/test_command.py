@@ -1,11 +1,15 @@
 """`rock2d track`, `film`, `import`, `export`: the whole way, and what is said of input that cannot be used."""
 
+from dataclasses import replace
+
 import click
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.importers.tracker import write_tracker
 from rock2d_tracking.setup_file import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
@@ -13,7 +17,9 @@ from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment, write_experiment
+from tests.programs import commanded
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
+from tests.tracking.tracked_files import TRACKER
 
 
 def run(*arguments: object) -> str:
@@ -69,6 +75,35 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     np.testing.assert_allclose(found.trajectories[columns], own[columns], atol=1e-9)
 
 
+@pytest.mark.parametrize("y", ["up", "down"])
+@pytest.mark.parametrize("up", [-1, 1])
+def test_import_sees_through_the_camera_of_the_set_up_file(filmed, tmp_path, up, y):
+    """A turned film, and one upside down, give the motion in the world."""
+    camera = PixelMap(6e-4, (100.0, 320.0), (0.1, 0.05), up, np.deg2rad(8.0))
+    truth = load_experiment(filmed / "truth")
+    own = truth.trajectories[truth.trajectories["release"] == 1].reset_index(drop=True)
+    u, v = camera.to_pixel(own[["x_m", "y_m"]].to_numpy()).T
+    angle, sign = camera.angle_to_pixel(own["theta_rad"].to_numpy()), -1.0 if y == "up" else 1.0
+    write_tracker(tmp_path / "t.txt", own.assign(x_m=u, y_m=sign * v, theta_rad=sign * angle), truth.fps)
+    in_file = replace(camera, origin_px=(100.0, sign * 320.0))
+    write_setup(tmp_path / "setup.yaml", truth, in_file, ["cube"])
+    run("import", tmp_path / "t.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y", y,
+        "--out", tmp_path / "out")  # fmt: skip
+    columns = ["t_s", "x_m", "y_m", "theta_rad"]
+    np.testing.assert_allclose(load_experiment(tmp_path / "out").trajectories[columns], own[columns], atol=1e-9)
+
+
+def test_import_refuses_a_lens_that_it_cannot_take_out(filmed, tmp_path):
+    text = (filmed / "setup.yaml").read_text()
+    (tmp_path / "setup.yaml").write_text(text.replace("  up: up", "  distortion: {k: -0.1}\n  up: up"))
+    (tmp_path / "t.txt").write_text(TRACKER)
+    result = commanded("import", tmp_path / "t.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y",
+                       "down", "--out", tmp_path / "out")  # fmt: skip
+    assert isinstance(result.exception, InputError) and "camera.distortion" in result.exception.message
+    assert result.exception.line == text[: text.index("  up: up")].count("\n") + 1
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
@@ -82,6 +117,20 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
     with pytest.raises(InputError, match=said):
         tracked(tmp_path / "bad.avi", filmed / "setup.yaml", tmp_path / "out")
     assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
+
+
+def test_a_set_up_file_that_names_a_picture_is_used_again_from_the_results(filmed, tmp_path):
+    squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    board = np.pad(np.kron(squares, np.ones((24, 24), np.uint8)), 40, constant_values=255)
+    cv2.imwrite(str(tmp_path / "board.png"), board)
+    scale = "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.0144}"
+    text, stated = (filmed / "setup.yaml").read_text(), "{metres_per_pixel: 0.0006}"
+    assert stated in text
+    (tmp_path / "setup.yaml").write_text(text.replace(stated, scale))
+    tracked(filmed / "film.avi", tmp_path / "setup.yaml", tmp_path / "out")
+    tracked(filmed / "film.avi", tmp_path / "out" / "setup.yaml", tmp_path / "again")
+    first, again = ((tmp_path / name / "frames.csv").read_text() for name in ("out", "again"))
+    assert first == again
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,17 @@ HEIGHT, WIDTH = 96, 128
 GREYS = np.tile(np.linspace(0, 250, WIDTH).astype(np.uint8), (HEIGHT, 1))
 
 
-def written(path: Path, pictures: Sequence[np.ndarray], ticks_ms: Sequence[int], *, full: bool = False) -> Path:
-    """A film of H.264 without loss, a picture at each of these instants."""
+def written(
+    path: Path, pictures: Sequence[np.ndarray], ticks_ms: Sequence[int], *, full: bool = False,
+    aspect: Fraction | None = None,
+) -> Path:  # fmt: skip
+    """A film of H.264 without loss, a picture at each of these instants. `aspect`: of its pixels, if it states one."""
     with av.open(str(path), "w") as film:
         stream = film.add_stream("libx264", rate=30, options={"qp": "0", "preset": "ultrafast"})
         stream.height, stream.width, stream.pix_fmt = HEIGHT, WIDTH, "yuvj420p" if full else "yuv420p"
         stream.codec_context.time_base = Fraction(1, 1000)
+        if aspect is not None:
+            stream.codec_context.sample_aspect_ratio = aspect
         for picture, tick in zip(pictures, ticks_ms, strict=True):
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             if full:
@@ -152,6 +157,19 @@ def test_a_film_of_an_upright_phone_is_turned(tmp_path):
     assert first.shape == (WIDTH, HEIGHT)
     assert first[10, HEIGHT - 10] > 240  # from the left to the right upper corner
     assert first[10, 10] < 10 and first[WIDTH - 10, 10] < 10
+
+
+@pytest.mark.parametrize("aspect", [Fraction(4, 3), Fraction(8, 9)])
+def test_pixels_that_are_not_square_are_refused(tmp_path, aspect):
+    path = written(tmp_path / "a.mp4", grey(3), [0, 33, 66], aspect=aspect)
+    with pytest.raises(InputError, match=f"{float(aspect):.4g} times as wide as high; .*setsar=1") as caught:
+        FilmFile(path)
+    assert caught.value.file == path
+
+
+@pytest.mark.parametrize("aspect", [Fraction(1, 1), Fraction(192, 191)])
+def test_a_size_that_a_program_rounded_leaves_pixels_square(tmp_path, aspect):
+    assert FilmFile(written(tmp_path / "a.mp4", grey(3), [0, 33, 66], aspect=aspect)).size_px == (WIDTH, HEIGHT)
 
 
 @pytest.mark.parametrize(("in_memory", "of_disk", "readings"), [(99, 0.5, 1), (4, 0.5, 1), (4, 0.0, 3)])

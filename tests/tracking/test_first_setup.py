@@ -8,7 +8,10 @@ import pandas as pd
 import pytest
 from rock2d_tracking import tracked_film
 from rock2d_tracking.command import TrackSettings, track
+from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.film_scale import FilmScale
+from rock2d_tracking.first_setup import FirstSetup
+from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
 
 from rock2d.errors import InputError
@@ -51,11 +54,27 @@ def test_scale_and_frame_rate_are_enough(thrown, first):
 def test_a_set_up_file_that_is_refined_in_its_folder_stays_there(thrown, first, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(first[0], out)
-    refined = (out / "setup.yaml").read_text().replace("name: thrown_ball", "name: refined")
+    refined = (out / "setup.yaml").read_text().replace('name: "thrown_ball"', "name: refined")
     (out / "setup.yaml").write_text(refined)
     track(thrown[0], out / "setup.yaml", out, TrackSettings())
     assert (out / "setup.yaml").read_text() == refined
     assert "name: refined" in (out / "experiment.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("stem", "name"),
+    [
+        *((stem, stem) for stem in ("20240512_143022", "20240512", "1e5", "0x1F", "true", "null", "2024-05-12")),
+        ("block no. 3", "block_no__3"),
+        ("long" * 50, "long" * 25),
+        ("...", "film"),
+    ],
+)
+def test_any_name_of_a_film_makes_a_set_up_file_that_is_read(thrown, stem, name):
+    film = FilmFile(thrown[0])
+    film.path = film.path.with_name(f"{stem}.mp4")
+    scale = FilmScale(SCALE, FPS)
+    assert FirstSetup(film, Motion(), scale, scale).setup().keys.name == name
 
 
 @pytest.mark.parametrize("factor", [0.15, 4])

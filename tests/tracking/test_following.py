@@ -179,6 +179,17 @@ def test_what_never_moves_is_no_release(tracked):
     assert any("never moved" in remark for remark in again.remarks)
 
 
+def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
+    """A block lies in the picture for a while before the first release."""
+    found = tracked(CLEAN)
+    pictures = [s.image for s in found.shots]
+    pictures[8:34] = [pictures[60]] * 26
+    releases = followed(pictures, found.setup, SIZE_PX).releases
+    assert len(releases) == 4 and np.ptp([s.pose[0] for s in releases[0].seen]) < 0.1
+    kept = moving_releases(releases, found.setup.fall_px)
+    assert [release.block for release in kept] == ["sphere", "cube", "slab"]
+
+
 @pytest.mark.parametrize(("shadow", "confidence", "kept"), [(True, 0.8, 0), (True, 0.97, 12), (False, 0.8, 12)])
 def test_a_shadow_without_an_arc_is_no_block(shadow, confidence, kept):
     """A hand holds the ball, and its shadow on the wall has the outline of a ball, but no sharp one."""

@@ -15,7 +15,7 @@ from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import SETUP, Setup
 
 if TYPE_CHECKING:
     from rock2d.kinematics.film_findings import FilmFindings
@@ -60,7 +60,7 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
     two is unknown, it is computed from gravity. If nothing can be tracked, an explanation is written to
     `OUT_explained`. Raises InputError for invalid input."""
     from rock2d_tracking.explanation import write_explanation
-    from rock2d_tracking.film_track import SETUP, TRACKED, NotTrackedError, track_film
+    from rock2d_tracking.film_track import TRACKED, NotTrackedError, track_film
 
     check_folder(out, TRACKED)
     known = Setup(config) if isinstance(config, Path) else config
@@ -144,7 +144,7 @@ def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
 def import_files(
     files: TrackedFiles, config: Path, out: Path, options: ImportOptions, *, block: str | None = None, report: Report
 ) -> None:
-    """Convert the tracks of another program to the experiment folder `out`; the set-up gives scale and frame rate.
+    """Convert the tracks of another program to the experiment folder `out`; the set-up gives frame rate and camera.
 
     `block`: name of the block; default: that of the first release. Raises InputError for invalid input."""
     from rock2d.kinematics.film_findings import write_film_findings
@@ -158,8 +158,8 @@ def import_files(
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
-    (u, v), (x_m, y_m) = setup.keys.camera.origin_px, setup.keys.camera.origin_m
-    camera = PixelMap(setup.metres_per_pixel, (u, v), (x_m, y_m), up=1 if files.y == "up" else -1)
+    camera = setup.pixel_map(None)
+    camera = replace(camera, up=-camera.up) if files.y == "up" else camera
     table = import_tracks(files, camera, setup.fps, setup.blocks[name], options, report=report)
     stated = Experiment(
         setup.keys.name, setup.keys.gravity_m_s2, setup.fps, setup.metres_per_pixel, np.deg2rad(1.0),

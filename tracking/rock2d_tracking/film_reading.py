@@ -34,6 +34,7 @@ SHORTEST_STEP, AS_FILMED, USUAL_STEPS = 0.4, (0.8, 1.25), (0.1, 0.9)
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
 BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
 BEFORE_EDIT = "hidden by an edit list"
+ROUNDED_PX = 1.0  # change of the height by which programs round the size of a picture; pixels then count as square
 UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 
@@ -48,7 +49,8 @@ class FilmFile:
     colourless : whether all colours of its first frame are grey"""
 
     def __init__(self, path: str | Path) -> None:
-        """Open it once. Raises InputError if it does not exist, is not a video, or needs a missing codec."""
+        """Open it once. Raises InputError if it does not exist, is not a video, needs a missing codec, or has pixels
+        that are not square."""
         self.path = Path(path)
         if not self.path.is_file():
             raise InputError("no such video file", self.path)
@@ -66,9 +68,16 @@ class FilmFile:
             if "mp4" in container.format.name and played:
                 # an edit list shortens what is played, not the number that is stated
                 self.expected_frames = min(self.expected_frames, played)
+            wide = float(stream.sample_aspect_ratio or 1.0)  # width of a pixel over its height
             self.played_fps, self.tick_s = rate, float(stream.time_base or 0.0)
         if first is None:
             raise InputError("this video holds no frame that can be read", self.path)
+        if abs(wide - 1.0) * first.height > ROUNDED_PX:
+            raise InputError(
+                f"the pixels of this video are {wide:.4g} times as wide as high; convert it to square ones, for "
+                'example with: ffmpeg -i FILM -vf "scale=trunc(iw*sar/2)*2:ih,setsar=1" SQUARE.mp4',
+                self.path,
+            )
         size = (first.width, first.height)
         self.size_px = size[::-1] if first.rotation % 180 else size
         self.colourless = _colourless(first)

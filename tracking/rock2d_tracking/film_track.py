@@ -21,7 +21,7 @@ from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, proposed, 
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
 from rock2d_tracking.film_tables import MID_AIR
-from rock2d_tracking.first_setup import SETUP, FirstSetup, ground_of
+from rock2d_tracking.first_setup import FirstSetup, ground_of
 from rock2d_tracking.following import Follower, motion_in
 from rock2d_tracking.lens import lens_bend
 from rock2d_tracking.live_frames import LiveFrames, live_frames
@@ -89,7 +89,7 @@ class FilmTrack:
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
             self.write_page(partial)
-            (partial / SETUP).write_text(film.setup.text, encoding="utf-8")
+            film.setup.write(partial)
             also(partial)
 
     def write_page(self, folder: Path) -> None:
@@ -116,16 +116,16 @@ class FilmTrack:
 class NotTrackedError(InputError):
     """A film in which nothing can be tracked; `write` writes an explanation."""
 
-    def __init__(self, error: InputError, seen: TrackingAttempt, setup_text: str, overlay: bytes | None = None) -> None:
+    def __init__(self, error: InputError, seen: TrackingAttempt, setup: Setup, overlay: bytes | None = None) -> None:
         keys = ", ".join(text.split(":")[0] for text in keys_to_try(seen))
-        self._said, self._seen, self._setup_text, self._overlay = str(error), seen, setup_text, overlay
+        self._said, self._seen, self._setup, self._overlay = str(error), seen, setup, overlay
         super().__init__(f"{error.message}; keys to try next: {keys}", error.file)
 
     def write(self, folder: Path) -> None:
         """Write the explanation into a folder, completely or not at all."""
         with atomic_folder(folder, TRACKED) as inside:
             write_explanation(inside, self._seen, self._said)
-            (inside / SETUP).write_text(self._setup_text, encoding="utf-8")
+            self._setup.write(inside)
             if self._overlay is not None:
                 (inside / OVERLAY).write_bytes(self._overlay)
 
@@ -170,6 +170,7 @@ def track_film(
     film = FilmFile(video)
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.shifts_px = camera_shifts(frames, film.expected_frames)
+    known = known.for_images(film.size_px) if isinstance(known, Setup) else known
     asked = known.scale if isinstance(known, Setup) else known
     stamps = frames.stamps(asked.fps)
     if isinstance(known, Setup):
@@ -182,7 +183,7 @@ def track_film(
 def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock) -> Start:
     motion = motion_in(frames, setup, film.expected_frames, clock)
     if not motion.scale.fall_px:
-        raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup.text)
+        raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup)
     whole = setup.with_scale(motion.scale)
     follower = Follower(frames, whole, film.size_px, motion)
     return Start(follower, lambda releases, scale: whole.with_scale(scale))
@@ -196,7 +197,7 @@ def _start_with_scale(film: FilmFile, frames: Frames, asked: FilmScale, clock: C
     first = FirstSetup(film, motion, asked, motion.scale)
     if not motion.chains:
         seen = TrackingAttempt(frames, motion)
-        raise NotTrackedError(_nothing_falls(film, motion), seen, first.setup().text)
+        raise NotTrackedError(_nothing_falls(film, motion), seen, first.setup())
     follower = Follower(frames, first.setup(), film.size_px, motion)
     sized = replace(first, size=follower.looks["ball"].size)
     follower.setup = sized.setup()
@@ -242,7 +243,7 @@ def _track(
         found.remarks.extend(_remarks_on_looks(follower.looks, sized=not guessed))
         found.remarks.extend(check_sanity(found.experiment, found.setup, guessed=guessed))
     except InputError as error:
-        raise NotTrackedError(error, seen, follower.setup.text, overlay) from None
+        raise NotTrackedError(error, seen, follower.setup, overlay) from None
     found.remarks.extend(_remarks_on_scale(found, options=guessed))
     found.remarks.extend(_remarks_on_lens(found, film.size_px))
     numbers = np.array([sight.number_in_file for release in kept for sight in release.sights])
@@ -308,8 +309,9 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
         return []
     return [
         f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
-        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`, and measure the "
-        "scale near the middle of the picture. A rolling shutter, air or a camera at a slant may do the same"
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`; "
+        "`metres_per_pixel` is then the scale in the middle of the picture. A rolling shutter, air or a camera at a "
+        "slant may do the same"
     ]
 
 

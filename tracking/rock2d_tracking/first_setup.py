@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.files.setup_keys import LONGEST_NAME
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.gross_errors import bounces_of
 from rock2d_tracking.motion import Motion
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import SETUP, Setup
 from rock2d_tracking.sights import FollowedRelease
 
-SETUP = "setup.yaml"
 GUESSED_DENSITY_KG_M3 = 1000.0
 BELOW_RADII = 0.5  # a block whose middle comes nearer than this to the ground was below it
 UNSEEN_RADIUS_SHARE = 0.02  # radius of a ball that was not seen, over the width of the picture
@@ -21,7 +21,7 @@ RESTS_RADII = 2.0  # distance below the picture of a ground that was not seen
 
 TEXT = """\
 # Written by `rock2d track` from the film alone. Lines with "guess" are to be replaced by what you know.
-name: {name}
+name: "{name}"
 gravity_m_s2: {gravity:g}
 camera:
   fps: {fps}  # frames per second of the recording: {rate_from}
@@ -100,4 +100,4 @@ def ground_of(releases: Sequence[FollowedRelease], fall_px: float) -> float | No
 
 def _name(stem: str) -> str:
     kept = "".join(c if c.isalnum() or c in "_-" else "_" for c in stem)
-    return kept if kept.strip("_-") and not kept.isdigit() else f"film_{kept}"
+    return kept[:LONGEST_NAME] if kept.strip("_-") else "film"

@@ -17,7 +17,7 @@ from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
+from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight, moved
 
 FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in noise
 FOREGROUND_GREY = 8.0  # and in grey levels
@@ -74,6 +74,7 @@ class Follower:
         self._chain_blocks = self._blocks_of_chains()
         self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.fps))
         self.releases: list[FollowedRelease] = []
+        self._moved = 0  # of them; an object that never moves is none of the stated releases
         self.release: FollowedRelease | None = None
         self.chain: Chain | None = None
         self.rejected: Counter[str] = Counter()
@@ -169,6 +170,7 @@ class Follower:
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
                 self.releases.append(self.release)
+                self._moved += moved(self.release, self.fall_px)
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
@@ -202,7 +204,7 @@ class Follower:
         return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
-        return self.setup.block_of(len(self.releases) + (self.release is not None))
+        return self.setup.block_of(self._moved + (self.release is not None and moved(self.release, self.fall_px)))
 
     def _learn(self, frame: Array) -> None:
         if self.release is None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,13 +16,14 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, 
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
-from rock2d.files.text_files import read_text, require_regular
+from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
 
+SETUP = "setup.yaml"
 LARGEST_DISTORTION = 0.5
 LARGEST_SCALE_SPREAD = 0.02  # over a checkerboard; a larger one shows that the camera was oblique
 
@@ -42,7 +44,8 @@ class Scale(Checked):
     """Metres per pixel, in one of three ways."""
 
     metres_per_pixel: Annotated[Annotated[float, Field(gt=0, le=10)] | GravityWord, Given] | None = Field(
-        default=None, description="Length of a pixel in m; gravity: what falls in the film gives it"
+        default=None,
+        description="Length of a pixel in m at the optical centre; gravity: what falls in the film gives it",
     )
     points_px: list[Pixel] | None = Field(default=None, min_length=2, max_length=2, description="Two marked points")
     distance_m: float | None = Field(default=None, gt=0, le=1.0e5, description="True distance of the two points in m")
@@ -134,6 +137,7 @@ class Setup:
     Attributes
     ----------
     path, text : those of its file
+    board : the picture of the checkerboard as it is stored, None if it names none
     scale : scale and frame rate; one may be unknown
     from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
@@ -141,25 +145,42 @@ class Setup:
         """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
         self.path = Path(path)
         self.text = read_text(self.path) if text is None else text
-        document = Document(self.path, self.text)
-        self.keys = document.check(SetupKeys)
+        self._document = Document(self.path, self.text)
+        self.keys = self._document.check(SetupKeys)
+        self.board: bytes | None = None
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
         fps = None if camera.fps == FROM_GRAVITY else float(camera.fps)
-        self.scale = FilmScale(self._metres_per_pixel(camera.scale), fps, self.keys.gravity_m_s2)
+        self.scale = FilmScale(self._metres_per_pixel(), fps, self.keys.gravity_m_s2)
         self.from_gravity: FromGravity | None = None
         if self.scale.fps is None or self.scale.metres_per_pixel is None:
             self.from_gravity = FromGravity(which="fps" if fps is None else "scale", relative_error=0.0)
 
-    def _metres_per_pixel(self, scale: Scale) -> float | None:
+    def _metres_per_pixel(self, size_px: tuple[int, int] | None = None) -> float | None:
+        """The stated scale; without the size of the images, the lens is left out between marked points."""
+        scale = self.keys.camera.scale
         if scale.metres_per_pixel is not None:
             return None if scale.metres_per_pixel == FROM_GRAVITY else float(scale.metres_per_pixel)
         if scale.points_px is not None and scale.distance_m is not None:
-            a, b = np.array(scale.points_px)
+            a, b = self._map(1.0, size_px).to_world(np.array(scale.points_px))
             return float(scale.distance_m / np.hypot(*(b - a)))
         assert scale.checkerboard is not None and scale.square_m is not None
-        return scale_of_board(self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m)
+        key = ("camera", "scale", "checkerboard")
+        path = path_inside(self.path.parent, scale.checkerboard, *key, error=self._document.error)
+        self.board = read_bytes(path)
+        return scale_of_board(
+            self.board, path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size)
+        )
+
+    def for_images(self, size_px: tuple[int, int]) -> Setup:
+        """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
+        marked points depends on it."""
+        if self.keys.camera.scale.points_px is None or self.keys.camera.distortion is None:
+            return self
+        own = copy.copy(self)
+        own.scale = self.scale._replace(metres_per_pixel=self._metres_per_pixel(size_px))
+        return own
 
     @property
     def metres_per_pixel(self) -> float:
@@ -181,18 +202,42 @@ class Setup:
             own.from_gravity = own.from_gravity.model_copy(update={"relative_error": min(relative_error, 1.0)})
         return own
 
-    def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
-        """The map for images of this size (width, height)."""
+    def pixel_map(self, size_px: tuple[int, int] | None) -> PixelMap:
+        """The map for images of this size (width, height), None if it is not known.
+
+        Raises InputError if the size is not known and a distortion is stated, which refers to it."""
+        if size_px is not None:
+            return self._map(self.for_images(size_px).metres_per_pixel, size_px)
+        if self.keys.camera.distortion is not None:
+            message = (
+                "cannot be taken out, because the size of the picture is not known here. Take it out in the program "
+                "that tracked the film and remove the key, or track the film itself"
+            )
+            raise self._document.error(message, "camera", "distortion", at="key", code="wrong_kind")
+        return self._map(self.metres_per_pixel)
+
+    def _map(self, metres_per_pixel: float, size_px: tuple[int, int] | None = None) -> PixelMap:
+        """The map with a scale; without the size of the images it leaves the lens out."""
         camera = self.keys.camera
-        middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
-        bent = camera.distortion
-        centre = tuple(bent.centre_px) if bent is not None and bent.centre_px is not None else middle
-        return PixelMap(
-            self.metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]),
-            (camera.origin_m[0], camera.origin_m[1]), -1 if camera.up == "up" else 1,
-            float(np.deg2rad(camera.tilt_deg)),
-            bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
+        flat = PixelMap(
+            metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
+            -1 if camera.up == "up" else 1, float(np.deg2rad(camera.tilt_deg)),
         )  # fmt: skip
+        bent = camera.distortion
+        if bent is None or size_px is None:
+            return flat
+        middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+        centre = middle if bent.centre_px is None else (bent.centre_px[0], bent.centre_px[1])
+        return replace(flat, k=bent.k, centre_px=centre, half_px=float(np.hypot(*middle)))
+
+    def write(self, folder: Path) -> None:
+        """Write `setup.yaml` into a folder, and the picture that it names, so that it can be used from there."""
+        (folder / SETUP).write_text(self.text, encoding="utf-8")
+        picture = self.keys.camera.scale.checkerboard
+        if picture is not None and self.board is not None:
+            path = path_inside(folder, picture)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(self.board)
 
     @property
     def fall_px(self) -> float:
@@ -233,27 +278,30 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
     write_whole(path, yaml_text(keys))
 
 
-def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:
-    """Metres per pixel from a picture of a checkerboard in the plane of motion.
+def scale_of_board(
+    picture: bytes, path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
+) -> float:
+    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
 
+    picture, path : a file of an image as it is stored, and its name for errors
     corners : number of inner corners in a row, and number of rows
+    camera : gives the map to pixels without distortion, for a picture of a size (width, height)
 
     Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
     import cv2
 
-    path = path_inside(folder, picture)
-    require_regular(path)
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE) if picture else None
     if image is None:
         raise InputError("cannot be read as a picture", path)
     found, points = cv2.findChessboardCorners(image, corners)
     if not found:
         raise InputError(f"no checkerboard of {corners[0]} × {corners[1]} inner corners found", path)
     precise = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
-    grid = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
+    seen = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
+    grid = camera((image.shape[1], image.shape[0])).to_world(seen)
     along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
     sides = np.concatenate([along.ravel(), across.ravel()])
-    halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]
+    halves = [*np.array_split(along, 2, axis=1), *np.array_split(across, 2)]
     uneven = float(np.ptp([np.mean(h) for h in halves]) / np.mean(sides))
     if uneven > LARGEST_SCALE_SPREAD:
         raise InputError(f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path)

@@ -18,6 +18,7 @@ ERROR_FACTORS = (0.3, 30.0)  # of the errors that fits state, to the scatter tha
 KINK_FRAMES = 3  # before and after a frame between which velocities are compared
 # a kink is larger than the quieter changes of velocity, and than this per frame
 KINK_RATIO, LEAST_KINK_PX = 10.0, 0.3
+SHORTEST_MOTION_PX = 3.0  # objects that move less are stones in the soil, persons or shadows, not releases
 # why a frame is lost: the words of `frames.csv`, and what they mean
 REASONS = {
     "no fit": "No pose of the outline agrees with the frame.",
@@ -126,6 +127,14 @@ def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
     ends = np.concatenate([[-1.0], parted, [count]])
     parts = [np.arange(int(np.floor(a)) + 1, int(np.ceil(b))) for a, b in pairwise(ends)]
     return [part for part in parts if len(part)]
+
+
+def moved(release: FollowedRelease, fall_px: float) -> bool:
+    """Whether the block moves within a flight; a change between flights does not count, because it may be a change to
+    another object. `fall_px`: acceleration of gravity along v in px per frame squared."""
+    seen = release.seen
+    poses = np.array([s.pose[:2] for s in seen])
+    return any(np.ptp(poses[own], axis=0).max() > SHORTEST_MOTION_PX for own in flights_of(seen, fall_px))
 
 
 def set_errors(release: FollowedRelease, fall_px: float) -> None:

@@ -17,7 +17,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, flights_of, set_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, moved, set_errors
 
 PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
@@ -29,7 +29,6 @@ LONG_STEP_SIGMAS = 7.0  # a step over a dropped frame is longer than the others 
 # standard error of the position of a smeared block, over the length of the smear: root mean square in synthetic films
 # (shiny balls 0.09, uniform ones 0.015)
 SMEAR_OFFSET = 0.045
-SHORTEST_MOTION_PX = 3.0  # objects that move less are stones in the soil, persons or shadows, not releases
 
 
 @dataclass
@@ -106,14 +105,8 @@ def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> Track
 
 
 def _moves(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether enough frames were seen, and the block moves within a flight; a change between flights does not count,
-    because it may be a change to another object."""
-    seen = release.seen
-    if len(seen) < FEWEST_FLIGHT_FRAMES:
-        return False
-    poses = np.array([s.pose[:2] for s in seen])
-    ways = [np.ptp(poses[own], axis=0).max() for own in flights_of(seen, fall_px)]
-    return bool(max(ways) > SHORTEST_MOTION_PX)
+    """Whether enough frames were seen, and the block moved."""
+    return len(release.seen) >= FEWEST_FLIGHT_FRAMES and moved(release, fall_px)
 
 
 def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:

@@ -215,6 +215,9 @@ def evidence_of_members(
         name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
         bar.step(name)
+    for name in sorted(best.names & TWINS.keys()):
+        if evidence_of[name].rival_z.get(TWINS[name], RIVAL_Z) < RIVAL_Z:
+            evidence_of |= beside_twin(search, name, evidence_of)
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
@@ -222,6 +225,20 @@ def evidence_of_members(
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
     return evidence_of
+
+
+def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) -> dict[str, Evidence]:
+    """Evidence for the other members, with the twin of a member in its place if they gain less beside it.
+
+    A part of the twin gains much beside the member alone: a ground at a wrong height beside a wrong frame rate is a
+    part of a wrong scale."""
+    other = search.set_of(search.best.names - {name} | {TWINS[name]})
+    gains = {member: search.gain(other, less) for member, less in search.without(other).items()}
+    return {
+        member: replace(own, own_gain=min(own.own_gain, gains[member], key=lambda gain: gain.total))
+        for member, own in evidence_of.items()
+        if member != name
+    }
 
 
 def only_gravity_is_turned(fit: Fit) -> bool:

@@ -9,6 +9,7 @@ import pytest
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
+    beside_twin,
     beyond_other_law,
     chance_p_value,
     inclusion_probabilities,
@@ -148,6 +149,22 @@ def test_the_place_where_an_effect_acts_is_no_size():
     own = SimpleNamespace(model=model, p=model.start())
     own.p[model.positions[effect.name]] = [0.1, 0.0, 0.0, 2.0]
     assert 0.0 < relative_size(own, effect.name) < 0.1
+
+
+def test_a_part_of_a_twin_counts_with_what_it_gains_beside_the_twin():
+    """A ground at a wrong height, beside a wrong frame rate, is a part of a wrong scale."""
+    beside_scale = {"geometry_error": 20.0, "flight_damping": 600.0, "scale_error": 900.0}
+    names = frozenset({"frame_rate_error", "geometry_error", "flight_damping"})
+    search = SimpleNamespace(
+        best=SimpleNamespace(names=names),
+        set_of=lambda names: names,
+        without=lambda names: {name: name for name in names},
+        gain=lambda _, missing: gain(beside_scale[missing]),
+    )
+    evidence = dict.fromkeys(names, found(own_gain=500.0))
+    evidence |= beside_twin(search, "frame_rate_error", evidence)
+    totals = {name: own.own_gain.total for name, own in evidence.items()}
+    assert totals == pytest.approx({"frame_rate_error": 500.0, "geometry_error": 20.0, "flight_damping": 500.0})
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

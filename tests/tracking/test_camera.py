@@ -45,12 +45,23 @@ def checkerboard() -> np.ndarray:
 
 
 @pytest.mark.parametrize("up", [-1, 1])
-@pytest.mark.parametrize("k", [0.0, -0.08, 0.05])
+@pytest.mark.parametrize("k", [0.0, -0.148, -0.08, 0.05, 0.5])
 def test_there_and_back(up, k):
     camera = PixelMap(6e-4, (640.0, 700.0), (0.1, 0.05), up, 0.03, k, (640.0, 400.0), 755.0)
     points = np.random.default_rng(0).uniform([-0.3, -0.1], [0.3, 0.3], (50, 2))
     np.testing.assert_allclose(camera.to_world(camera.to_pixel(points)), points, atol=1e-9)
     assert camera.angle_to_world(camera.angle_to_pixel(np.array(0.4))) == pytest.approx(0.4)
+
+
+def test_a_lens_that_folds_the_picture_over_is_refused(tmp_path):
+    """Seen ρ (1 + k ρ²) has its maximum at ρ² = -1 / 3k; the corner lies beyond it with k below -4/27."""
+    for k, refused in ((-0.148, False), (-0.149, True)):
+        stated = setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **{"  up: up": f"  up: up\n  distortion: {{k: {k}}}"})
+        if refused:
+            with pytest.raises(InputError, match=r"setup.yaml:7.*k = -0.149; expected at least -0.148"):
+                stated.pixel_map((1280, 720))
+        else:
+            assert stated.pixel_map((1280, 720)).k == k
 
 
 def test_what_rises_in_the_world_falls_in_the_rows_of_the_image():

@@ -17,6 +17,7 @@ from rock2d.files.folders import atomic_folder, write_whole
 from rock2d.kinematics.film_findings import write_film_findings
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
+from rock2d_tracking.camera import STRONGEST_BARREL
 from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, proposed, why_not_tracked, write_explanation
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
@@ -305,7 +306,7 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
         return []
     segments = film.segments
     bend = lens_bend(segments.film, segments.flights, film.setup.pixel_map(size_px), size_px)
-    if bend is None or abs(bend.value) > LARGEST_DISTORTION:
+    if bend is None or not STRONGEST_BARREL <= bend.value <= LARGEST_DISTORTION:
         return []
     return [
         f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "

@@ -20,7 +20,7 @@ from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking import FROM_GRAVITY
-from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.camera import STRONGEST_BARREL, PixelMap
 from rock2d_tracking.film_scale import FilmScale
 
 SETUP = "setup.yaml"
@@ -217,7 +217,9 @@ class Setup:
         return self._map(self.metres_per_pixel)
 
     def _map(self, metres_per_pixel: float, size_px: tuple[int, int] | None = None) -> PixelMap:
-        """The map with a scale; without the size of the images it leaves the lens out."""
+        """The map with a scale; without the size of the images it leaves the lens out.
+
+        Raises InputError if the lens would fold the picture over before its corners."""
         camera = self.keys.camera
         flat = PixelMap(
             metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
@@ -228,7 +230,12 @@ class Setup:
             return flat
         middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
         centre = middle if bent.centre_px is None else (bent.centre_px[0], bent.centre_px[1])
-        return replace(flat, k=bent.k, centre_px=centre, half_px=float(np.hypot(*middle)))
+        half = float(np.hypot(*middle))
+        corner = np.linalg.norm(np.add(middle, np.abs(np.subtract(middle, centre)))) / half  # the farthest one
+        if bent.k < (least := STRONGEST_BARREL / corner**2):
+            message = f"no lens shows the corners of the picture with k = {bent.k:g}; expected at least {least:.3g}"
+            raise self._document.error(message, "camera", "distortion", "k")
+        return replace(flat, k=bent.k, centre_px=centre, half_px=half)
 
     def write(self, folder: Path) -> None:
         """Write `setup.yaml` into a folder, and the picture that it names, so that it can be used from there."""

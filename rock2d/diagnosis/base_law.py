@@ -109,8 +109,9 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
     is not where the blocks strike it, some impacts are missed, and flights are cut short."""
     effects_by_name, registered = catalogue(), None
-    setup, effects = base.model.setup, [effects_by_name[name] for name in REGISTERED + IMITATES_REGISTERED]
-    model = Model(setup, base.model.base, [_with_one_scale(effect) for effect in effects])
+    effects = [_with_one_scale(effects_by_name[name]) for name in REGISTERED + IMITATES_REGISTERED]
+    setup = base.model.setup
+    model = Model(setup, base.model.base, effects)
     p = extended(base, model)
     first = [model.positions[name].start for name in REGISTERED]
     noise_of: Fit | None = base
@@ -119,8 +120,8 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
         p, world, noise_of = fitted.p, setup, None
         if (np.abs(p) / np.sqrt(np.diag(fitted.p_covariance)))[first].max() < REGISTERED_Z:
             break
-        for name, values in zip(REGISTERED, model.values(p), strict=False):
-            world = effects_by_name[name].apply(world, values)
+        for effect, values in zip(effects[: len(REGISTERED)], model.values(p), strict=False):
+            world = effect.apply(world, values)
         again = FilmData.of(replace(data.film), world)
         if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(data.flight_release):
             break
@@ -130,8 +131,10 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
 
 def _with_one_scale(effect: Effect) -> Effect:
     """The effect without different scales along x and y: they would take up what the law of impacts misses."""
-    parameters = [replace(q, low=1.0, high=1.0) if q.name == "aspect" else q for q in effect.parameters]
-    return replace(effect, parameters=parameters)
+    if effect.name != "scale_error":
+        return effect
+    fewer = [q for q in effect.parameters if q.name != "aspect"]
+    return replace(effect, parameters=fewer, apply=lambda world, v: effect.apply(world, [v[0], 1.0, *v[1:]]))
 
 
 def ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:

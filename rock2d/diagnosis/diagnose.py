@@ -148,11 +148,9 @@ def diagnose(
 
 def registered_remark(world: World) -> str:
     """A remark on the world in which a film is segmented, if it differs from the stated one."""
-    turn, (along_x, along_y) = np.rad2deg(world.view.tilt_rad), (f"{scale:.4f}" for scale in world.view.scales)
-    each = "" if along_x == along_y else f" along x and {along_y} times along y"
     return (
-        f"flights and impacts fit an image that is turned by {turn:.2g}° and {along_x} times as large as "
-        f"stated{each}; the film is divided into flights in it"
+        f"flights and impacts fit an image that is turned by {np.rad2deg(world.view.tilt_rad):.2g}° and "
+        f"{world.view.scale:.4f} times as large as stated; the film is divided into flights in it"
     )
 
 

@@ -83,7 +83,7 @@ class Evidence:
 
     Attributes
     ----------
-    own_gain : gain of the set over the set without the member
+    own_gain : gain of the set over the set without the member; beside the twin of another member if that is less
     replacement_gain : gain of changes that are learnt in its place; for an effect that widens the scatter, of a free
         scatter
     others_gain : log likelihood gained by the learnt changes, and by other members whose laws may have another form,
@@ -215,9 +215,8 @@ def evidence_of_members(
         name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
         bar.step(name)
-    for name in sorted(best.names & TWINS.keys()):
-        if evidence_of[name].rival_z.get(TWINS[name], RIVAL_Z) < RIVAL_Z:
-            evidence_of |= beside_twin(search, name, evidence_of)
+    for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects):
+        evidence_of |= beside_twin(search, name, evidence_of)
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
@@ -228,16 +227,18 @@ def evidence_of_members(
 
 
 def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) -> dict[str, Evidence]:
-    """Evidence for the other members, with the twin of a member in its place if they gain less beside it.
+    """Evidence for the other members that gain less beside the twin of a member, if the twin explains as much.
 
     A part of the twin gains much beside the member alone: a ground at a wrong height beside a wrong frame rate is a
     part of a wrong scale."""
     other = search.set_of(search.best.names - {name} | {TWINS[name]})
+    if search.gain(search.best, other).significance >= RIVAL_Z:
+        return {}
     gains = {member: search.gain(other, less) for member, less in search.without(other).items()}
     return {
-        member: replace(own, own_gain=min(own.own_gain, gains[member], key=lambda gain: gain.total))
+        member: replace(own, own_gain=gain, p_chance=max(own.p_chance, float(ndtr(-gain.significance))))
         for member, own in evidence_of.items()
-        if member != name
+        if member != name and (gain := gains[member]).total < own.own_gain.total
     }
 
 
@@ -303,7 +304,7 @@ def _evidence_of_member(
     rival_z = plausible_rivals(search, name, own_gain, rivals)
     if learnt.changes and (twin := TWINS.get(name, "")) in search.effects:
         # only contacts could tell them apart, and something in the contacts is not understood
-        rival_z = _first(twin, 0.0, rival_z)
+        rival_z = _first(twin, min(0.0, rival_z.get(twin, 0.0)), rival_z)
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects and other not in best.names:
             rival_z = _first(other, min(OTHER_FORM_Z, rival_z.get(other, np.inf)), rival_z)

@@ -39,7 +39,7 @@ def remedy(fitted: FittedEffect) -> str:
         )
         return (
             f"The scales along x and y differ by {_off(fitted, 'aspect')}: the camera does not look at the plane "
-            "of motion at a right angle, or its pixels are not square. No key of the set-up file corrects this. "
+            "of motion at a right angle. No key of the set-up file corrects this. "
             f"{scaled}, and the velocities by the same factors. Turn the camera before the next film. {again}"
         )
     way = "long" if fitted.values["scale"] > 1 else "short"

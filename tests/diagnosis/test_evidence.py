@@ -155,16 +155,17 @@ def test_a_part_of_a_twin_counts_with_what_it_gains_beside_the_twin():
     """A ground at a wrong height, beside a wrong frame rate, is a part of a wrong scale."""
     beside_scale = {"geometry_error": 20.0, "flight_damping": 600.0, "scale_error": 900.0}
     names = frozenset({"frame_rate_error", "geometry_error", "flight_damping"})
-    search = SimpleNamespace(
-        best=SimpleNamespace(names=names),
-        set_of=lambda names: names,
-        without=lambda names: {name: name for name in names},
-        gain=lambda _, missing: gain(beside_scale[missing]),
-    )
-    evidence = dict.fromkeys(names, found(own_gain=500.0))
-    evidence |= beside_twin(search, "frame_rate_error", evidence)
-    totals = {name: own.own_gain.total for name, own in evidence.items()}
-    assert totals == pytest.approx({"frame_rate_error": 500.0, "geometry_error": 20.0, "flight_damping": 500.0})
+    alone = dict.fromkeys(names, found(own_gain=500.0))
+    for lead, weaker in ((1.0, {"geometry_error": 20.0}), (400.0, {})):  # of the frame rate over the scale
+        search = SimpleNamespace(
+            best=SimpleNamespace(names=names),
+            set_of=lambda names: names,
+            without=lambda names: {name: name for name in names},
+            gain=lambda _, less, lead=lead: gain(beside_scale.get(less, lead), spread=1.0),
+        )
+        found_beside = beside_twin(search, "frame_rate_error", alone)
+        assert {name: own.own_gain.total for name, own in found_beside.items()} == pytest.approx(weaker)
+        assert all(own.p_chance > alone[name].p_chance for name, own in found_beside.items())
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

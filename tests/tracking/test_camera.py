@@ -55,13 +55,14 @@ def test_there_and_back(up, k):
 
 def test_a_lens_that_folds_the_picture_over_is_refused(tmp_path):
     """Seen ρ (1 + k ρ²) has its maximum at ρ² = -1 / 3k; the corner lies beyond it with k below -4/27."""
-    for k, refused in ((-0.148, False), (-0.149, True)):
-        stated = setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **{"  up: up": f"  up: up\n  distortion: {{k: {k}}}"})
-        if refused:
-            with pytest.raises(InputError, match=r"setup.yaml:7.*k = -0.149; expected at least -0.148"):
-                stated.pixel_map((1280, 720))
+    lens = "{k: -0.148}", "{k: -0.117, centre_px: [640, 200]}", "{k: -0.119, centre_px: [640, 200]}", "{k: -0.149}"
+    for distortion, at_least in zip(lens, (None, None, "at least -0.117", "-0.148"), strict=True):
+        camera = {"  up: up": f"  up: up\n  distortion: {distortion}"}
+        if at_least is None:
+            assert setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **camera).for_images((1280, 720)).keys
         else:
-            assert stated.pixel_map((1280, 720)).k == k
+            with pytest.raises(InputError, match=rf"setup.yaml:7.*{at_least}"):
+                setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **camera).for_images((1280, 720))
 
 
 def test_what_rises_in_the_world_falls_in_the_rows_of_the_image():

@@ -169,9 +169,9 @@ def track_film(
 
     Raises NotTrackedError if nothing can be tracked, InputError if the file is not a film."""
     film = FilmFile(video)
+    known = known.for_images(film.size_px) if isinstance(known, Setup) else known
     frames = ShownFrames(film, last, Bars(progress, PASSES), list(PASSES))
     frames.shifts_px = camera_shifts(frames, film.expected_frames)
-    known = known.for_images(film.size_px) if isinstance(known, Setup) else known
     asked = known.scale if isinstance(known, Setup) else known
     stamps = frames.stamps(asked.fps)
     if isinstance(known, Setup):

@@ -92,7 +92,8 @@ def import_tracks(
 ) -> pd.DataFrame:
     """Trajectories of what was tracked in one or several films of releases of `block`.
 
-    camera : map of the files' unit of length (a pixel, or the unit that the program was calibrated in), up as `files.y`
+    camera : map of the files' unit of length (a pixel, or the unit that the program was calibrated in); `up` as in
+        the set-up, and turned round where the files' y grows upward
     fps : true frame rate of the camera in 1/s; `t_s` is frame / fps, whatever times the files hold
 
     Returns rows of `TRAJECTORY_COLUMNS`. A frame that lacks one of the points is a missing row. One mark alone shows no

@@ -73,7 +73,7 @@ class Distortion(Checked):
     """Radial distortion: seen = true (1 + k ρ²), ρ over half the image's diagonal."""
 
     k: float = Field(
-        ge=-LARGEST_DISTORTION, le=LARGEST_DISTORTION, description="Distortion at the corner of the image, without unit"
+        ge=STRONGEST_BARREL, le=LARGEST_DISTORTION, description="Distortion at the corner of the image, without unit"
     )
     centre_px: Pixel | None = Field(default=None, description="Default: the middle of the image")
 
@@ -175,8 +175,13 @@ class Setup:
 
     def for_images(self, size_px: tuple[int, int]) -> Setup:
         """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
-        marked points depends on it."""
-        if self.keys.camera.scale.points_px is None or self.keys.camera.distortion is None:
+        marked points depends on it.
+
+        Raises InputError if the lens would fold the picture over before its corners."""
+        if self.keys.camera.distortion is None:
+            return self
+        self._map(1.0, size_px)
+        if self.keys.camera.scale.points_px is None:
             return self
         own = copy.copy(self)
         own.scale = self.scale._replace(metres_per_pixel=self._metres_per_pixel(size_px))
@@ -205,10 +210,11 @@ class Setup:
     def pixel_map(self, size_px: tuple[int, int] | None) -> PixelMap:
         """The map for images of this size (width, height), None if it is not known.
 
-        Raises InputError if the size is not known and a distortion is stated, which refers to it."""
+        Raises InputError if the size is not known and a distortion is stated, which refers to it, or if the lens would
+        fold the picture over before its corners."""
         if size_px is not None:
             return self._map(self.for_images(size_px).metres_per_pixel, size_px)
-        if self.keys.camera.distortion is not None:
+        if (bent := self.keys.camera.distortion) is not None and bent.k != 0.0:
             message = (
                 "cannot be taken out, because the size of the picture is not known here. Take it out in the program "
                 "that tracked the film and remove the key, or track the film itself"

@@ -52,10 +52,14 @@ def flight_log_likelihood(r: Array) -> Array:
 
 
 def newton_step(curvature: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
-    """(P,) Newton step, to subtract from `p`. A parameter at a bound that the step would cross stays fixed."""
+    """(P,) Newton step, to subtract from `p`; the shortest one if no data tell two parameters apart. A parameter at a
+    bound that the step would cross stays fixed."""
     free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
-    step = np.zeros_like(p)
-    step[free] = np.linalg.solve(curvature[np.ix_(free, free)], grad[free])
+    step, own = np.zeros_like(p), curvature[np.ix_(free, free)]
+    try:
+        step[free] = np.linalg.solve(own, grad[free])
+    except np.linalg.LinAlgError:
+        step[free] = np.linalg.lstsq(own, grad[free])[0]
     return step
 
 

@@ -52,3 +52,8 @@ def test_intervals_hold_where_the_residuals_of_a_release_depend_on_each_other(sh
     assert (np.array(stated) >= np.array(plain) * (1.0 - 1e-12)).all()
     if shared:
         assert (np.mean(plain, axis=0) < 0.4 * np.var(found, axis=0)).all()
+
+
+def test_parameters_that_no_data_tell_apart_share_the_shortest_step():
+    alike, free = np.ones((2, 2)), np.full(2, np.inf)
+    assert newton_step(alike, np.ones(2), np.zeros(2), -free, free) == pytest.approx([0.5, 0.5])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
+from rock2d.diagnosis.answers import single_answers, unexplained_probability
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
 from rock2d.diagnosis.cause_sets import TWINS, Search
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
@@ -24,8 +25,6 @@ from rock2d.diagnosis.evidence import (
     gain_left_by_forms,
     outside_probability,
     plausible_rivals,
-    single_answers,
-    unexplained_probability,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.diagnosis.answers import inclusion_probabilities
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
 from rock2d.diagnosis.cause_sets import GRAVITY_POWERS, TWINS
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.evidence import inclusion_probabilities
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Change
 from rock2d.diagnosis.levers import FLIGHT, Dependence

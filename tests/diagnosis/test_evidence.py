@@ -6,20 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, unexplained_probability
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
     beside_twin,
     beyond_other_law,
     chance_p_value,
-    inclusion_probabilities,
     only_gravity_is_turned,
     outside_probability,
     probability_from_p_value,
     relative_size,
-    single_answers,
     size_faults,
-    unexplained_probability,
 )
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain

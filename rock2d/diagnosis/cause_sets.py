@@ -90,22 +90,6 @@ class Search:
         steps = [_Addition(base, name, None, found[k], rival_total) for k, name in enumerate(self.effects)]
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
-        for name in sorted(self.effects.keys() & TWINS.keys()):
-            self._try_from_twin(name)
-
-    def _try_from_twin(self, name: str) -> None:
-        """Fit an effect again from the law and the gravity of its twin, if that gains much more. Contacts can keep the
-        first fit near no effect."""
-        own, twin = (self.known.get(frozenset({effect})) for effect in (name, TWINS[name]))
-        if own is None or twin is None or twin.fit.total() < own.fit.total() + REFIT_GAIN:
-            return
-        (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[TWINS[name]]
-        start, law = own.fit.model.start(), len(BASE_WIDTH)
-        start[:law] = twin.fit.p[:law]
-        value = twin.fit.model.values(twin.fit.p)[0][0] ** (power_of_twin / power)
-        start[law] = to_scale(own.fit.model.parameters_of(name)[0], value)
-        self._fit([_Addition(self.base.fit, name, start)])
-        self.known[own.names] = max(own, self.alone[name], key=lambda one: one.fit.total())
 
     @property
     def alone(self) -> dict[str, Validated]:
@@ -267,6 +251,21 @@ class Search:
             results[k] = own
         for own in results:
             self.known[own.names] = own
+        self._fit_from_twins(results)
+
+    def _fit_from_twins(self, fitted: Sequence[Validated]) -> None:
+        """Fit sets again from those with the twin of a member, where these explain much more: contacts can keep a fit
+        near no effect, and what was fitted beside the twin is far from where it belongs."""
+        steps = list[_Addition]()
+        for own in fitted:
+            for name in sorted(own.names & TWINS.keys()):
+                rest = own.names - {name}
+                smaller, twin = self.known.get(rest), self.known.get(rest | {TWINS[name]})
+                if smaller is not None and twin is not None and twin.fit.total() > own.fit.total() + REFIT_GAIN:
+                    step = _Addition(smaller.fit, name, None)
+                    steps.append(replace(step, start=_start_from_twin(step.model, name, twin.fit)))
+        for again in self._results([_Refit(found.fit) for found in self._results(steps)]):
+            self.known[again.names] = max(again, self.known[again.names], key=lambda one: one.fit.total())
 
     def _results(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[Validated]:
         """The fitted sets of the steps, in the order of the steps."""
@@ -342,6 +341,19 @@ class Reduction:
         # noise and derivatives of the fit before are near those of the new one
         old = replace(before, model=model, p=p, scatter=before.scatter[scatter], jacobian=slope)
         return fit(model, data, p, old=old)
+
+
+def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
+    """Parameters of a set with the effect `name`, from the fit of the set with its twin: gravity in flights is the
+    same."""
+    start, known, other = model.start(), twin.model.positions, TWINS[name]
+    start[: len(BASE_WIDTH)] = twin.p[: len(BASE_WIDTH)]
+    for shared in model.positions.keys() & known.keys():
+        start[model.positions[shared]] = twin.p[known[shared]]
+    (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
+    of_twin = dict(zip(known, twin.model.values(twin.p), strict=True))[other][0]
+    start[model.positions[name].start] = to_scale(model.parameters_of(name)[0], of_twin ** (power_of_twin / power))
+    return start
 
 
 def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:

@@ -74,16 +74,22 @@ def test_a_small_gain_counts_as_far_as_the_linear_model_expects_it(tilt_rad):
 
 
 def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():
-    """Lengths that are 5 % too long, and times that are 2.5 % too long, change gravity alike."""
-    search = tried_alone({"scale_error": [1.05, 1.0, 0.0, 0.0]}, ("scale_error", "frame_rate_error"))
-    name = frozenset({"scale_error"})
-    fitted = search.known[name].fit
-    stuck = replace(fitted, p=extended(search.base.fit, fitted.model), residuals=search.base.fit.residuals)
-    search.known[name] = replace(search.known[name], fit=stuck)
-    search._try_from_twin("scale_error")
-    again = search.known[name].fit
-    assert again.model.values(again.p)[0][0] == pytest.approx(1.05, rel=0.01)
-    assert again.total() == pytest.approx(fitted.total(), abs=2.0)
+    """Lengths that are 5 % too long, and times that are 2.5 % too long, change gravity alike. The tilt beside them is
+    taken over."""
+    hidden = {"scale_error": [1.05, 1.0, 0.0, 0.0], "camera_tilt": [0.03, 0.0, 0.0]}
+    search = tried_alone(hidden, ("scale_error", "frame_rate_error", "camera_tilt"))
+    tilted = search.alone["camera_tilt"]
+    search._with_each(["frame_rate_error"], tilted)
+    of_scale = search._with_each(["scale_error"], tilted)[0]
+    stuck_at = extended(tilted.fit, of_scale.fit.model)
+    stuck = replace(of_scale, fit=replace(of_scale.fit, p=stuck_at, residuals=tilted.fit.residuals))
+    search.known[stuck.names] = stuck
+    search._fit_from_twins([stuck])
+    again = search.known[stuck.names]
+    found = dict(zip(again.fit.model.positions, again.fit.model.values(again.fit.p), strict=True))
+    assert found["scale_error"][0] == pytest.approx(1.05, rel=0.01)
+    assert found["camera_tilt"][0] == pytest.approx(0.03, rel=0.1)
+    assert again.fit.total() == pytest.approx(of_scale.fit.total(), abs=5.0)
 
 
 def test_an_effect_that_closes_a_part_only_beside_what_is_learnt_closes_it(two):

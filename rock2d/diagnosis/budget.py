@@ -77,7 +77,7 @@ class ResidualSizes:
         self._sd = standard_deviations(covariance)
         n = len(data.order)
         self.impacts = np.bincount(data.impact_release, minlength=n).astype(float)
-        self.count = self.impacts + np.bincount(data.flight_release, minlength=n)
+        self.count = self.impacts + np.bincount(data.flight_release[: data.flown], minlength=n)
 
     def z(self, residuals: Residuals) -> Array:
         """(n, d) residuals of impacts in standard deviations, at most LARGEST_SD."""
@@ -99,12 +99,13 @@ class ResidualSizes:
         return self._summed(_log_size(found.impacts_remaining), _log_size(found.flights_remaining))
 
     def _of_flights(self, residuals: Residuals) -> Array:
-        flights = np.clip(residuals.flights[:, :, :FLIGHT_DEGREES], -LARGEST_SD, LARGEST_SD)
+        flights = np.clip(residuals.flights[: self._data.flown, :, :FLIGHT_DEGREES], -LARGEST_SD, LARGEST_SD)
         return _log_size(flights.reshape(len(flights), 3 * FLIGHT_DEGREES))
 
     def _summed(self, impacts: Array, flights: Array) -> Array:
         n, data = len(self.count), self._data
-        return np.asarray(np.bincount(data.impact_release, impacts, n) + np.bincount(data.flight_release, flights, n))
+        of_flights = np.bincount(data.flight_release[: data.flown], flights, n)
+        return np.asarray(np.bincount(data.impact_release, impacts, n) + of_flights)
 
 
 def _log_size(z: Array) -> Array:

@@ -208,15 +208,15 @@ class _RemainingPatterns:
             ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
             data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
         )  # fmt: skip
-        m, _, degrees = fit.residuals.flights.shape
-        z, quantities, bends = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
+        m, degrees = data.flown, fit.residuals.flights.shape[-1]
+        z, quantities, bends = fit.residuals.flights[:m].reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
             quantities[BLOCK] = data.flights.block.astype(float)
             bends = data.unit_bends()
         self._flights = _Residuals(
-            data.flight_release, z, flight_weight(z),
-            fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
+            data.flight_release[:m], z, flight_weight(z),
+            fit.jacobian.flights[:m, ..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
             np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, bends,
         )  # fmt: skip
 

@@ -56,7 +56,8 @@ RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of th
 
 @dataclass
 class Residuals:
-    """Impacts (n, d) in SI; flights (m, 3, degrees) in units of noise. NaN where an impact cannot be simulated.
+    """Impacts (n, d) in SI, NaN where one cannot be simulated; flights (m, 3, degrees) in units of noise. On film the
+    rests follow the flights, each with the height of the block above the ground and its angle in the first degree.
 
     d = 6 on film: along the ground and across it (m) and angle (rad), then their rates; in an impact table the rates
     alone."""
@@ -78,7 +79,8 @@ class FilmData(FilmSegments):
     impact_release, impact_block, impact_zone : (n,) index of release, block and zone of each impact
     impact_order : (n,) position of each impact's release in its block's series
     tangent : (n, 2) direction of the ground at each impact
-    flight_release, flight_block : (m,) index of release and block of each flight"""
+    flown : number of flights
+    flight_release, flight_block : (flown + rests,) index of release and block of each flight, then of each rest"""
 
     step_fraction: float = BATCH_STEP_FRACTION
 
@@ -95,12 +97,16 @@ class FilmData(FilmSegments):
         return self.impacts.release
 
     @property
+    def flown(self) -> int:
+        return len(self.flights)
+
+    @property
     def flight_release(self) -> Array:
-        return self.flights.release
+        return np.concatenate([self.flights.release, self.rests.release])
 
     @property
     def flight_block(self) -> Array:
-        return self.flights.block
+        return np.concatenate([self.flights.block, self.rests.block])
 
     @property
     def impact_order(self) -> Array:
@@ -126,7 +132,9 @@ class FilmData(FilmSegments):
         simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
         difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
-        return Residuals(difference, states.residuals * seen)
+        rests = np.zeros((len(self.rests), *states.residuals.shape[1:]))
+        rests[:, [Y, THETA], 0] = self.rests.residuals(world)
+        return Residuals(difference, np.concatenate([states.residuals * seen, rests]))
 
     def starts(self, world: World, states: States, shift: Array | None = None) -> Array:
         """(n, 6) true states a little before each impact, with which simulations begin."""
@@ -205,7 +213,7 @@ class FilmData(FilmSegments):
 
     def flight_noise(self, world: World) -> Array:
         """(m, 3) standard deviations of the true coefficients of flights; residuals of flights are in these units."""
-        noise = np.tile(self.film.long_noise, (len(self.flight_release), 1))
+        noise = np.tile(self.film.long_noise, (self.flown, 1))
         middle = self.states(world).middle
         for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
             noise[:, c] *= world.view.true_per_recorded(middle, np.array(axis))
@@ -245,6 +253,10 @@ class TableData(ImpactTable):
     @property
     def flight_block(self) -> Array:
         return np.empty(0, np.int64)
+
+    @property
+    def flown(self) -> int:
+        return 0
 
     def coarse(self) -> Self:
         """The same data: single impacts take little time."""

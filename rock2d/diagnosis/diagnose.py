@@ -171,7 +171,7 @@ def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, Fil
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
     if not sanity.faults:
-        impacts, flying = len(data.impact_release), len(np.unique(data.flight_release))
+        impacts, flying = len(data.impact_release), len(np.unique(data.flight_release[: data.flown]))
         resting, blocks_with_edges = 0, list[str]()
         if isinstance(data, FilmData):
             resting = len(find_rests(data).flight)

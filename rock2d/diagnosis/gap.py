@@ -24,7 +24,7 @@ from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
 from rock2d.engines.batch import run_world
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.film_findings import REST_FRAMES
+from rock2d.kinematics.rest_poses import REST_FRAMES
 from rock2d.kinematics.states import centroid_poses
 from rock2d.records.columns import N_STATE, THETA, X
 from rock2d.scene.cross_section import CrossSection

@@ -38,6 +38,7 @@ from rock2d.diagnosis.quantities import (
     waves,
 )
 from rock2d.diagnosis.significance import SummedGain
+from rock2d.kinematics.rest_poses import ground_below
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
 
 LAW, SLOPE, PROFILE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
@@ -153,12 +154,26 @@ class Levers:
 
     def _profile_response(self, heights: Array, basis: Basis) -> LeverResponse:
         """Response to heights (n, c) of the ground above the stated one: the block is lower above the ground, before
-        and after the impact, and the ground is steeper."""
+        and after the impact and at rest, and the ground is steeper."""
         (n, c), tangent = heights.shape, self._data.tangent
         shift = np.zeros((n, N_STATE, c))
         shift[:, Y] = -heights
         steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
-        return replace(self.moved(shift), slope=steeper * tangent[:, X, None] ** 2)
+        return replace(self.moved(shift), slope=steeper * tangent[:, X, None] ** 2, flights=self._raised_rests(basis))
+
+    def _raised_rests(self, basis: Basis) -> Array:
+        """(flights and rests, 3, degrees, c) response of the rests to a profile of the ground."""
+        data, unit_m = self._data, self.units[PROFILE]
+        assert isinstance(data, FilmData)
+        true = self.world.view.true(data.rests.pose)
+        level = ground_below(self.world, true)[0][:, X, None]  # cosine of the slope
+        higher, steeper = basis.features({PLACE_M: true[:, X]}) * level, basis.slopes(true[:, X]) * level**2
+        smooth = np.array([block.smooth for block in self.world.blocks.values()])
+        steeper[smooth[data.rests.block]] = 0.0  # no side lies on the ground
+        lower = -unit_m * np.stack([higher, steeper], axis=1)
+        response = np.zeros((*self._fit.residuals.flights.shape, lower.shape[-1]))
+        response[data.flown :, [Y, THETA], 0] = data.rests.standardised(lower, self.world)
+        return response
 
     def columns(self, response: LeverResponse) -> Residuals:
         """Derivatives of all residuals by the coefficients."""
@@ -179,12 +194,12 @@ class Levers:
         before = response.state_change(impacts.before, impacts.start_s * scale)
         after = response.state_change(impacts.after, impacts.begin_s * scale)
         noise = data.flight_noise(self.world)
-        flights = np.zeros((m, N_POSE, degrees, N_POSE * k))
+        flights = np.zeros((len(data.flight_release), N_POSE, degrees, N_POSE * k))
         shift = np.zeros((len(impacts), N_STATE, N_POSE * k))
         measured = np.zeros_like(shift)
         for c in range(N_POSE):
             columns = slice(c * k, (c + 1) * k)
-            flights[:, c, :, columns] = -units[c] * response.residuals / noise[:, c, None, None]
+            flights[:m, c, :, columns] = -units[c] * response.residuals / noise[:, c, None, None]
             for state, (place, rate) in ((shift, before), (measured, after)):
                 state[:, c, columns], state[:, N_POSE + c, columns] = units[c] * place, units[c] * rate
         outcome = -_along_ground(data.tangent, measured)

@@ -37,13 +37,15 @@ class RegressedResiduals:
 def regress(data: Data, world: World, residuals: Residuals, covariance: Array) -> RegressedResiduals:
     """Predict residuals of impacts and flights from their features in a world."""
     impacts = clipped(residuals.impacts / standard_deviations(covariance))
-    flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(len(residuals.flights), 3 * FLIGHT_DEGREES)
+    flights = clipped(residuals.flights[: data.flown, :, :FLIGHT_DEGREES]).reshape(data.flown, 3 * FLIGHT_DEGREES)
     fold = folds(data)
     impacts_remaining, flights_remaining = impacts.copy(), flights.copy()
     if len(impacts):
         impacts_remaining -= _cross_predict(data.impact_features(world), impacts, fold[data.impact_release])
     if isinstance(data, FilmData) and len(flights):
-        flights_remaining -= _cross_predict(data.flight_features(world), flights, fold[data.flight_release])
+        flights_remaining -= _cross_predict(
+            data.flight_features(world), flights, fold[data.flight_release[: data.flown]]
+        )
     return RegressedResiduals(impacts, impacts_remaining, flights, flights_remaining)
 
 

@@ -33,7 +33,7 @@ def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindi
     for name, effect in effects.items():
         if name not in reasons:
             model = replace(base.model, effects=[effect])
-            in_flight = len(data.flight_release) or effect.phase != "flight"
+            in_flight = data.flown or effect.phase != "flight"
             if not (in_flight and _changes_residuals(model, base.p, some_data, at, sd)):
                 reasons[name] = _reason_unseen(data, effect)
     return {name: reason for name, reason in reasons.items() if name in effects}
@@ -53,7 +53,7 @@ def _reason_unseen(data: Data, effect: Effect) -> str:
     """Reason why an effect does not change the data."""
     if not len(data.impact_release) and effect.phase == "impact":
         return "no impact can be judged"
-    if not len(data.flight_release) and effect.phase == "flight":
+    if not data.flown and effect.phase == "flight":
         return "no flight was recorded"
     if isinstance(data, FilmData) and not data.film.angle_known.any():
         return "the spin was not measured"

@@ -27,6 +27,7 @@ from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
 from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, block_clearances, clearances
+from rock2d.kinematics.rest_poses import FARTHEST_RADII, FEWEST_RESTS, still_poses
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.nearest_facet import nearest_facets
@@ -37,12 +38,8 @@ SCALE_OR_RATE = ("scale_error", "frame_rate_error")
 DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
 LOCAL_GRAVITY = 0.003  # relative variation of gravity on the earth about its mean
-REST_FRAMES = 10  # number of last frames of a release in which a block at rest does not move
-STILL_SDS = 8.0  # largest range of their positions, in standard deviations of the noise
-FEWEST_RESTS = 5  # fewest releases of a block for a remark
 # least mean height for a remark, in its standard errors and in block radii
 CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
-FARTHEST_RADII = 2.0  # largest distance from the ground of a block that lies on it, in radii
 
 # check of the stated shapes
 HARMONICS = (1, 2, 3, 4)
@@ -76,9 +73,10 @@ class RestHeight:
 def rest_heights(film: Film, world: World) -> list[RestHeight]:
     """Height at rest of each block that comes to rest on the ground of a world, or near it."""
     found = []
+    _, block_at, pose = still_poses(film, world)
+    height_m = block_clearances(world, block_at, world.view.true(pose))
     for b, (name, block) in enumerate(world.blocks.items()):
-        found_m = _rest_heights_m(film, world, b)
-        found_m = found_m[np.abs(found_m) < FARTHEST_RADII * block.radius_m]
+        found_m = height_m[(block_at == b) & (np.abs(height_m) < FARTHEST_RADII * block.radius_m)]
         if n := len(found_m):
             error = float(found_m.std(ddof=1) / np.sqrt(n)) if n > 1 else None
             height = float(found_m.mean())
@@ -94,19 +92,6 @@ def rest_remarks(film: Film, world: World) -> list[str]:
         for own in rest_heights(film, world)
         if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
     ]
-
-
-def _rest_heights_m(film: Film, world: World, block: int) -> Array:
-    """(n,) height above the ground of the lowest point of a block, of the releases that end at rest."""
-    ends = np.searchsorted(film.release, np.arange(len(film.release_names)), side="right")
-    poses = []
-    smooth = list(world.blocks.values())[block].smooth  # the height of a polygon depends on its angle
-    for release in np.flatnonzero((film.release_block == block) & (film.angle_known | smooth)):
-        pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
-        if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
-            poses.append(pose.mean(axis=0))
-    true = world.view.true(np.array(poses).reshape(-1, 3))
-    return block_clearances(world, np.full(len(poses), block), true)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import Film, Flights, find_flights
 from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
+from rock2d.kinematics.rest_poses import RestPoses
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
@@ -28,7 +29,8 @@ class FilmSegments:
     mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
-    order : (releases,) number of earlier releases of the same block"""
+    order : (releases,) number of earlier releases of the same block
+    rests : blocks that lie on the ground at the end"""
 
     film: Film
     flights: Flights
@@ -38,6 +40,7 @@ class FilmSegments:
     start_s: Array
     unknown_spin: Array
     order: Array
+    rests: RestPoses
     _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
@@ -52,7 +55,8 @@ class FilmSegments:
         real = contacts.are_impacts(pairs.tangent, world.radii_m[pairs.block])
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
-        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, order)
+        rests = RestPoses.of(film, world)
+        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, order, rests)
 
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
@@ -65,7 +69,7 @@ class FilmSegments:
             each.before, each.after = index[each.before], index[each.after]
         return replace(
             self, flights=flights, basis=self.basis.only(keep), impacts=pairs[0], mid_air=pairs[1],
-            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep],
+            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep], rests=self.rests.only(releases),
         )  # fmt: skip
 
     def states(self, world: World) -> States:

@@ -201,9 +201,14 @@ def test_the_answer_to_a_profile_is_that_of_a_raised_ground(hardened):
     coefficients = np.linalg.lstsq(basis.features({"x_m": x_m}), hill_m, rcond=None)[0]
     grid_m = basis.curves[0].grid()
     higher = raised(levers.world.cross_section, grid_m, basis.features({"x_m": grid_m}) @ coefficients)
-    change = data.residuals(replace(levers.world, cross_section=higher)).impacts - base.residuals.impacts
-    expected = levers.columns(response).impacts @ (coefficients / levers.units[PROFILE])
-    assert np.median(np.abs(expected - change)) < 0.25 * np.median(np.abs(change))
+    change = data.residuals(replace(levers.world, cross_section=higher)).minus(base.residuals)
+    columns, c = levers.columns(response), coefficients / levers.units[PROFILE]
+    error = np.abs(columns.impacts @ c - change.impacts)
+    assert np.median(error) < 0.25 * np.median(np.abs(change.impacts))
+    rests = slice(data.flown, None)
+    assert len(data.rests) > 10
+    error = np.abs((columns.flights @ c - change.flights)[rests])
+    assert error.max() < 0.05 * np.abs(change.flights[rests]).max()
 
 
 def test_a_constant_integrates_to_a_line():

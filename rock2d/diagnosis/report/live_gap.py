@@ -360,11 +360,11 @@ def _squares_and_misses(result: Diagnosis, data: FilmData, own: Validated) -> tu
     assert result.found is not None
     residuals = own.held_out.residuals
     z = clipped(residuals.impacts / standard_deviations(result.found.final.fit.covariance()))
-    bends = clipped(residuals.flights[:, :, :FLIGHT_DEGREES])
+    flights = residuals.flights[: data.flown, :, :FLIGHT_DEGREES]
     poses, rates = residuals.impacts.reshape(-1, 2, 3).swapaxes(0, 1)
-    bend = np.sqrt((residuals.flights[:, :, :FLIGHT_DEGREES] ** 2).sum(axis=2))
+    bend = np.sqrt((flights**2).sum(axis=2))
     bend *= data.film.long_noise * data.basis.level[:, None]
-    squares = np.concatenate([z.reshape(-1, 2, 3).swapaxes(1, 2) ** 2, bends**2])
+    squares = np.concatenate([z.reshape(-1, 2, 3).swapaxes(1, 2) ** 2, clipped(flights) ** 2])
     misses = np.stack([rates, poses], axis=2), np.stack([bend, np.full_like(bend, np.nan)], axis=2)
     return squares, np.concatenate(misses)
 

@@ -1,0 +1,107 @@
+"""A block at rest lies on the ground: its pose shows ground, scale and tracked angle without any law of contact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.effects import catalogue
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.rest_poses import SHARED_ANGLE_RAD, SHARED_HEIGHT_RADII, RestPoses, heights_and_angles
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.world import World
+
+BALL = make_block("ball", "circle", 0.2, "solid_sphere", diameter_m=0.06)
+SQUARE = make_block("square", "square", 0.2, "uniform", side_m=0.06)
+INCLINE = 0.2  # rise of the ground along x
+NOISE_M, NOISE_RAD = 1e-4, 2e-3
+FRAMES = 40  # of the fall, and of the rest
+
+
+def lying(releases: int, view: World | None = None, *, moves_m: float = 0.0) -> Experiment:
+    """Releases of a ball and of a square that fall 1 m and then lie on an inclined ground, as the camera of `view`
+    records them; `moves_m`: way of the blocks in the last frames."""
+    rng, fps = np.random.default_rng(np.random.SeedSequence(5)), 100.0
+    t, rows, angle = np.arange(2 * FRAMES) / fps, [], np.arctan(INCLINE)
+    for k in range(2 * releases):
+        block, place = (BALL, SQUARE)[k % 2], rng.uniform(-0.4, 0.4)
+        side = 0.03 * np.array([-np.sin(angle), np.cos(angle)])
+        rest = np.array([place, INCLINE * place]) + side
+        pose = np.tile([*rest, angle + (k % 4) * np.pi / 2], (len(t), 1))
+        pose[:FRAMES, 1] += 1.0 - 4.905 * t[:FRAMES] ** 2
+        pose[FRAMES:, 0] += np.linspace(0.0, moves_m, FRAMES)
+        pose = pose if view is None else view.view.record(pose)
+        pose = pose + rng.normal(size=pose.shape) * [NOISE_M, NOISE_M, NOISE_RAD]
+        names = {"release": k, "block": block.name, "t_s": t}
+        rows.append(pd.DataFrame(names | dict(zip(("x_m", "y_m", "theta_rad"), pose.T, strict=True))))
+    ground = CrossSection([[-1.0, -INCLINE], [1.0, INCLINE]], ["floor"])
+    blocks = {"ball": BALL, "square": SQUARE}
+    return Experiment("rest", 9.81, fps, NOISE_M, NOISE_RAD, ground, blocks, trajectories=pd.concat(rows))
+
+
+def rests_of(experiment: Experiment) -> tuple[World, RestPoses]:
+    world = setup_world(experiment)
+    return world, RestPoses.of(load_film(experiment), world)
+
+
+def recorded_with(name: str, values: list[float], releases: int) -> tuple[World, World, RestPoses]:
+    """The stated world, the true one with an effect of the camera, and the rests as the camera records them."""
+    true = catalogue()[name].apply(setup_world(lying(1)), values)
+    stated, rests = rests_of(lying(releases, true))
+    return stated, true, rests
+
+
+def test_rests_on_the_stated_ground_are_standard_normal_numbers():
+    world, rests = rests_of(lying(200))
+    assert len(rests) == 400
+    z = rests.residuals(world)
+    square = rests.block == 1
+    assert not z[~square, 1].any()  # a ball has no sides
+    for column in (z[:, 0], z[square, 1]):
+        assert column.std() == pytest.approx(1.0, abs=0.12)
+        assert abs(column.mean()) < 3.0 / np.sqrt(len(column))
+
+
+def test_the_tracked_angle_shows_in_the_sides_on_which_squares_lie():
+    """However many rests there are, their mean counts only as far as the accuracy of the sides allows."""
+    offset = np.deg2rad(2.0)
+    stated, true, rests = recorded_with("angle_offset", [offset], 300)
+    square = rests.block == 1
+    found = heights_and_angles(stated, rests.block, rests.pose)[square, 1]
+    assert abs(found.mean()) == pytest.approx(offset, rel=0.02)
+    assert heights_and_angles(true, rests.block, rests.pose)[square, 1].mean() == pytest.approx(0.0, abs=2e-4)
+    gained = (rests.residuals(stated)[square] ** 2 - rests.residuals(true)[square] ** 2)[:, 1].sum()
+    assert gained == pytest.approx((offset / SHARED_ANGLE_RAD) ** 2, rel=0.1)
+
+
+def test_a_wrong_scale_lifts_blocks_off_the_ground_and_a_turned_camera_inclines_the_line_of_rests():
+    stated, true, rests = recorded_with("scale_error", [1.04, 1.0, 0.0, 0.0], 300)
+    heights = heights_and_angles(stated, rests.block, rests.pose)[:, 0]
+    assert heights.mean() == pytest.approx(0.04 * 0.03, rel=0.05)
+    shared = SHARED_HEIGHT_RADII * stated.radii_m[0]
+    ball = rests.block == 0
+    of_mean = ball.sum() * rests.residuals(stated)[ball, 0].mean() ** 2
+    assert of_mean == pytest.approx((0.04 * 0.03 / shared) ** 2, rel=0.1)
+    # a slope of the line is not shared by all rests: it counts in full
+    stated, true, rests = recorded_with("camera_tilt", [0.01, 0.0, 0.0], 300)
+    gained = (rests.residuals(stated) ** 2 - rests.residuals(true) ** 2)[:, 0].sum()
+    assert gained > 1000.0
+
+
+def test_blocks_that_move_or_are_few_are_no_rests():
+    assert not len(rests_of(lying(20, moves_m=0.02))[1])
+    assert not len(rests_of(lying(4))[1])
+    few = rests_of(lying(12))[1].only(np.arange(24) < 6)
+    assert len(few) == 6
+
+
+def test_a_film_has_a_row_of_residuals_for_each_rest():
+    experiment = lying(10)
+    without = replace(experiment, trajectories=experiment.trajectories.query("t_s < 0.4"))
+    assert len(FilmSegments.of(load_film(experiment), setup_world(experiment)).rests) == 20
+    assert not len(FilmSegments.of(load_film(without), setup_world(without)).rests)

@@ -278,7 +278,8 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     """Evidence for all effects that were in a weighed set; the last weighed set, and the first.
 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
-    be named are removed for good, first the half that gains less; a removed rival gives its place back to the member
+    be named are removed for good, first those of impossible size, then those that gain less, at most half at once; a
+    removed rival gives its place back to the member
     that it had replaced. The evidence for the remaining members is computed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
@@ -295,7 +296,8 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
             by_set.setdefault(search.best.names, weighed)
             continue
         refused = sorted(
-            (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].own_gain.total
+            (name for name, own in found.items() if not own.named(name)),
+            key=lambda n: (found[n].possible, found[n].own_gain.total),
         )
         if not refused:
             return evidence, by_set[names], next(iter(by_set.values()))

@@ -54,6 +54,8 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
+# `Evidence.even_ratio` of such an effect: if it is true, it predicts better than the curve that contains it
+EVEN_CONTAINED_RATIO = 1.0
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
@@ -311,7 +313,7 @@ def _evidence_of_member(
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
-        out_of_range=out_of_range,
+        even_ratio=EVEN_CONTAINED_RATIO if name in CONTAINED.values() else EVEN_RATIO, out_of_range=out_of_range,
     )  # fmt: skip
     if (resistance := RESISTANCES.get(name)) is not None and resistance in best.names:
         gain = search.gain(search.alone[resistance], search.base).total

@@ -69,7 +69,7 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
 
 
 def _law_and_effects(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Base law and effects of a diagnosis: of its joint model, or if that lacks the verdict, of the verdict alone."""
+    """Base law and effects of a diagnosis: of its joint model, or in a file without one, of the verdict alone."""
     verdict, model = content["verdict"], _joint_model(content)
     if model:
         return model["base"], model["parameters"]
@@ -81,11 +81,10 @@ def _law_and_effects(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str,
 
 
 def _joint_model(content: dict[str, Any]) -> dict[str, Any] | None:
-    """The joint model with its learnt changes; None if there is none, or if it lacks the effect of the verdict."""
+    """The joint model with its learnt changes; None if there is none. Its effects are the named ones: the verdict can
+    be a rival of two of them."""
     model = content.get("model")
-    if not model or content["verdict"] not in (*model["parameters"], "none", "unknown"):
-        return None
-    return model.get("learnt") or dict(model)
+    return (model.get("learnt") or dict(model)) if model else None
 
 
 def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, save_fit
+from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, rests_z, save_fit
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
@@ -116,8 +116,9 @@ class Search:
         place of the member, if less than z; the closest first.
 
         A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
-        MISSED_BY_TWIN, counts as less than one standard error. Its twin, the effects `fitted`, and the first that
-        promise as much are fitted in its place: what screening expects of an effect can be far too little."""
+        MISSED_BY_TWIN, counts as less than one standard error; that of the rests counts in full. Its twin, the effects
+        `fitted`, and the first that promise as much are fitted in its place: what screening expects of an effect can be
+        far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
         twin, alone = TWINS.get(name, name), self.gain(cause_set, smaller).total
         expected = self.expected.get(smaller.names, {})
@@ -129,6 +130,8 @@ class Search:
                 continue
             missed = MISSED_BY_TWIN if rival == twin else MISSED_BY_FORM
             found[rival] = min(lead.significance, lead.total / (missed * alone))
+            if (other := self.known.get(smaller.names | {rival})) is not None:
+                found[rival] += rests_z(self.data, cause_set, other)
         return {rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z}
 
     def gain(self, cause_set: Validated, other: Validated) -> Gain:

@@ -87,6 +87,15 @@ def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
     return Gain(gain, 0.5 * (gain + crossed[0] - crossed[1]))
 
 
+def rests_z(data: Data, model: Validated, other: Validated) -> float:
+    """Standard errors by which held-out rests prefer a model to another one. Rests follow from no law of contact, so
+    what laws miss excuses no model."""
+    score, other_score = (
+        float(flight_log_likelihood(own.held_out.residuals.flights[data.flown :]).sum()) for own in (model, other)
+    )
+    return float(np.sign(score - other_score) * np.sqrt(2.0 * abs(score - other_score)))
+
+
 def folds(data: Data) -> Array:
     """(releases,) fold of each release: in turn within each block's series."""
     return data.order.astype(np.int64) % FOLDS

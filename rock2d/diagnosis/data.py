@@ -57,7 +57,7 @@ RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of th
 @dataclass
 class Residuals:
     """Impacts (n, d) in SI, NaN where one cannot be simulated; flights (m, 3, degrees) in units of noise. On film the
-    rests follow the flights, each with the height of the block above the ground and its angle in the first degree.
+    rests of each block follow the flights, see `as_rows_of_flights`.
 
     d = 6 on film: along the ground and across it (m) and angle (rad), then their rates; in an impact table the rates
     alone."""
@@ -80,7 +80,7 @@ class FilmData(FilmSegments):
     impact_order : (n,) position of each impact's release in its block's series
     tangent : (n, 2) direction of the ground at each impact
     flown : number of flights
-    flight_release, flight_block : (flown + rests,) index of release and block of each flight, then of each rest"""
+    flight_release, flight_block : (m,) index of release and block of each flight, then of the rests of each block"""
 
     step_fraction: float = BATCH_STEP_FRACTION
 
@@ -102,11 +102,11 @@ class FilmData(FilmSegments):
 
     @property
     def flight_release(self) -> Array:
-        return np.concatenate([self.flights.release, self.rests.release])
+        return np.concatenate([self.flights.release, self.rests.first_release])
 
     @property
     def flight_block(self) -> Array:
-        return np.concatenate([self.flights.block, self.rests.block])
+        return np.concatenate([self.flights.block, self.rests.blocks])
 
     @property
     def impact_order(self) -> Array:
@@ -132,9 +132,8 @@ class FilmData(FilmSegments):
         simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
         difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
-        rests = np.zeros((len(self.rests), *states.residuals.shape[1:]))
-        rests[:, [Y, THETA], 0] = self.rests.residuals(world)
-        return Residuals(difference, np.concatenate([states.residuals * seen, rests]))
+        flights = [states.residuals * seen, as_rows_of_flights(self.rests.residuals(world))]
+        return Residuals(difference, np.concatenate(flights))
 
     def starts(self, world: World, states: States, shift: Array | None = None) -> Array:
         """(n, 6) true states a little before each impact, with which simulations begin."""
@@ -381,6 +380,14 @@ def _level_and_rate(tangent: Array, t: Array, difference: Array) -> Array:
         *ground_axes(tangent, level[:, POSITION]), level[:, THETA],
         *ground_axes(tangent, rate[:, POSITION]), rate[:, THETA],
     ])  # fmt: skip
+
+
+def as_rows_of_flights(rests: Array) -> Array:
+    """(k, 3, degrees, ...) rows of `Residuals.flights` from `RestPoses.residuals` (k, 3, ...): y has height and slope,
+    the angle its own."""
+    rows = np.zeros((len(rests), N_POSE, RESIDUAL_DEGREES, *rests.shape[2:]))
+    rows[:, Y, :2], rows[:, THETA, 0] = rests[:, [0, 2]], rests[:, 1]
+    return rows
 
 
 Data = FilmData | TableData

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.diagnosis.data import Data, FilmData, Residuals
+from rock2d.diagnosis.data import Data, FilmData, Residuals, as_rows_of_flights
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import FlightPaths, flight_paths, flight_response
 from rock2d.diagnosis.linear_model import LinearModel
@@ -162,7 +162,7 @@ class Levers:
         return replace(self.moved(shift), slope=steeper * tangent[:, X, None] ** 2, flights=self._raised_rests(basis))
 
     def _raised_rests(self, basis: Basis) -> Array:
-        """(flights and rests, 3, degrees, c) response of the rests to a profile of the ground."""
+        """(m, 3, degrees, c) response of the rests to a profile of the ground."""
         data, unit_m = self._data, self.units[PROFILE]
         assert isinstance(data, FilmData)
         true = self.world.view.true(data.rests.pose)
@@ -171,9 +171,8 @@ class Levers:
         smooth = np.array([block.smooth for block in self.world.blocks.values()])
         steeper[smooth[data.rests.block]] = 0.0  # no side lies on the ground
         lower = -unit_m * np.stack([higher, steeper], axis=1)
-        response = np.zeros((*self._fit.residuals.flights.shape, lower.shape[-1]))
-        response[data.flown :, [Y, THETA], 0] = data.rests.standardised(lower, self.world)
-        return response
+        rests = as_rows_of_flights(data.rests.standardised(lower, self.world))
+        return np.concatenate([np.zeros((data.flown, *rests.shape[1:])), rests])
 
     def columns(self, response: LeverResponse) -> Residuals:
         """Derivatives of all residuals by the coefficients."""

@@ -27,7 +27,14 @@ from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
 from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, Film, block_clearances, clearances
-from rock2d.kinematics.rest_poses import FARTHEST_RADII, FEWEST_RESTS, still_poses
+from rock2d.kinematics.rest_poses import (
+    FARTHEST_RADII,
+    FEWEST_RESTS,
+    SHARED_ANGLE_RAD,
+    RestPoses,
+    heights_and_angles,
+    still_poses,
+)
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.nearest_facet import nearest_facets
@@ -38,7 +45,7 @@ SCALE_OR_RATE = ("scale_error", "frame_rate_error")
 DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
 LOCAL_GRAVITY = 0.003  # relative variation of gravity on the earth about its mean
-# least mean height for a remark, in its standard errors and in block radii
+# least mean height or angle for a remark, in its standard errors; least height in block radii
 CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
 
 # check of the stated shapes
@@ -85,13 +92,31 @@ def rest_heights(film: Film, world: World) -> list[RestHeight]:
 
 
 def rest_remarks(film: Film, world: World) -> list[str]:
-    """A remark on each block that comes to rest above the ground of a world."""
-    return [
+    """A remark on each block that comes to rest above the ground of a world, or not parallel to it."""
+    lies_above = [
         f"at rest, block {own.block} lies {1e3 * own.height_m:.2g} ± {1e3 * own.error_m:.1g} mm above the ground (mean "
         f"of {counted(own.rests, 'release')}): are its sizes, the scale, the origin and the ground right?"
         for own in rest_heights(film, world)
         if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
     ]
+    return lies_above + inclined_rest_remarks(film, world)
+
+
+def inclined_rest_remarks(film: Film, world: World) -> list[str]:
+    """A remark on each polygon whose side is clearly not parallel to the ground of a world at rest."""
+    remarks, rests = list[str](), RestPoses.of(film, world)
+    angle_rad = heights_and_angles(world, rests.block, rests.pose)[:, 1]
+    for b, name in enumerate(world.blocks):
+        own = angle_rad[rests.block == b]
+        if not len(own) or abs(mean := own.mean()) <= SHARED_ANGLE_RAD:
+            continue
+        if abs(mean) > CLEAR_HEIGHT * (error := own.std(ddof=1) / np.sqrt(len(own))):
+            turn = f"{np.rad2deg(mean):.2f} ± {np.rad2deg(error):.1g}".replace("-", "−")
+            remarks.append(
+                f"at rest, the side on which block {name} lies is turned by {turn}° against the ground "
+                f"(mean of {counted(len(own), 'release')}): are the tracked angle, the ground and the horizon right?"
+            )
+    return remarks
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ FEWEST_RESTS = 5  # fewest rests of a block
 LARGEST_DEVIATION = 5.0  # distance of a rest from the trend of its block along x, in robust standard deviations
 MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 # 1 sigma of what all rests of a block share: the accuracy of its size, and the depth to which it sinks into the ground,
-# in radii; the accuracy of its sides, and the inclination on a ground that gives way, in rad
+# in radii; the accuracy of its sides, and hills of the ground, in rad
 SHARED_HEIGHT_RADII, SHARED_ANGLE_RAD = 0.02, 0.005
 
 
@@ -70,24 +70,35 @@ class RestPoses:
         keep = releases[self.release]
         return replace(self, release=self.release[keep], block=self.block[keep], pose=self.pose[keep], sd=self.sd[keep])
 
+    @property
+    def blocks(self) -> Array:
+        """(k,) blocks with rests."""
+        return np.unique(self.block)
+
+    @property
+    def first_release(self) -> Array:
+        """(k,) first release with a rest of each of `blocks`."""
+        return np.array([self.release[self.block == b][0] for b in self.blocks], np.int64)
+
     def residuals(self, world: World) -> Array:
-        """(r, 2) heights and angles in a world, as independent standard normal numbers if the block lies on the
-        ground."""
+        """(k, 3) mean height, mean angle, and slope of the line of rests along the ground, of each of `blocks` in a
+        world, in standard deviations; 0 on average if the blocks lie on the ground."""
         return self.standardised(heights_and_angles(world, self.block, self.pose), world)
 
     def standardised(self, lies: Array, world: World) -> Array:
-        """(r, 2, ...) heights and angles as independent numbers.
+        """(k, 3, ...) `residuals` from heights and angles (r, 2, ...).
 
-        The mean of a block's rests is known only to what they share. With its variance τ² the covariance σ² 1 + τ² of n
-        rests has the inverse root that divides by σ and shrinks their mean by √(1 + n τ² / σ²)."""
-        found = lies.copy()
-        for b in np.unique(self.block):
+        What all rests of a block share is known less well than their mean, so it is added to its error."""
+        found = np.zeros((len(self.blocks), 3, *lies.shape[2:]))
+        for row, b in enumerate(self.blocks):
             own = self.block == b
-            sd, shared = self.sd[own][0], (SHARED_HEIGHT_RADII * world.radii_m[b], SHARED_ANGLE_RAD)
-            shrunk = 1.0 / np.sqrt(1.0 + own.sum() * np.square(shared / sd))
-            units = (2, *[1] * (lies.ndim - 2))
-            less = (1.0 - shrunk).reshape(units) * lies[own].mean(axis=0)
-            found[own] = (lies[own] - less) / sd.reshape(units)
+            error, away_m = self.sd[own][0] / np.sqrt(own.sum()), self.pose[own, X] - self.pose[own, X].mean()
+            found[row, :2] = lies[own].mean(axis=0)
+            found[row, 0] /= np.hypot(error[0], SHARED_HEIGHT_RADII * world.radii_m[b])
+            found[row, 1] /= np.hypot(error[1], SHARED_ANGLE_RAD)
+            if spread_m2 := np.mean(away_m**2):
+                slope = np.tensordot(away_m, lies[own, 0], 1) / (own.sum() * spread_m2)
+                found[row, 2] = slope / np.hypot(error[0] / np.sqrt(spread_m2), SHARED_ANGLE_RAD)
         return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cause_sets import Search
-from rock2d.diagnosis.cross_validation import Validated, by_release
+from rock2d.diagnosis.cross_validation import Validated, by_release, rests_z
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.evidence import LARGEST_LUCK, SURE_GAIN, gain_beyond_luck, probability_of_no_closure
 from rock2d.diagnosis.exploring import explore_on_some, fit_effects, total_on_some
@@ -144,7 +144,8 @@ def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     twin = search.known[frozenset({"inertia_error", "scale_error"})]
     lead, gain = search.gain(both, twin), search.gain(both, smaller).total
     z = search.find_rivals(search.best, "frame_rate_error", np.inf).get("scale_error", np.inf)
-    assert z == (min(lead.significance, lead.total / (0.25 * gain)) if lead.total <= 0.5 * gain else np.inf)
+    own = min(lead.significance, lead.total / (0.25 * gain)) + rests_z(search.data, both, twin)
+    assert z == (own if lead.total <= 0.5 * gain else np.inf)
     assert 0.0 < lead.total < gain
     beside = frozenset({"frame_rate_error", "angle_offset"})
     assert beside not in search.known

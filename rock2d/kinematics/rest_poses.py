@@ -66,8 +66,9 @@ class RestPoses:
         return len(self.release)
 
     def only(self, releases: Array) -> Self:
-        """The rests of some releases, given as a mask."""
-        keep = releases[self.release]
+        """The rests of some releases, given as a mask. Those of a block stay if its first one does: the row of the block
+        belongs to that release."""
+        keep = releases[self.release] & np.isin(self.block, self.blocks[releases[self.first_release]])
         return replace(self, release=self.release[keep], block=self.block[keep], pose=self.pose[keep], sd=self.sd[keep])
 
     @property

@@ -87,6 +87,20 @@ def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
 
 
+def test_a_checkerboard_in_a_picture_of_another_size_than_the_film_is_refused(tmp_path):
+    """Its squares have another number of pixels there."""
+    import cv2
+
+    board = checkerboard()
+    height, width = board.shape
+    cv2.imwrite(str(tmp_path / "board.png"), board)
+    found = setup(tmp_path, BOARD)
+    assert found.for_images((width, height)).metres_per_pixel == found.metres_per_pixel
+    said = rf"camera.scale.checkerboard: the film has {2 * width} x {2 * height} px, .* {width} x {height} px"
+    error = refusal(found.for_images, (2 * width, 2 * height), said=said)
+    assert error.file == tmp_path / "setup.yaml" and error.line == 5
+
+
 @pytest.mark.parametrize("distortion", ["{k: -0.1}", "{k: 0.08}", "{k: -0.1, centre_px: [600, 380]}", "{k: 0.0}"])
 def test_marked_points_are_as_far_apart_as_stated_whatever_the_lens(tmp_path, distortion):
     scale = "{points_px: [[40, 360], [1240, 360]], distance_m: 2.0}"

@@ -121,7 +121,9 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
 
 def test_a_set_up_file_that_names_a_picture_is_used_again_from_the_results(filmed, tmp_path):
     squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
-    board = np.pad(np.kron(squares, np.ones((24, 24), np.uint8)), 40, constant_values=255)
+    board = np.kron(squares, np.ones((24, 24), np.uint8))
+    (height, width), (wide, high) = board.shape, SIZE_PX
+    board = np.pad(board, ((40, high - 40 - height), (40, wide - 40 - width)), constant_values=255)
     cv2.imwrite(str(tmp_path / "board.png"), board)
     scale = "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.0144}"
     text, stated = (filmed / "setup.yaml").read_text(), "{metres_per_pixel: 0.0006}"

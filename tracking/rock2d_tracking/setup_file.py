@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
@@ -138,6 +139,7 @@ class Setup:
     ----------
     path, text : those of its file
     board : the picture of the checkerboard as it is stored, None if it names none
+    board_size_px : its (width, height)
     scale : scale and frame rate; one may be unknown
     from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
@@ -148,6 +150,7 @@ class Setup:
         self._document = Document(self.path, self.text)
         self.keys = self._document.check(SetupKeys)
         self.board: bytes | None = None
+        self.board_size_px: tuple[int, int] | None = None
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
@@ -169,15 +172,25 @@ class Setup:
         key = ("camera", "scale", "checkerboard")
         path = path_inside(self.path.parent, scale.checkerboard, *key, error=self._document.error)
         self.board = read_bytes(path)
+        image = picture_of_board(self.board, path)
+        self.board_size_px = (image.shape[1], image.shape[0])
         return scale_of_board(
-            self.board, path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size)
+            image, path, (scale.columns, scale.rows), scale.square_m, self._map(1.0, self.board_size_px)
         )
 
     def for_images(self, size_px: tuple[int, int]) -> Setup:
         """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
         marked points depends on it.
 
-        Raises InputError if the lens would fold the picture over before its corners."""
+        Raises InputError if the picture of the checkerboard has another size, or if the lens would fold the picture
+        over before its corners or before a stated point."""
+        if self.board_size_px is not None and self.board_size_px != size_px:
+            (width, height), (own_width, own_height) = size_px, self.board_size_px
+            message = (
+                f"the film has {width} x {height} px, the picture of the checkerboard {own_width} x {own_height} px: "
+                "its squares give no scale of the film. Take a frame of a film with the same settings, uncut"
+            )
+            raise self._document.error(message, "camera", "scale", "checkerboard", code="wrong_kind")
         if self.keys.camera.distortion is None:
             return self
         self._map(1.0, size_px)
@@ -291,27 +304,34 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
     write_whole(path, yaml_text(keys))
 
 
-def scale_of_board(
-    picture: bytes, path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
-) -> float:
-    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
+def picture_of_board(stored: bytes, path: Path) -> Array:
+    """(height, width) uint8; `stored`, `path`: a file of an image, and its name for errors.
 
-    picture, path : a file of an image as it is stored, and its name for errors
-    corners : number of inner corners in a row, and number of rows
-    camera : gives the map to pixels without distortion, for a picture of a size (width, height)
-
-    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
+    Raises InputError if it cannot be read."""
     import cv2
 
-    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE) if picture else None
+    image = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_GRAYSCALE) if stored else None
     if image is None:
         raise InputError("cannot be read as a picture", path)
+    return np.asarray(image)
+
+
+def scale_of_board(image: Array, path: Path, corners: tuple[int, int], square_m: float, camera: PixelMap) -> float:
+    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
+
+    image : (height, width) uint8; `path` names it for errors
+    corners : number of inner corners in a row, and number of rows
+    camera : the map to pixels without distortion
+
+    Raises InputError if the board is not found, or the view is oblique."""
+    import cv2
+
     found, points = cv2.findChessboardCorners(image, corners)
     if not found:
         raise InputError(f"no checkerboard of {corners[0]} × {corners[1]} inner corners found", path)
     precise = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
     seen = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
-    grid = camera((image.shape[1], image.shape[0])).to_world(seen)
+    grid = camera.to_world(seen)
     along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
     sides = np.concatenate([along.ravel(), across.ravel()])
     halves = [*np.array_split(along, 2, axis=1), *np.array_split(across, 2)]

@@ -65,6 +65,24 @@ def test_a_lens_that_folds_the_picture_over_is_refused(tmp_path):
                 setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **camera).for_images((1280, 720))
 
 
+@pytest.mark.parametrize(
+    ("origin", "points", "said"),
+    [
+        ("[100.0, 300.0]", "[[40, 360], [1240, 360]]", ""),
+        ("[640.0, 1200.0]", "[[40, 360], [1240, 360]]", r"setup.yaml:\d+:\d+: camera.origin_px: lies 84. px"),
+        ("[100.0, 300.0]", "[[40, 360], [1640, 360]]", r"setup.yaml:\d+:\d+: camera.scale.points_px.1.?: lies 100. px"),
+    ],
+)
+def test_a_point_beyond_the_fold_of_a_lens_is_refused(tmp_path, origin, points, said):
+    """Seen ρ ends at 2 / (3 √(-3k)), at 734 px here: farther out, no place in the world looks so."""
+    lens = {"  up: up": "  up: up\n  distortion: {k: -0.148}", "[100.0, 300.0]": origin}
+    found = setup(tmp_path, f"{{points_px: {points}, distance_m: 2.0}}", **lens)
+    if said:
+        refusal(found.for_images, (1280, 720), said=said)
+    else:
+        assert found.pixel_map((1280, 720)).farthest_px == pytest.approx(734, abs=1)
+
+
 def test_what_rises_in_the_world_falls_in_the_rows_of_the_image():
     camera = PixelMap(1e-3, (10.0, 20.0))
     np.testing.assert_allclose(camera.to_pixel(np.array([0.002, 0.003])), [12.0, 17.0])

@@ -33,6 +33,11 @@ class PixelMap:
     centre_px: tuple[float, float] = (0.0, 0.0)
     half_px: float = 1.0
 
+    @property
+    def farthest_px(self) -> float:
+        """Largest distance from `centre_px` at which the lens shows anything; a barrel folds what is farther out."""
+        return self.half_px * 2.0 / (3.0 * np.sqrt(-3.0 * self.k)) if self.k < 0.0 else np.inf
+
     def to_world(self, seen: Array) -> Array:
         """Points (..., 2) of the image in m."""
         flat = self._undistorted(np.asarray(seen, float)) - self._undistorted(np.array(self.origin_px))

@@ -238,7 +238,7 @@ class Setup:
     def _map(self, metres_per_pixel: float, size_px: tuple[int, int] | None = None) -> PixelMap:
         """The map with a scale; without the size of the images it leaves the lens out.
 
-        Raises InputError if the lens would fold the picture over before its corners."""
+        Raises InputError if the lens would fold the picture over before its corners or before a stated point."""
         camera = self.keys.camera
         flat = PixelMap(
             metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
@@ -254,7 +254,23 @@ class Setup:
         if bent.k < (least := STRONGEST_BARREL / corner**2):
             message = f"no lens shows the corners of the picture with k = {bent.k:g}; expected at least {least:.3g}"
             raise self._document.error(message, "camera", "distortion", "k")
-        return replace(flat, k=bent.k, centre_px=centre, half_px=half)
+        lens = replace(flat, k=bent.k, centre_px=centre, half_px=half)
+        self._check_lens_shows_points(lens)
+        return lens
+
+    def _check_lens_shows_points(self, lens: PixelMap) -> None:
+        """Raise InputError for a stated point, outside the picture, that lies where the lens shows nothing."""
+        camera = self.keys.camera
+        points: list[tuple[tuple[str | int, ...], list[float]]] = [(("camera", "origin_px"), camera.origin_px)]
+        points += [(("camera", "scale", "points_px", i), at) for i, at in enumerate(camera.scale.points_px or [])]
+        for key, at in points:
+            away = float(np.hypot(*np.subtract(at, lens.centre_px)))
+            if away > lens.farthest_px * (1.0 + 1e-9):
+                message = (
+                    f"lies {away:.0f} px from the centre of the lens, which with k = {lens.k:g} shows nothing beyond "
+                    f"{lens.farthest_px:.0f} px; take a point inside the picture"
+                )
+                raise self._document.error(message, *key)
 
     def write(self, folder: Path) -> None:
         """Write `setup.yaml` into a folder, and the picture that it names, so that it can be used from there."""

@@ -67,7 +67,8 @@ def test_the_tilt_in_the_set_up_file_undoes_camera_tilt(tilt, up):
     stated = replace(STATED, up=up)
     seen, angle = stated.to_pixel(poses[:, :2]), stated.angle_to_pixel(poses[:, 2])
     turn = np.deg2rad(number("tilt_deg: {}", text))
-    tracked = replace(stated, tilt_rad=stated.tilt_rad + turn, origin_m=origin(text))
+    assert "where `up` is down, with the other sign" in text
+    tracked = replace(stated, tilt_rad=stated.tilt_rad + turn, origin_m=origin(text))  # as set-up files give it
     assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
     assert np.allclose(tracked.angle_to_world(angle), true[:, 2], atol=1e-5)
 

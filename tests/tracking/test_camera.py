@@ -3,12 +3,15 @@
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import Setup, write_setup
 
 from rock2d.errors import InputError
+from rock2d.files.experiment import Experiment
 from tests.programs import refusal
+from tests.tracking.falls import BLOCKS, CROSS_SECTION
 
 SETUP = """\
 name: set-up
@@ -117,6 +120,30 @@ def test_a_checkerboard_in_a_picture_of_another_size_than_the_film_is_refused(tm
     said = rf"camera.scale.checkerboard: the film has {2 * width} x {2 * height} px, .* {width} x {height} px"
     error = refusal(found.for_images, (2 * width, 2 * height), said=said)
     assert error.file == tmp_path / "setup.yaml" and error.line == 5
+
+
+@pytest.mark.parametrize("tilt_deg", [-7.0, 20.0])
+@pytest.mark.parametrize("up", ["up", "down"])
+def test_what_falls_in_a_tilted_film_falls_straight_down(tmp_path, up, tilt_deg):
+    """A level line rises by the tilt in the picture, whether the world's y grows to its top or to its bottom."""
+    rise = np.deg2rad(tilt_deg)
+    level = np.array([np.cos(rise), -np.sin(rise)])  # [u, v], v downward
+    upright = np.array([-np.sin(rise), -np.cos(rise)]) if up == "up" else np.array([np.sin(rise), np.cos(rise)])
+    t_s = np.linspace(0, 0.2, 9)[:, None]
+    seen = np.array([400.0, 300.0]) + (1.5 * t_s * level - 0.5 * 9.81 * t_s**2 * upright) / 5e-4
+    found = setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **{"  up: up": f"  up: {up}\n  tilt_deg: {tilt_deg}"})
+    camera = found.pixel_map((1280, 720))
+    way = camera.to_world(seen) - camera.to_world(seen[:1])
+    np.testing.assert_allclose(way, np.hstack([1.5 * t_s, -0.5 * 9.81 * t_s**2]), atol=1e-12)
+    assert camera.angle_to_world(np.arctan2(level[1], level[0])) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("up", [-1, 1])
+def test_a_written_set_up_file_has_the_tilt_of_its_camera(tmp_path, up):
+    camera = PixelMap(6e-4, (100.0, 320.0), up=up, tilt_rad=0.1)
+    stated = Experiment("film", 9.81, 1000.0, 0.0, 0.0, CROSS_SECTION, BLOCKS, impacts=pd.DataFrame())
+    write_setup(tmp_path / "setup.yaml", stated, camera, ["cube"])
+    assert Setup(tmp_path / "setup.yaml").pixel_map(None).tilt_rad == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("distortion", ["{k: -0.1}", "{k: 0.08}", "{k: -0.1, centre_px: [600, 380]}", "{k: 0.0}"])

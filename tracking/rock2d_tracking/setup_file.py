@@ -242,7 +242,7 @@ class Setup:
         camera = self.keys.camera
         flat = PixelMap(
             metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
-            -1 if camera.up == "up" else 1, float(np.deg2rad(camera.tilt_deg)),
+            -self.down, self.down * float(np.deg2rad(camera.tilt_deg)),
         )  # fmt: skip
         bent = camera.distortion
         if bent is None or size_px is None:
@@ -308,7 +308,7 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
             "up": "up" if camera.up < 0 else "down",
             "origin_px": [float(v) for v in camera.origin_px],
             "origin_m": [float(v) for v in camera.origin_m],
-            "tilt_deg": float(np.rad2deg(camera.tilt_rad)),
+            "tilt_deg": float(-camera.up * np.rad2deg(camera.tilt_rad)),
         },
         "cross_section": {
             "points_m": experiment.cross_section.points_m.tolist(),

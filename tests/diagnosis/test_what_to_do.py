@@ -245,7 +245,7 @@ def test_a_scale_whose_aspect_is_not_clear_is_one_scale():
 
 
 @pytest.mark.parametrize(("name", "at_end", "inside", "said_of_range"), [
-    ("scale_error", (1.04, 0.97, 0.1, 0.2), (1.04, 0.975, 0.1, 0.2), "(0.97 to 1.03) of this value: scale along x over"),
+    ("scale_error", (1.04, 0.97, 0.1, 0.2), (1.04, 0.975, 0.1, 0.2), "(0.97 to 1.03) of this value: scale along x"),
     ("camera_tilt", (-0.15, 0.1, 0.2), (-0.14, 0.1, 0.2), "range (−8.59 to 8.59 °) of"),
 ])  # fmt: skip
 def test_a_value_at_the_end_of_its_range_is_no_measurement(name, at_end, inside, said_of_range):

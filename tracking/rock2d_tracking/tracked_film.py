@@ -17,7 +17,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, moved, set_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, set_errors, shows_release
 
 PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
@@ -72,7 +72,8 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     remarks: list[str] = []
     if len(kept) < followed:
         remarks.append(
-            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved and are left out"
+            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved, or were trusted "
+            f"in fewer than {FEWEST_FLIGHT_FRAMES} frames, and are left out"
         )
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
@@ -104,16 +105,11 @@ def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> Track
     )
 
 
-def _moves(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether enough frames were seen, and the block moved."""
-    return len(release.seen) >= FEWEST_FLIGHT_FRAMES and moved(release, fall_px)
-
-
 def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
     """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
 
     `fall_px`: acceleration of gravity along v in px per frame squared."""
-    kept = [release for release in releases if _moves(release, fall_px)]
+    kept = [release for release in releases if shows_release(release, fall_px)]
     for release in kept:
         reject_gross_errors(release, fall_px)
         set_errors(release, fall_px)
@@ -121,7 +117,7 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
                 sight.reject("unsure")
-    return [release for release in kept if _moves(release, fall_px)]
+    return [release for release in kept if shows_release(release, fall_px)]
 
 
 def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:

@@ -13,9 +13,11 @@ from rock2d_tracking.importers.tracker import write_tracker
 from rock2d_tracking.setup_file import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
+from ruamel.yaml import YAML
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
+from rock2d.files.checked_yaml import yaml_text
 from rock2d.files.experiment import load_experiment, write_experiment
 from tests.programs import commanded
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
@@ -157,6 +159,18 @@ def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong
     with pytest.raises(InputError, match=said):
         tracked(filmed / "film.avi", setup, out, "--frames", frames)
     assert not out.exists()
+
+
+def test_of_the_first_frames_the_first_releases_are_seen(filmed, tmp_path):
+    """Also where the block of a later release has just the size that is seen. The remark says what was taken."""
+    keys = YAML(typ="safe").load(filmed / "setup.yaml")
+    size_m = keys["blocks"]["sphere"]["diameter_m"]
+    keys["blocks"]["slab"] = {**keys["blocks"]["sphere"]}
+    keys["blocks"]["sphere"]["diameter_m"] = 1.04 * size_m
+    (tmp_path / "setup.yaml").write_text(yaml_text(keys))
+    said = tracked(filmed / "film.avi", tmp_path / "setup.yaml", tmp_path / "out", "--frames", 180)
+    assert "1 release seen, but the key releases of the set-up file lists 3. They were taken for sphere: " in said
+    assert set(load_experiment(tmp_path / "out").trajectories["block"]) == {"sphere"}
 
 
 def test_a_set_up_file_and_a_frame_rate_contradict_each_other(filmed, tmp_path):

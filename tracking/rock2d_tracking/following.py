@@ -51,10 +51,13 @@ class Follower:
     releases : the followed releases, in the order filmed
     rejected : number of lost frames of objects that were not followed in any frame, by reason"""
 
-    def __init__(self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> None:
+    def __init__(
+        self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion, *, cut: bool = False
+    ) -> None:
         """Read the film to learn the background, and the looks of the blocks at the places given by their arcs.
 
-        film : (height, width) or (height, width, 3) uint8"""
+        film : (height, width) or (height, width, 3) uint8
+        cut : whether it is the beginning of a longer film, so that the last of the stated releases are not in it"""
         named = setup.keys.detection.background_frames
         samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
         samples = samples or motion.samples
@@ -72,7 +75,7 @@ class Follower:
             name: Looks("outline", outline_of(block, setup.metres_per_pixel, camera.up))
             for name, block in setup.blocks.items()
         }
-        self._chain_blocks = self._blocks_of_chains()
+        self._chain_blocks = [] if cut else self._blocks_of_chains()
         self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.fps))
         self.releases: list[FollowedRelease] = []
         self._named = 0  # of them, those that take a name from the stated releases

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from rock2d.errors import InputError, counted
+from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
@@ -77,7 +77,11 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
         )
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
-        remarks.append(f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}")
+        remarks.append(
+            f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}. They were "
+            f"taken for {comma_list(release.block for release in kept)}: if that is wrong, correct releases and track "
+            "again"
+        )
     missing = 0
     for release in kept:
         missing += _renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import click
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
@@ -18,9 +19,9 @@ from ruamel.yaml import YAML
 from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import yaml_text
-from rock2d.files.experiment import load_experiment, write_experiment
+from rock2d.files.experiment import Experiment, load_experiment, write_experiment
 from tests.programs import commanded
-from tests.tracking.falls import CAMERA, SIZE_PX, falls
+from tests.tracking.falls import BLOCKS, CAMERA, CROSS_SECTION, SIZE_PX, falls
 from tests.tracking.tracked_files import TRACKER
 
 
@@ -75,6 +76,17 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     own = truth.trajectories[truth.trajectories["release"] == 1]
     columns = ["t_s", "x_m", "y_m", "theta_rad"]
     np.testing.assert_allclose(found.trajectories[columns], own[columns], atol=1e-9)
+
+
+def test_import_does_not_guess_of_which_block_the_tracks_are(tmp_path):
+    path = tmp_path / "setup.yaml"
+    stated = Experiment("film", 9.81, 1000.0, 0.0, 0.0, CROSS_SECTION, BLOCKS, impacts=pd.DataFrame())
+    write_setup(path, stated, CAMERA, ["sphere", "cube", "cube"])
+    (tmp_path / "t.txt").write_text(TRACKER)
+    result = commanded("import", tmp_path / "t.txt", "--kind", "tracker", "--config", path, "--y", "up", "--out",
+                       tmp_path / "out")  # fmt: skip
+    assert isinstance(result.exception, InputError) and result.exception.file == path
+    assert "--block: the releases are of several blocks, expected one of sphere, cube" in result.exception.message
 
 
 @pytest.mark.parametrize("y", ["up", "down"])

@@ -24,6 +24,7 @@ from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, tracked_f
 
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flight_gravity import Measured
+from tests.programs import refusal
 from tests.tracking.falls import BLOCKS, CAMERA, CROSS_SECTION, SIZE_PX, SYMMETRY, falls, followed
 
 cv2.setNumThreads(1)
@@ -224,6 +225,14 @@ def test_what_is_seen_in_too_few_frames_takes_no_name_from_a_release(tmp_path, f
     assert follower._next_block() == name
     follower._end_release()
     assert len(follower.releases) == 1 and follower._next_block() == name
+
+
+def test_background_frames_that_the_film_does_not_have_are_refused(tmp_path):
+    setup = stated_setup(tmp_path / "setup.yaml")
+    setup.path.write_text(f"{setup.text}detection: {{background_frames: [5, 9]}}\n")
+    film = [np.zeros(SIZE_PX[::-1], np.uint8)] * 5
+    said = r"setup.yaml:\d+:\d+: detection.background_frames: begins after the last frame: 5 frames"
+    refusal(Follower, film, Setup(setup.path), SIZE_PX, Motion(candidates=[np.empty(0, CANDIDATE)] * 5), said=said)
 
 
 def test_an_arc_too_short_for_a_release_takes_no_name_from_a_release(tmp_path):

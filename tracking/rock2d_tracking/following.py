@@ -57,10 +57,13 @@ class Follower:
         """Read the film to learn the background, and the looks of the blocks at the places given by their arcs.
 
         film : (height, width) or (height, width, 3) uint8
-        cut : whether it is the beginning of a longer film, so that the last of the stated releases are not in it"""
+        cut : whether it is the beginning of a longer film, so that the last of the stated releases are not in it
+
+        Raises InputError if the frames that the set-up names as background are not in it."""
         named = setup.keys.detection.background_frames
         samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
-        samples = samples or motion.samples
+        if not samples:
+            raise setup.background_missing(len(motion.candidates))
         block_frames = frames_with_blocks(film, motion)
         still = np.median(np.stack(samples), axis=0).astype(np.uint8)
         radius = float(np.median([c.radius_px for c in motion.chains])) if motion.chains else 1.0

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from rock2d.arrays import Array
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
@@ -50,7 +50,9 @@ class Scale(Checked):
     )
     points_px: list[Pixel] | None = Field(default=None, min_length=2, max_length=2, description="Two marked points")
     distance_m: float | None = Field(default=None, gt=0, le=1.0e5, description="True distance of the two points in m")
-    checkerboard: str | None = Field(default=None, description="Picture of a checkerboard in the plane of motion")
+    checkerboard: str | None = Field(
+        default=None, description="Picture of a checkerboard in the plane of motion, of the size of the film in px"
+    )
     columns: int = Field(default=9, ge=3, le=100, description="Inner corners of the checkerboard in a row")
     rows: int = Field(default=6, ge=3, le=100, description="Rows of inner corners")
     square_m: float | None = Field(default=None, gt=0, le=100, description="Side of a square of it in m")
@@ -103,12 +105,18 @@ class DetectionKeys(Checked):
     """How blocks are found."""
 
     marks: bool = Field(default=True, description="Circles carry marks from which their orientation is read")
-    background_frames: list[int] | None = Field(
-        default=None, min_length=2, max_length=2, description="[first, last] frames without a block"
+    background_frames: list[Annotated[int, Field(ge=0)]] | None = Field(
+        default=None, min_length=2, max_length=2, description="[first, last] frames without a block, counted from 0"
     )
     least_seen: float = Field(
         default=0.55, gt=0, le=1, description="Share of the outline that must be seen for a frame to be trusted"
     )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> DetectionKeys:
+        if (named := self.background_frames) is not None and named[0] > named[1]:
+            raise mistake(f"expected the first frame, then the last, found {named[0]}, {named[1]}", "background_frames")
+        return self
 
 
 class SetupKeys(Checked):
@@ -211,6 +219,11 @@ class Setup:
         """The frame rate of the recording; it must be known."""
         assert self.scale.fps is not None
         return self.scale.fps
+
+    def background_missing(self, frames: int) -> InputError:
+        """The error that the frames that `background_frames` names are not among those that were read."""
+        message = f"begins after the last frame: {counted(frames, 'frame')} of the film are read, counted from 0"
+        return self._document.error(message, "detection", "background_frames")
 
     def with_scale(self, scale: FilmScale, relative_error: float = 0.0) -> Setup:
         """The same set-up with scale and frame rate computed from gravity, and their relative standard error."""

@@ -8,7 +8,7 @@ import pytest
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.setup_file import Setup, write_setup
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, UnusualWarning
 from rock2d.files.experiment import Experiment
 from tests.programs import refusal
 from tests.tracking.falls import BLOCKS, CROSS_SECTION
@@ -212,6 +212,11 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path, narrow):
 def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
     error = refusal(setup, tmp_path, scale, said=said, **changes)
     assert "setup.yaml:" in str(error) and error.line
+
+
+def test_a_mass_in_g_is_told(tmp_path):
+    with pytest.warns(UnusualWarning, match=r"setup.yaml:12:3: blocks.cube: .* Is the mass in g instead of kg"):
+        setup(tmp_path, "{metres_per_pixel: 1.0e-3}", **{"mass_kg: 0.02": "mass_kg: 20"})
 
 
 def test_a_written_set_up_file_can_be_read_where_it_stands(tmp_path):

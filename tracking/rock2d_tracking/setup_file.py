@@ -16,7 +16,7 @@ from rock2d.errors import InputError, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys, warn_of_impossible_blocks
 from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -152,7 +152,8 @@ class Setup:
     from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
-        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
+        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake. Warns with
+        `UnusualWarning` of blocks that nothing is like."""
         self.path = Path(path)
         self.text = read_text(self.path) if text is None else text
         self._document = Document(self.path, self.text)
@@ -161,6 +162,7 @@ class Setup:
         self.board_size_px: tuple[int, int] | None = None
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
+        warn_of_impossible_blocks(self._document, self.blocks, self.cross_section)
         camera = self.keys.camera
         fps = None if camera.fps == FROM_GRAVITY else float(camera.fps)
         self.scale = FilmScale(self._metres_per_pixel(), fps, self.keys.gravity_m_s2)

@@ -20,7 +20,7 @@ from rock2d_tracking.setup_file import Setup, write_setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
-from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, tracked_film
+from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, remarks_on_names, tracked_film
 
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flight_gravity import Measured
@@ -225,6 +225,15 @@ def test_what_is_seen_in_too_few_frames_takes_no_name_from_a_release(tmp_path, f
     assert follower._next_block() == name
     follower._end_release()
     assert len(follower.releases) == 1 and follower._next_block() == name
+
+
+def test_the_names_that_releases_took_are_said_where_they_are_in_doubt(tmp_path):
+    setup = stated_setup(tmp_path / "setup.yaml")
+    assert remarks_on_names(["sphere", "cube", "slab"], setup) == []
+    assert "lists 3. They were taken for sphere, slab: " in remarks_on_names(["sphere", "slab"], setup)[0]
+    setup.path.write_text(re.sub(r"releases:\s.*", "releases: [cube]\n", setup.text, flags=re.DOTALL))
+    said = remarks_on_names(["cube"] * 5, Setup(setup.path))
+    assert said[0].startswith("every release was taken for cube, none for sphere, slab: ")
 
 
 def test_background_frames_that_the_film_does_not_have_are_refused(tmp_path):

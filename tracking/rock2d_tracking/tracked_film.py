@@ -75,13 +75,7 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
             f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved, or were trusted "
             f"in fewer than {FEWEST_FLIGHT_FRAMES} frames, and are left out"
         )
-    stated = len(setup.keys.releases)
-    if stated > 1 and stated != len(kept):
-        remarks.append(
-            f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}. They were "
-            f"taken for {comma_list(release.block for release in kept)}: if that is wrong, correct releases and track "
-            "again"
-        )
+    remarks += remarks_on_names([release.block for release in kept], setup)
     missing = 0
     for release in kept:
         missing += _renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)
@@ -98,6 +92,20 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     usual_fps = fps / float(np.median(steps))  # another one than stated only where the frame rate varies
     smear_offset_s = SMEAR_OFFSET * max(release.shutter for release in kept) / fps
     return _measured(frames, setup, size_px, usual_fps, smear_offset_s, remarks, offset_px)
+
+
+def remarks_on_names(blocks: Sequence[str], setup: Setup) -> list[str]:
+    """Remarks if the releases that were seen, of these blocks, may not be those that the set-up states."""
+    stated, wrong = setup.keys.releases, "if that is wrong, correct releases and track again"
+    if len(stated) > 1 and len(stated) != len(blocks):
+        return [
+            f"{counted(len(blocks), 'release')} seen, but the key releases of the set-up file lists {len(stated)}. "
+            f"They were taken for {comma_list(blocks)}: {wrong}"
+        ]
+    others = [name for name in setup.blocks if name not in stated]
+    if len(stated) == 1 and others:
+        return [f"every release was taken for {stated[0]}, none for {comma_list(others)}: {wrong}"]
+    return []
 
 
 def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:

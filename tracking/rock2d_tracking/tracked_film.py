@@ -97,10 +97,10 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
 def remarks_on_names(blocks: Sequence[str], setup: Setup) -> list[str]:
     """Remarks if the releases that were seen, of these blocks, may not be those that the set-up states."""
     stated, wrong = setup.keys.releases, "if that is wrong, correct releases and track again"
-    if len(stated) > 1 and len(stated) != len(blocks):
+    if len(stated) > 1 and list(blocks) != stated:
         return [
-            f"{counted(len(blocks), 'release')} seen, but the key releases of the set-up file lists {len(stated)}. "
-            f"They were taken for {comma_list(blocks)}: {wrong}"
+            f"{counted(len(blocks), 'release')} seen and taken for {comma_list(blocks)}, but the key releases of the "
+            f"set-up file lists {len(stated)}, {comma_list(stated)}: {wrong}"
         ]
     others = [name for name in setup.blocks if name not in stated]
     if len(stated) == 1 and others:

@@ -1,6 +1,7 @@
 """Pixels and metres: there and back, with every convention said aloud."""
 
 import os
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -217,6 +218,14 @@ def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
 def test_a_mass_in_g_is_told(tmp_path):
     with pytest.warns(UnusualWarning, match=r"setup.yaml:12:3: blocks.cube: .* Is the mass in g instead of kg"):
         setup(tmp_path, "{metres_per_pixel: 1.0e-3}", **{"mass_kg: 0.02": "mass_kg: 20"})
+
+
+def test_a_gravity_that_the_film_cannot_check_is_told_if_it_is_unusual(tmp_path):
+    with pytest.warns(UnusualWarning, match=r"setup.yaml:2:1: gravity_m_s2: gravity is 9.18 m/s²; on the earth"):
+        setup(tmp_path, "{metres_per_pixel: gravity}", **{"9.81": "9.18"})
+    with warnings.catch_warnings(action="error"):
+        setup(tmp_path, "{metres_per_pixel: gravity}")
+        setup(tmp_path, "{metres_per_pixel: 1.0e-3}", **{"9.81": "9.18"})  # what falls shows it
 
 
 def test_a_written_set_up_file_can_be_read_where_it_stands(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from rock2d.arrays import Array
-from rock2d.errors import InputError, counted
+from rock2d.errors import InputError, UnusualWarning, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
@@ -20,6 +21,7 @@ from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, bl
 from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.plausibility import site_doubts
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import STRONGEST_BARREL, PixelMap
 from rock2d_tracking.film_scale import FilmScale
@@ -153,7 +155,7 @@ class Setup:
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
         """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake. Warns with
-        `UnusualWarning` of blocks that nothing is like."""
+        `UnusualWarning` of blocks that nothing is like, and of an unusual gravity from which a scale is computed."""
         self.path = Path(path)
         self.text = read_text(self.path) if text is None else text
         self._document = Document(self.path, self.text)
@@ -169,6 +171,13 @@ class Setup:
         self.from_gravity: FromGravity | None = None
         if self.scale.fps is None or self.scale.metres_per_pixel is None:
             self.from_gravity = FromGravity(which="fps" if fps is None else "scale", relative_error=0.0)
+            self._warn_of_unusual_gravity()
+
+    def _warn_of_unusual_gravity(self) -> None:
+        """Warn of a gravity that gives scale or frame rate, because such a film cannot check it."""
+        for doubt in site_doubts(self.cross_section, self.keys.gravity_m_s2):
+            if doubt.key == ("gravity_m_s2",):
+                warnings.warn(UnusualWarning(str(self._document.error(doubt.text, *doubt.key, at="key"))), stacklevel=3)
 
     def _metres_per_pixel(self, size_px: tuple[int, int] | None = None) -> float | None:
         """The stated scale; without the size of the images, the lens is left out between marked points."""

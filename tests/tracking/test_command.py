@@ -112,7 +112,7 @@ def test_import_refuses_a_lens_that_it_cannot_take_out(filmed, tmp_path):
     (tmp_path / "setup.yaml").write_text(text.replace("  up: up", "  distortion: {k: -0.1}\n  up: up"))
     (tmp_path / "t.txt").write_text(TRACKER)
     result = commanded("import", tmp_path / "t.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y",
-                       "down", "--out", tmp_path / "out")  # fmt: skip
+                       "down", "--block", "cube", "--out", tmp_path / "out")  # fmt: skip
     assert isinstance(result.exception, InputError) and "camera.distortion" in result.exception.message
     assert result.exception.line == text[: text.index("  up: up")].count("\n") + 1
     assert not (tmp_path / "out").exists()

@@ -288,7 +288,7 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--config", type=click.Path(path_type=Path), required=True,
               help="setup.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
 @click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows in the picture.")
-@click.option("--block", help="Name of the block. Default: that of the set-up's first release.")
+@click.option("--block", help="Name of the block. Default: that of the set-up's releases, if they are of one.")
 @click.option("--mark", "marks", multiple=True, help="Point on the block; two give its orientation.")
 @click.option("--centroid", multiple=True, help="Points whose mean is the centroid. Default: the first mark.")
 @click.option("--file-fps", type=float, help="Frames per unit of the files' time, if they number no frames.")

@@ -29,7 +29,8 @@ def remedy(fitted: FittedEffect) -> str:
     )
     return (
         f"The picture is turned by {number(abs(turn), width)}° {way} against the vertical. Set `tilt_deg: "
-        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {fitted.origin()} "
+        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there; where `up` is down, with the "
+        f"other sign). {fitted.origin()} "
         f"{TRACK_AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the "
         "next film."
     )

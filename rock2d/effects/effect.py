@@ -10,6 +10,7 @@ import numpy as np
 
 from rock2d.scene.world import World
 
+EDGE_DISTANCE = 0.01  # share of the plausible range; a parameter nearer to an end is at the end
 LABORATORY_M = 0.02  # block size for which plausible ranges are stated
 STANDARD_GRAVITY_M_S2 = 9.80665
 CAMERA, FLIGHT, BLOCK, GROUND, IMPACT_LAW = ORIGINS = ("camera", "flight", "block", "ground", "impact law")
@@ -53,6 +54,11 @@ class Parameter:
     def choice_name(self, value: float) -> str | None:
         """Name of a choice; None for a quantity."""
         return dict(zip(self.choices, self.choice_names, strict=False)).get(value)
+
+    def ended_at(self, value: float) -> bool:
+        """Whether a fitted value lies at an end of the plausible range: the fit stopped there, and measured nothing."""
+        room = min(value - self.low, self.high - value)
+        return not self.choices and value != self.neutral and room < EDGE_DISTANCE * (self.high - self.low)
 
     def at(self, size_m: float, gravity_m_s2: float) -> Parameter:
         """The parameter with its range for blocks of the mean size `size_m`: lengths scale with the size L, times with

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.effects.effect import Effect
+from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.world import World
 from rock2d.wording import number, plain, point
 
@@ -69,6 +69,20 @@ class FittedEffect:
         value = of_world(self.world())
         moved = [of_world(self.world({name: self.values[name] + half})) for name, half in self.half.items()]
         return value, np.sqrt(np.sum([(other - value) ** 2 for other in moved], axis=0))
+
+    def ended(self) -> list[tuple[str, Parameter]]:
+        """(block, "" for all; parameter with its range at the scale of the set-up) where the fit ended at an end of
+        the plausible range."""
+        found = []
+        for parameter in self.effect.parameters:
+            own = {"": (self.setup.mean_size_m, self.values[parameter.name])}
+            if parameter.name in self.by_block:
+                each = self.by_block[parameter.name]
+                own = {name: (self.setup.blocks[name].size_m, float(entry["value"])) for name, entry in each.items()}
+            for name, (size_m, value) in own.items():
+                scaled = parameter.at(size_m, self.setup.gravity_m_s2)
+                found += [(name, scaled)] if scaled.ended_at(value) else []
+        return found
 
     def origin(self) -> str:
         """Sentence on the true position of the default origin; the camera's axis is one of the fitted parameters."""

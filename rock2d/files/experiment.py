@@ -20,7 +20,7 @@ from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import atomic_folder, path_inside
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys, warn_of_impossible_blocks
 from rock2d.files.text_files import read_text
 from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
@@ -155,7 +155,8 @@ def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFram
 
 
 def load_experiment(folder: str | Path) -> Experiment:
-    """Read and check an experiment folder; raises `InputError` for the first mistake."""
+    """Read and check an experiment folder; raises `InputError` for the first mistake. Warns with `UnusualWarning` of
+    blocks that nothing is like."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
@@ -166,6 +167,7 @@ def load_experiment(folder: str | Path) -> Experiment:
     keys = document.check(ExperimentKeys)
     cross_section = keys.cross_section.make()
     blocks = {name: block.make(name) for name, block in keys.blocks.items()}
+    warn_of_impossible_blocks(document, blocks, cross_section)
     tables: dict[str, pd.DataFrame] = {}
     for kind in ("trajectories", "impacts"):
         relative = getattr(keys, kind)

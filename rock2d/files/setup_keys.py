@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, create_model, model_validator
 
-from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
+from rock2d.errors import UnusualWarning
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown
 from rock2d.files.places import is_number
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from rock2d.scene.earthworks import DitchSizes, EmbankmentSizes
+from rock2d.scene.plausibility import block_doubts
 from rock2d.scene.shapes import inertia_words, shapes
 from rock2d.scene.shapes.shape import BlockError, Shape
 
@@ -201,3 +205,11 @@ def block_keys(block: Block) -> dict[str, Any]:
         if make_block(block.name, inertia=inertia, **keys).inertia_kg_m2 == block.inertia_kg_m2:
             return keys | {"inertia": inertia}
     return keys | {"inertia": float(block.inertia_kg_m2)}
+
+
+def warn_of_impossible_blocks(document: Document, blocks: Mapping[str, Block], ground: CrossSection) -> None:
+    """Warn of blocks of a density or size that nothing has, because of a wrong unit. What is only unusual on a slope,
+    such as a ball of steel, is usual in a film."""
+    for doubt in (doubt for block in blocks.values() for doubt in block_doubts(block, ground)):
+        if doubt.impossible:
+            warnings.warn(UnusualWarning(str(document.error(doubt.text, *doubt.key, at="key"))), stacklevel=3)

@@ -38,6 +38,8 @@ REMARKABLE_GRAVITY = 0.06  # relative difference of recorded gravity
 STILL_ANGLE_SDS = 1.5  # standard deviation of an angle that does not change, over that of the noise
 MOST_BESIDE = 0.5  # largest share of the frames with the block outside the cross-section
 LANDED_FRAMES = 5  # fewest frames after the lowest position of a block that has landed
+MOST_ROLLING = 6.0  # largest median of the spin over that of a block that rolls
+LARGEST_SPEED = 100.0  # largest median of the speeds, over that of a fall from the top of the cross-section
 DEEP_RADII, FAR_RADII = 0.5, 2.0  # depth and height of blocks, in radii, that no soil explains
 
 
@@ -172,10 +174,28 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
     moving = travel > 4 * film.noise[X]
     if moving.sum() > 50:
         rolling = float(np.median(turn[moving]) * np.median(size) / np.median(travel[moving]))
-        if rolling > 6:
-            found.fail(
-                ANGLE_UNIT, f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?"
-            )
+        _check_rolling(rolling, found)
+
+
+def _check_rolling(rolling: float, found: Sanity) -> None:
+    """Fault if blocks turn `rolling` times as fast as blocks that roll, which none does."""
+    if rolling > MOST_ROLLING:
+        found.fail(ANGLE_UNIT, f"blocks turn {rolling:.0f} times as fast as rolling would: are the angles in degrees?")
+
+
+def _check_velocities(experiment: Experiment, data: ImpactTable, found: Sanity) -> None:
+    """Faults of the units of the velocities before the impacts of a table."""
+    speed, spin = np.hypot(*data.before[:, LINEAR_VELOCITY].T), np.abs(data.before[:, OMEGA])
+    extent = float(np.ptp(experiment.cross_section.points_m, axis=0).max())
+    usual, fall = float(np.median(speed)), float(np.sqrt(2.0 * experiment.gravity_m_s2 * extent))
+    if usual > LARGEST_SPEED * fall:
+        found.fail(
+            LENGTH_UNIT,
+            f"blocks strike at {usual:.3g} m/s (median), a fall over the whole cross-section gives {fall:.3g} m/s: are "
+            "the velocities in millimetres per second?",
+        )
+    radius = np.array([block.radius_m for block in experiment.blocks.values()])[data.impact_block]
+    _check_rolling(float(np.median(spin * radius)) / max(usual, 1e-9), found)
 
 
 def _check_reach(experiment: Experiment, positions: Array, found: Sanity) -> bool:
@@ -319,6 +339,7 @@ def check_table(experiment: Experiment, data: ImpactTable) -> Sanity:
     if found.faults:
         return found
     _check_reach(experiment, data.before[:, POSITION], found)
+    _check_velocities(experiment, data, found)
     mass, inertia = np.array([(b.mass_kg, b.inertia_kg_m2) for b in experiment.blocks.values()])[data.impact_block].T
     energy = [
         0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia * w**2

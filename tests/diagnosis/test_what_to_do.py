@@ -67,7 +67,8 @@ def test_the_tilt_in_the_set_up_file_undoes_camera_tilt(tilt, up):
     stated = replace(STATED, up=up)
     seen, angle = stated.to_pixel(poses[:, :2]), stated.angle_to_pixel(poses[:, 2])
     turn = np.deg2rad(number("tilt_deg: {}", text))
-    tracked = replace(stated, tilt_rad=stated.tilt_rad + turn, origin_m=origin(text))
+    assert "where `up` is down, with the other sign" in text
+    tracked = replace(stated, tilt_rad=stated.tilt_rad + turn, origin_m=origin(text))  # as set-up files give it
     assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
     assert np.allclose(tracked.angle_to_world(angle), true[:, 2], atol=1e-5)
 
@@ -241,6 +242,29 @@ def test_a_scale_whose_aspect_is_not_clear_is_one_scale():
         for aspect in (1.0, 1.005)
     ]
     assert len({instruction("scale_error", fit, EXPERIMENT) for fit in fits}) == 1
+
+
+@pytest.mark.parametrize(("name", "at_end", "inside", "said_of_range"), [
+    ("scale_error", (1.04, 0.97, 0.1, 0.2), (1.04, 0.975, 0.1, 0.2), "(0.97 to 1.03) of this value: scale along x"),
+    ("camera_tilt", (-0.15, 0.1, 0.2), (-0.14, 0.1, 0.2), "range (−8.59 to 8.59 °) of"),
+])  # fmt: skip
+def test_a_value_at_the_end_of_its_range_is_no_measurement(name, at_end, inside, said_of_range):
+    text = said(name, *at_end)
+    assert "It is no measurement" in text and said_of_range in text
+    assert "no measurement" not in said(name, *inside)
+
+
+def test_a_value_of_one_block_at_the_end_of_its_range_is_no_measurement():
+    """The range of a drag grows with the size of the block."""
+    drag = catalogue()["air_drag"].parameters[0]
+    ends = {name: drag.at(block.size_m, 9.81).high for name, block in BLOCKS.items()}
+    first, *others = BLOCKS
+    values = {first: ends[first]} | {name: 0.5 * ends[name] for name in others}
+    own = parameters("air_drag", float(np.mean([*values.values()])))
+    known = {"ci95": [0.0, 1.0], "drag_coefficient": {"value": 0.5, "ci95": [0.0, 1.0]}}
+    own[drag.name]["by_block"] = {name: {"value": v, **known} for name, v in values.items()}
+    text = instruction("air_drag", {"base": SOIL, "parameters": {"air_drag": own}}, EXPERIMENT)
+    assert text.count("no measurement") == 1 and f"value: {first}, " in text
 
 
 @pytest.mark.parametrize("verdict", ["none", "unknown"])

@@ -2,6 +2,7 @@
 
 import random
 import shutil
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, UnusualWarning
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, FromGravity, load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
@@ -54,6 +55,25 @@ def folder(tmp_path):
     (path / "experiment.yaml").write_text(SETUP)
     (path / "seen.csv").write_text(ROWS)
     return path
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ("mass_kg: 0.0233", "mass_kg: 23.3", r"experiment.yaml:14:3: blocks.cube: .* Is the mass in g instead of kg"),
+        ("side_m: 0.019", "side_m: 19", "blocks.cube: .* Is the size in mm instead of m"),
+    ],
+)
+def test_a_block_in_a_wrong_unit_is_told(folder, right, wrong, said):
+    (folder / "experiment.yaml").write_text(SETUP.replace(right, wrong))
+    with pytest.warns(UnusualWarning, match=said):
+        load_experiment(folder)
+
+
+def test_a_ball_of_steel_or_foam_is_nothing_unusual(folder):
+    (folder / "experiment.yaml").write_text(SETUP.replace("mass_kg: 0.022", "mass_kg: 0.064").replace("0.0233", "2e-4"))
+    with warnings.catch_warnings(action="error"):
+        load_experiment(folder)
 
 
 def refused(folder) -> str:

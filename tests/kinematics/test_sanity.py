@@ -10,15 +10,18 @@ import pytest
 from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.effects import catalogue
-from rock2d.files.experiment import load_experiment
+from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.kinematics.film_findings import rest_remarks, shape_remarks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
+from rock2d.kinematics.impacts import AFTER_COLUMNS, ImpactTable
+from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film, check_table
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.window_gravity import window_gravity
+from rock2d.records.columns import STATE_NAMES
 from rock2d.scene.blocks import make_block
-from tests.kinematics.synthetic_films import film, world, yielded
+from rock2d.scene.cross_section import CrossSection
+from tests.kinematics.synthetic_films import BLOCKS, POINTS, ZONES, film, world, yielded
 
 STICKY = catalogue()["adhesion"].apply(world(), [12.0])
 NOTHING = {"angle_offset": catalogue()["angle_offset"]}
@@ -245,6 +248,23 @@ def test_too_little_to_diagnose_is_said(plain):
     content = diagnosis_json(diagnose(replace(plain, trajectories=one)))
     assert content["verdict"] == "unknown" and content["probabilities"]["unknown"] == 0.5
     assert "too few" in content["sanity"]["faults"][0]
+
+
+@pytest.mark.parametrize(
+    ("velocity", "spin", "said"),
+    [(1.0, 1.0, ""), (1e3, 1.0, "velocities in millimetres per second"), (1.0, np.rad2deg(1.0), "angles in degrees")],
+)
+def test_the_units_of_the_velocities_of_a_table_are_checked(velocity, spin, said):
+    rng, columns = np.random.default_rng(5), ["release", "block", *STATE_NAMES, *AFTER_COLUMNS]
+    rows = []
+    for k in range(20):
+        vx, vy, omega = rng.uniform([0.5, -2.0, -90.0], [1.5, -1.0, -30.0])
+        linear, turning = velocity * np.array([vx, vy, vx, -0.4 * vy]), spin * np.array([omega, 0.8 * omega])
+        rows.append((k % 4, "cube", 0.05, 0.02, 0.3, *linear[:2], turning[0], *linear[2:], turning[1]))
+    impacts, ground = pd.DataFrame(rows, columns=columns), CrossSection(POINTS, ZONES)
+    table = Experiment("table", 9.81, 1000.0, 3e-4, 0.02, ground, dict(BLOCKS), impacts=impacts)
+    found = check_table(table, ImpactTable.of(table))
+    assert said in " ".join(fault.message for fault in found.faults) and bool(found.faults) == bool(said)
 
 
 def test_lost_frames_are_remarked(plain):

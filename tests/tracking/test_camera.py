@@ -1,14 +1,18 @@
 """Pixels and metres: there and back, with every convention said aloud."""
 
 import os
+import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_file import Setup, write_setup
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, UnusualWarning
+from rock2d.files.experiment import Experiment
 from tests.programs import refusal
+from tests.tracking.falls import BLOCKS, CROSS_SECTION
 
 SETUP = """\
 name: set-up
@@ -65,6 +69,24 @@ def test_a_lens_that_folds_the_picture_over_is_refused(tmp_path):
                 setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **camera).for_images((1280, 720))
 
 
+@pytest.mark.parametrize(
+    ("origin", "points", "said"),
+    [
+        ("[100.0, 300.0]", "[[40, 360], [1240, 360]]", ""),
+        ("[640.0, 1200.0]", "[[40, 360], [1240, 360]]", r"setup.yaml:\d+:\d+: camera.origin_px: lies 84. px"),
+        ("[100.0, 300.0]", "[[40, 360], [1640, 360]]", r"setup.yaml:\d+:\d+: camera.scale.points_px.1.?: lies 100. px"),
+    ],
+)
+def test_a_point_beyond_the_fold_of_a_lens_is_refused(tmp_path, origin, points, said):
+    """Seen ρ ends at 2 / (3 √(-3k)), at 734 px here: farther out, no place in the world looks so."""
+    lens = {"  up: up": "  up: up\n  distortion: {k: -0.148}", "[100.0, 300.0]": origin}
+    found = setup(tmp_path, f"{{points_px: {points}, distance_m: 2.0}}", **lens)
+    if said:
+        refusal(found.for_images, (1280, 720), said=said)
+    else:
+        assert found.pixel_map((1280, 720)).farthest_px == pytest.approx(734, abs=1)
+
+
 def test_what_rises_in_the_world_falls_in_the_rows_of_the_image():
     camera = PixelMap(1e-3, (10.0, 20.0))
     np.testing.assert_allclose(camera.to_pixel(np.array([0.002, 0.003])), [12.0, 17.0])
@@ -85,6 +107,44 @@ def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
     cv2.imwrite(str(tmp_path / "board.png"), board)
     found = setup(tmp_path, BOARD)
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
+
+
+def test_a_checkerboard_in_a_picture_of_another_size_than_the_film_is_refused(tmp_path):
+    """Its squares have another number of pixels there."""
+    import cv2
+
+    board = checkerboard()
+    height, width = board.shape
+    cv2.imwrite(str(tmp_path / "board.png"), board)
+    found = setup(tmp_path, BOARD)
+    assert found.for_images((width, height)).metres_per_pixel == found.metres_per_pixel
+    said = rf"camera.scale.checkerboard: the film has {2 * width} x {2 * height} px, .* {width} x {height} px"
+    error = refusal(found.for_images, (2 * width, 2 * height), said=said)
+    assert error.file == tmp_path / "setup.yaml" and error.line == 5
+
+
+@pytest.mark.parametrize("tilt_deg", [-7.0, 20.0])
+@pytest.mark.parametrize("up", ["up", "down"])
+def test_what_falls_in_a_tilted_film_falls_straight_down(tmp_path, up, tilt_deg):
+    """A level line rises by the tilt in the picture, whether the world's y grows to its top or to its bottom."""
+    rise = np.deg2rad(tilt_deg)
+    level = np.array([np.cos(rise), -np.sin(rise)])  # [u, v], v downward
+    upright = np.array([-np.sin(rise), -np.cos(rise)]) if up == "up" else np.array([np.sin(rise), np.cos(rise)])
+    t_s = np.linspace(0, 0.2, 9)[:, None]
+    seen = np.array([400.0, 300.0]) + (1.5 * t_s * level - 0.5 * 9.81 * t_s**2 * upright) / 5e-4
+    found = setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **{"  up: up": f"  up: {up}\n  tilt_deg: {tilt_deg}"})
+    camera = found.pixel_map((1280, 720))
+    way = camera.to_world(seen) - camera.to_world(seen[:1])
+    np.testing.assert_allclose(way, np.hstack([1.5 * t_s, -0.5 * 9.81 * t_s**2]), atol=1e-12)
+    assert camera.angle_to_world(np.arctan2(level[1], level[0])) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("up", [-1, 1])
+def test_a_written_set_up_file_has_the_tilt_of_its_camera(tmp_path, up):
+    camera = PixelMap(6e-4, (100.0, 320.0), up=up, tilt_rad=0.1)
+    stated = Experiment("film", 9.81, 1000.0, 0.0, 0.0, CROSS_SECTION, BLOCKS, impacts=pd.DataFrame())
+    write_setup(tmp_path / "setup.yaml", stated, camera, ["cube"])
+    assert Setup(tmp_path / "setup.yaml").pixel_map(None).tilt_rad == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("distortion", ["{k: -0.1}", "{k: 0.08}", "{k: -0.1, centre_px: [600, 380]}", "{k: 0.0}"])
@@ -146,11 +206,26 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path, narrow):
         ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "fps: -3"}, "greater than 0|> 0"),
         ("{checkerboard: ../board.png, square_m: 0.1}", {}, "camera.scale.checkerboard: .* found '..'"),
         ("{metres_per_pixel: 1.0e-3}", {"releases: [cube]": "releases: [cub]"}, "did you mean 'cube'"),
+        ("{metres_per_pixel: 1.0e-3}", {"[cube]": "[cube]\ndetection: {background_frames: [-1, 9]}"}, "equal to 0"),
+        ("{metres_per_pixel: 1.0e-3}", {"[cube]": "[cube]\ndetection: {background_frames: [9, 2]}"}, "found 9, 2"),
     ],
 )
 def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
     error = refusal(setup, tmp_path, scale, said=said, **changes)
     assert "setup.yaml:" in str(error) and error.line
+
+
+def test_a_mass_in_g_is_told(tmp_path):
+    with pytest.warns(UnusualWarning, match=r"setup.yaml:12:3: blocks.cube: .* Is the mass in g instead of kg"):
+        setup(tmp_path, "{metres_per_pixel: 1.0e-3}", **{"mass_kg: 0.02": "mass_kg: 20"})
+
+
+def test_a_gravity_that_the_film_cannot_check_is_told_if_it_is_unusual(tmp_path):
+    with pytest.warns(UnusualWarning, match=r"setup.yaml:2:1: gravity_m_s2: gravity is 9.18 m/s²; on the earth"):
+        setup(tmp_path, "{metres_per_pixel: gravity}", **{"9.81": "9.18"})
+    with warnings.catch_warnings(action="error"):
+        setup(tmp_path, "{metres_per_pixel: gravity}")
+        setup(tmp_path, "{metres_per_pixel: 1.0e-3}", **{"9.81": "9.18"})  # what falls shows it
 
 
 def test_a_written_set_up_file_can_be_read_where_it_stands(tmp_path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import click
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
@@ -13,12 +14,14 @@ from rock2d_tracking.importers.tracker import write_tracker
 from rock2d_tracking.setup_file import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
+from ruamel.yaml import YAML
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
-from rock2d.files.experiment import load_experiment, write_experiment
+from rock2d.files.checked_yaml import yaml_text
+from rock2d.files.experiment import Experiment, load_experiment, write_experiment
 from tests.programs import commanded
-from tests.tracking.falls import CAMERA, SIZE_PX, falls
+from tests.tracking.falls import BLOCKS, CAMERA, CROSS_SECTION, SIZE_PX, falls
 from tests.tracking.tracked_files import TRACKER
 
 
@@ -75,6 +78,17 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     np.testing.assert_allclose(found.trajectories[columns], own[columns], atol=1e-9)
 
 
+def test_import_does_not_guess_of_which_block_the_tracks_are(tmp_path):
+    path = tmp_path / "setup.yaml"
+    stated = Experiment("film", 9.81, 1000.0, 0.0, 0.0, CROSS_SECTION, BLOCKS, impacts=pd.DataFrame())
+    write_setup(path, stated, CAMERA, ["sphere", "cube", "cube"])
+    (tmp_path / "t.txt").write_text(TRACKER)
+    result = commanded("import", tmp_path / "t.txt", "--kind", "tracker", "--config", path, "--y", "up", "--out",
+                       tmp_path / "out")  # fmt: skip
+    assert isinstance(result.exception, InputError) and result.exception.file == path
+    assert "--block: the releases are of several blocks, expected one of sphere, cube" in result.exception.message
+
+
 @pytest.mark.parametrize("y", ["up", "down"])
 @pytest.mark.parametrize("up", [-1, 1])
 def test_import_sees_through_the_camera_of_the_set_up_file(filmed, tmp_path, up, y):
@@ -98,7 +112,7 @@ def test_import_refuses_a_lens_that_it_cannot_take_out(filmed, tmp_path):
     (tmp_path / "setup.yaml").write_text(text.replace("  up: up", "  distortion: {k: -0.1}\n  up: up"))
     (tmp_path / "t.txt").write_text(TRACKER)
     result = commanded("import", tmp_path / "t.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y",
-                       "down", "--out", tmp_path / "out")  # fmt: skip
+                       "down", "--block", "cube", "--out", tmp_path / "out")  # fmt: skip
     assert isinstance(result.exception, InputError) and "camera.distortion" in result.exception.message
     assert result.exception.line == text[: text.index("  up: up")].count("\n") + 1
     assert not (tmp_path / "out").exists()
@@ -121,7 +135,9 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
 
 def test_a_set_up_file_that_names_a_picture_is_used_again_from_the_results(filmed, tmp_path):
     squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
-    board = np.pad(np.kron(squares, np.ones((24, 24), np.uint8)), 40, constant_values=255)
+    board = np.kron(squares, np.ones((24, 24), np.uint8))
+    (height, width), (wide, high) = board.shape, SIZE_PX
+    board = np.pad(board, ((40, high - 40 - height), (40, wide - 40 - width)), constant_values=255)
     cv2.imwrite(str(tmp_path / "board.png"), board)
     scale = "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.0144}"
     text, stated = (filmed / "setup.yaml").read_text(), "{metres_per_pixel: 0.0006}"
@@ -155,6 +171,18 @@ def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong
     with pytest.raises(InputError, match=said):
         tracked(filmed / "film.avi", setup, out, "--frames", frames)
     assert not out.exists()
+
+
+def test_of_the_first_frames_the_first_releases_are_seen(filmed, tmp_path):
+    """Also where the block of a later release has just the size that is seen. The remark says what was taken."""
+    keys = YAML(typ="safe").load(filmed / "setup.yaml")
+    size_m = keys["blocks"]["sphere"]["diameter_m"]
+    keys["blocks"]["slab"] = {**keys["blocks"]["sphere"]}
+    keys["blocks"]["sphere"]["diameter_m"] = 1.04 * size_m
+    (tmp_path / "setup.yaml").write_text(yaml_text(keys))
+    said = tracked(filmed / "film.avi", tmp_path / "setup.yaml", tmp_path / "out", "--frames", 180)
+    assert "1 release seen and taken for sphere, but the key releases of the set-up file lists 3, sphere, cube" in said
+    assert set(load_experiment(tmp_path / "out").trajectories["block"]) == {"sphere"}
 
 
 def test_a_set_up_file_and_a_frame_rate_contradict_each_other(filmed, tmp_path):

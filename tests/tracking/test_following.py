@@ -3,23 +3,29 @@
 import copy
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
+from rock2d_tracking.arcs import Arc
 from rock2d_tracking.candidates import CANDIDATE
+from rock2d_tracking.film_reading import EVEN
 from rock2d_tracking.following import Follower, releases_shown
 from rock2d_tracking.looks import Looks
-from rock2d_tracking.motion import Motion
+from rock2d_tracking.motion import Chain, Motion
 from rock2d_tracking.outline import outline_of
 from rock2d_tracking.setup_file import Setup, write_setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
-from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, tracked_film
+from rock2d_tracking.tracked_film import TrackedFilm, moving_releases, remarks_on_names, tracked_film
 
 from rock2d.files.experiment import Experiment
-from tests.tracking.falls import CAMERA, SIZE_PX, SYMMETRY, falls, followed
+from rock2d.kinematics.flight_gravity import Measured
+from tests.programs import refusal
+from tests.tracking.falls import BLOCKS, CAMERA, CROSS_SECTION, SIZE_PX, SYMMETRY, falls, followed
 
 cv2.setNumThreads(1)
 NOISY = Faults(noise_grey=3.0, shot_noise=0.05)
@@ -59,6 +65,21 @@ class Tracked:
 def film_in(releases: list[FollowedRelease], setup: Setup) -> TrackedFilm:
     """The experiment that releases show."""
     return tracked_film(moving_releases(releases, setup.fall_px), len(releases), setup, SIZE_PX)
+
+
+def stated_setup(path: Path) -> Setup:
+    """A set-up that states one release of each block."""
+    stated = Experiment("film", 9.81, 1000.0, 0.0, 0.0, CROSS_SECTION, BLOCKS, impacts=pd.DataFrame())
+    write_setup(path, stated, CAMERA, ["sphere", "cube", "slab"])
+    return Setup(path)
+
+
+def chain(first: int, last: int, area_px2: float = 500.0) -> Chain:
+    """One arc, in every frame."""
+    frames = np.arange(first, last + 1)
+    still, areas = np.zeros((len(frames), 2)), np.full(len(frames), area_px2)
+    fall = (True, False, Measured(1.0, 0.1), 1.0, 50.0, 0.0)
+    return Chain([Arc(frames, still, areas, np.zeros((3, 2)), 0.0, EVEN, *fall)])
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +197,8 @@ def test_what_never_moves_is_no_release(tracked):
     still = [FollowedRelease("cube", [replace(found.releases[1].seen[0], frame=k) for k in range(30)])]
     again = film_in([*copy.deepcopy(found.releases), *still], found.setup)
     assert again.experiment.trajectories["release"].nunique() == 3
-    assert any("never moved" in remark for remark in again.remarks)
+    said = "1 of 4 objects that were followed never moved, or were trusted in fewer than 8 frames, and are left out"
+    assert said in again.remarks
 
 
 def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
@@ -188,6 +210,48 @@ def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
     assert len(releases) == 4 and np.ptp([s.pose[0] for s in releases[0].seen]) < 0.1
     kept = moving_releases(releases, found.setup.fall_px)
     assert [release.block for release in kept] == ["sphere", "cube", "slab"]
+
+
+@pytest.mark.parametrize(("frames", "name"), [(7, "sphere"), (8, "cube")])
+def test_what_is_seen_in_too_few_frames_takes_no_name_from_a_release(tmp_path, frames, name):
+    """A hand moves into the picture before the first release."""
+    follower = object.__new__(Follower)
+    follower.setup, follower.fall_px, follower.chain = stated_setup(tmp_path / "setup.yaml"), 0.0, None
+    follower.looks = {"sphere": Looks("outline", outline_of(BLOCKS["sphere"], 6e-4, -1))}
+    follower.motion = Motion(candidates=[np.empty(0, CANDIDATE)] * frames)
+    follower.releases, follower._named = [], 0
+    hand = [Sight(k, np.array([100.0 + 2 * k, 80.0, 0.0]), np.ones(3), 1.0) for k in range(frames)]
+    follower.release = FollowedRelease("sphere", hand)
+    assert follower._next_block() == name
+    follower._end_release()
+    assert len(follower.releases) == 1 and follower._next_block() == name
+
+
+def test_the_names_that_releases_took_are_said_where_they_are_in_doubt(tmp_path):
+    setup = stated_setup(tmp_path / "setup.yaml")
+    assert remarks_on_names(["sphere", "cube", "slab"], setup) == []
+    said = "releases seen and taken for {}, but the key releases of the set-up file lists 3, sphere, cube, slab: "
+    for blocks in (["sphere", "slab"], ["cube", "slab", "slab"], ["sphere", "cube", "slab", "slab"]):
+        assert said.format(", ".join(blocks)) in remarks_on_names(blocks, setup)[0]
+    setup.path.write_text(re.sub(r"releases:\s.*", "releases: [cube]\n", setup.text, flags=re.DOTALL))
+    said = remarks_on_names(["cube"] * 5, Setup(setup.path))
+    assert said[0].startswith("every release was taken for cube, none for sphere, slab: ")
+
+
+def test_background_frames_that_the_film_does_not_have_are_refused(tmp_path):
+    setup = stated_setup(tmp_path / "setup.yaml")
+    setup.path.write_text(f"{setup.text}detection: {{background_frames: [5, 9]}}\n")
+    film = [np.zeros(SIZE_PX[::-1], np.uint8)] * 5
+    said = r"setup.yaml:\d+:\d+: detection.background_frames: begins after the last frame: 5 frames"
+    refusal(Follower, film, Setup(setup.path), SIZE_PX, Motion(candidates=[np.empty(0, CANDIDATE)] * 5), said=said)
+
+
+def test_an_arc_too_short_for_a_release_takes_no_name_from_a_release(tmp_path):
+    """Looks are learnt on arcs. A hand falls for 6 frames before the first of three releases."""
+    follower = object.__new__(Follower)
+    follower.setup, follower._chain_blocks = stated_setup(tmp_path / "setup.yaml"), []
+    follower.motion = Motion(chains=[chain(10, 15), chain(30, 60), chain(80, 120), chain(140, 160)])
+    assert [follower._block_of_chain(frame) for frame in (30, 100, 160)] == ["sphere", "cube", "slab"]
 
 
 @pytest.mark.parametrize(("shadow", "confidence", "kept"), [(True, 0.8, 0), (True, 0.97, 12), (False, 0.8, 12)])

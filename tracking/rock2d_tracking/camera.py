@@ -21,7 +21,7 @@ class PixelMap:
     metres_per_pixel : scale at the optical centre
     origin_px, origin_m : a point of the image, and the same point in the world
     up : -1 if the world's y axis points to the top of the image, +1 if to its bottom (a film upside down)
-    tilt_rad : rotation of the image relative to the world: a horizontal line rises by this angle in the image
+    tilt_rad : rotation of the image relative to the world: a horizontal line turns by this angle toward `up`
     k : radial distortion, seen = true (1 + k ρ²), where ρ is the true distance from `centre_px` over `half_px`"""
 
     metres_per_pixel: float
@@ -32,6 +32,11 @@ class PixelMap:
     k: float = 0.0
     centre_px: tuple[float, float] = (0.0, 0.0)
     half_px: float = 1.0
+
+    @property
+    def farthest_px(self) -> float:
+        """Largest distance from `centre_px` at which the lens shows anything; a barrel folds what is farther out."""
+        return self.half_px * 2.0 / (3.0 * np.sqrt(-3.0 * self.k)) if self.k < 0.0 else np.inf
 
     def to_world(self, seen: Array) -> Array:
         """Points (..., 2) of the image in m."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rock2d.errors import InputError, counted
+from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
@@ -146,7 +146,8 @@ def import_files(
 ) -> None:
     """Convert the tracks of another program to the experiment folder `out`; the set-up gives frame rate and camera.
 
-    `block`: name of the block; default: that of the first release. Raises InputError for invalid input."""
+    `block`: name of the block; needed if the releases of the set-up are of several. Raises InputError for invalid
+    input."""
     from rock2d.kinematics.film_findings import write_film_findings
     from rock2d_tracking.importing import import_tracks
     from rock2d_tracking.tracked_film import check_sanity, findings_of, with_measured_noise
@@ -155,6 +156,8 @@ def import_files(
     if setup.from_gravity is not None:
         raise InputError("import needs scale and frame rate: gravity gives them only of a film", config)
     check_folder(out, IMPORTED)
+    if block is None and len(named := list(dict.fromkeys(setup.keys.releases))) > 1:
+        raise InputError(f"--block: the releases are of several blocks, expected one of {comma_list(named)}", config)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)

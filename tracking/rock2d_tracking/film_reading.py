@@ -141,11 +141,13 @@ class Frames:
     Attributes
     ----------
     times_s : time stamp of each frame that was read, NaN where the file has none
-    shifts_px : (n, 2) displacement of each picture, which is removed; None to leave frames as they are"""
+    shifts_px : (n, 2) displacement of each picture, which is removed; None to leave frames as they are
+    cut : whether the film goes on after the last of them"""
 
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
         self._film, self._last = film, last
+        self.cut = last is not None and last < film.expected_frames
         self._kept: _FrameStore | None = None
         self.shifts_px: Array | None = None
         self.times_s: list[float] = []

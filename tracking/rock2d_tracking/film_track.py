@@ -186,7 +186,7 @@ def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock
     if not motion.scale.fall_px:
         raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup)
     whole = setup.with_scale(motion.scale)
-    follower = Follower(frames, whole, film.size_px, motion)
+    follower = Follower(frames, whole, film.size_px, motion, cut=frames.cut)
     return Start(follower, lambda releases, scale: whole.with_scale(scale))
 
 

@@ -8,6 +8,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from rock2d.arrays import Array
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d_tracking.background import Background
 from rock2d_tracking.film_reading import EVEN, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
@@ -17,7 +18,7 @@ from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight, moved
+from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight, shows_release
 
 FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in noise
 FOREGROUND_GREY = 8.0  # and in grey levels
@@ -50,13 +51,19 @@ class Follower:
     releases : the followed releases, in the order filmed
     rejected : number of lost frames of objects that were not followed in any frame, by reason"""
 
-    def __init__(self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> None:
+    def __init__(
+        self, film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion, *, cut: bool = False
+    ) -> None:
         """Read the film to learn the background, and the looks of the blocks at the places given by their arcs.
 
-        film : (height, width) or (height, width, 3) uint8"""
+        film : (height, width) or (height, width, 3) uint8
+        cut : whether it is the beginning of a longer film, so that the last of the stated releases are not in it
+
+        Raises InputError if the frames that the set-up names as background are not in it."""
         named = setup.keys.detection.background_frames
         samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
-        samples = samples or motion.samples
+        if not samples:
+            raise setup.background_missing(len(motion.candidates))
         block_frames = frames_with_blocks(film, motion)
         still = np.median(np.stack(samples), axis=0).astype(np.uint8)
         radius = float(np.median([c.radius_px for c in motion.chains])) if motion.chains else 1.0
@@ -71,10 +78,10 @@ class Follower:
             name: Looks("outline", outline_of(block, setup.metres_per_pixel, camera.up))
             for name, block in setup.blocks.items()
         }
-        self._chain_blocks = self._blocks_of_chains()
+        self._chain_blocks = [] if cut else self._blocks_of_chains()
         self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.fps))
         self.releases: list[FollowedRelease] = []
-        self._moved = 0  # of them; an object that never moves is none of the stated releases
+        self._named = 0  # of them, those that take a name from the stated releases
         self.release: FollowedRelease | None = None
         self.chain: Chain | None = None
         self.rejected: Counter[str] = Counter()
@@ -107,13 +114,22 @@ class Follower:
         self.fitter.forget_contrast()
 
     def _block_of_chain(self, number: int) -> str:
-        order = next(k for k, c in enumerate(self.motion.chains) if c.first <= number <= c.last)
-        return self._chain_blocks[order] if self._chain_blocks else self.setup.block_of(order)
+        """The block of the chain at a frame; one that is none of the `_named_chains` counts as the one after it."""
+        order = sum(chain.last < number for chain in self._named_chains())
+        blocks = self._chain_blocks
+        return blocks[min(order, len(blocks) - 1)] if blocks else self.setup.block_of(order)
+
+    def _named_chains(self) -> list[Chain]:
+        """The chains; where there are more than stated releases, without those too short for a release."""
+        chains = self.motion.chains
+        if len(chains) <= len(self.setup.keys.releases):
+            return chains
+        return [c for c in chains if c.last - c.first + 1 >= FEWEST_FLIGHT_FRAMES]
 
     def _blocks_of_chains(self) -> list[str]:
         """The block of each chain, if the set-up states more releases than there are chains; otherwise empty: the
         releases are then taken in order."""
-        stated, areas = self.setup.keys.releases, [chain.area_px2 for chain in self.motion.chains]
+        stated, areas = self.setup.keys.releases, [chain.area_px2 for chain in self._named_chains()]
         if len(areas) >= len(stated):
             return []
         expected = [self.looks[name].outline.area_px2 for name in stated]
@@ -170,7 +186,7 @@ class Follower:
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
                 self.releases.append(self.release)
-                self._moved += moved(self.release, self.fall_px)
+                self._named += shows_release(self.release, self.fall_px)
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
@@ -204,7 +220,8 @@ class Follower:
         return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
-        return self.setup.block_of(self._moved + (self.release is not None and moved(self.release, self.fall_px)))
+        own = self.release is not None and shows_release(self.release, self.fall_px)
+        return self.setup.block_of(self._named + own)
 
     def _learn(self, frame: Array) -> None:
         if self.release is None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,14 +12,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from rock2d.errors import InputError
+from rock2d.arrays import Array
+from rock2d.errors import InputError, UnusualWarning, counted
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, shown, yaml_text
 from rock2d.files.experiment import Experiment, FromGravity
 from rock2d.files.folders import path_inside, write_whole
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point, block_keys, warn_of_impossible_blocks
 from rock2d.files.text_files import read_bytes, read_text
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.plausibility import site_doubts
 from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.camera import STRONGEST_BARREL, PixelMap
 from rock2d_tracking.film_scale import FilmScale
@@ -49,7 +52,9 @@ class Scale(Checked):
     )
     points_px: list[Pixel] | None = Field(default=None, min_length=2, max_length=2, description="Two marked points")
     distance_m: float | None = Field(default=None, gt=0, le=1.0e5, description="True distance of the two points in m")
-    checkerboard: str | None = Field(default=None, description="Picture of a checkerboard in the plane of motion")
+    checkerboard: str | None = Field(
+        default=None, description="Picture of a checkerboard in the plane of motion, of the size of the film in px"
+    )
     columns: int = Field(default=9, ge=3, le=100, description="Inner corners of the checkerboard in a row")
     rows: int = Field(default=6, ge=3, le=100, description="Rows of inner corners")
     square_m: float | None = Field(default=None, gt=0, le=100, description="Side of a square of it in m")
@@ -102,12 +107,18 @@ class DetectionKeys(Checked):
     """How blocks are found."""
 
     marks: bool = Field(default=True, description="Circles carry marks from which their orientation is read")
-    background_frames: list[int] | None = Field(
-        default=None, min_length=2, max_length=2, description="[first, last] frames without a block"
+    background_frames: list[Annotated[int, Field(ge=0)]] | None = Field(
+        default=None, min_length=2, max_length=2, description="[first, last] frames without a block, counted from 0"
     )
     least_seen: float = Field(
         default=0.55, gt=0, le=1, description="Share of the outline that must be seen for a frame to be trusted"
     )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> DetectionKeys:
+        if (named := self.background_frames) is not None and named[0] > named[1]:
+            raise mistake(f"expected the first frame, then the last, found {named[0]}, {named[1]}", "background_frames")
+        return self
 
 
 class SetupKeys(Checked):
@@ -138,24 +149,35 @@ class Setup:
     ----------
     path, text : those of its file
     board : the picture of the checkerboard as it is stored, None if it names none
+    board_size_px : its (width, height)
     scale : scale and frame rate; one may be unknown
     from_gravity : which of them is computed from gravity, and its error when known; None if both are stated"""
 
     def __init__(self, path: str | Path, text: str | None = None) -> None:
-        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake."""
+        """Read `setup.yaml`, or its `text`; raises `InputError` with the place of the first mistake. Warns with
+        `UnusualWarning` of blocks that nothing is like, and of an unusual gravity from which a scale is computed."""
         self.path = Path(path)
         self.text = read_text(self.path) if text is None else text
         self._document = Document(self.path, self.text)
         self.keys = self._document.check(SetupKeys)
         self.board: bytes | None = None
+        self.board_size_px: tuple[int, int] | None = None
         self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
+        warn_of_impossible_blocks(self._document, self.blocks, self.cross_section)
         camera = self.keys.camera
         fps = None if camera.fps == FROM_GRAVITY else float(camera.fps)
         self.scale = FilmScale(self._metres_per_pixel(), fps, self.keys.gravity_m_s2)
         self.from_gravity: FromGravity | None = None
         if self.scale.fps is None or self.scale.metres_per_pixel is None:
             self.from_gravity = FromGravity(which="fps" if fps is None else "scale", relative_error=0.0)
+            self._warn_of_unusual_gravity()
+
+    def _warn_of_unusual_gravity(self) -> None:
+        """Warn of a gravity that gives scale or frame rate, because such a film cannot check it."""
+        for doubt in site_doubts(self.cross_section, self.keys.gravity_m_s2):
+            if doubt.key == ("gravity_m_s2",):
+                warnings.warn(UnusualWarning(str(self._document.error(doubt.text, *doubt.key, at="key"))), stacklevel=3)
 
     def _metres_per_pixel(self, size_px: tuple[int, int] | None = None) -> float | None:
         """The stated scale; without the size of the images, the lens is left out between marked points."""
@@ -169,15 +191,25 @@ class Setup:
         key = ("camera", "scale", "checkerboard")
         path = path_inside(self.path.parent, scale.checkerboard, *key, error=self._document.error)
         self.board = read_bytes(path)
+        image = picture_of_board(self.board, path)
+        self.board_size_px = (image.shape[1], image.shape[0])
         return scale_of_board(
-            self.board, path, (scale.columns, scale.rows), scale.square_m, lambda size: self._map(1.0, size)
+            image, path, (scale.columns, scale.rows), scale.square_m, self._map(1.0, self.board_size_px)
         )
 
     def for_images(self, size_px: tuple[int, int]) -> Setup:
         """The same set-up for images of this size (width, height): with a stated distortion, the scale between two
         marked points depends on it.
 
-        Raises InputError if the lens would fold the picture over before its corners."""
+        Raises InputError if the picture of the checkerboard has another size, or if the lens would fold the picture
+        over before its corners or before a stated point."""
+        if self.board_size_px is not None and self.board_size_px != size_px:
+            (width, height), (own_width, own_height) = size_px, self.board_size_px
+            message = (
+                f"the film has {width} x {height} px, the picture of the checkerboard {own_width} x {own_height} px: "
+                "its squares give no scale of the film. Take a frame of a film with the same settings, uncut"
+            )
+            raise self._document.error(message, "camera", "scale", "checkerboard", code="wrong_kind")
         if self.keys.camera.distortion is None:
             return self
         self._map(1.0, size_px)
@@ -198,6 +230,11 @@ class Setup:
         """The frame rate of the recording; it must be known."""
         assert self.scale.fps is not None
         return self.scale.fps
+
+    def background_missing(self, frames: int) -> InputError:
+        """The error that the frames that `background_frames` names are not among those that were read."""
+        message = f"begins after the last frame: {counted(frames, 'frame')} of the film are read, counted from 0"
+        return self._document.error(message, "detection", "background_frames")
 
     def with_scale(self, scale: FilmScale, relative_error: float = 0.0) -> Setup:
         """The same set-up with scale and frame rate computed from gravity, and their relative standard error."""
@@ -225,11 +262,11 @@ class Setup:
     def _map(self, metres_per_pixel: float, size_px: tuple[int, int] | None = None) -> PixelMap:
         """The map with a scale; without the size of the images it leaves the lens out.
 
-        Raises InputError if the lens would fold the picture over before its corners."""
+        Raises InputError if the lens would fold the picture over before its corners or before a stated point."""
         camera = self.keys.camera
         flat = PixelMap(
             metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]), (camera.origin_m[0], camera.origin_m[1]),
-            -1 if camera.up == "up" else 1, float(np.deg2rad(camera.tilt_deg)),
+            -self.down, self.down * float(np.deg2rad(camera.tilt_deg)),
         )  # fmt: skip
         bent = camera.distortion
         if bent is None or size_px is None:
@@ -241,7 +278,23 @@ class Setup:
         if bent.k < (least := STRONGEST_BARREL / corner**2):
             message = f"no lens shows the corners of the picture with k = {bent.k:g}; expected at least {least:.3g}"
             raise self._document.error(message, "camera", "distortion", "k")
-        return replace(flat, k=bent.k, centre_px=centre, half_px=half)
+        lens = replace(flat, k=bent.k, centre_px=centre, half_px=half)
+        self._check_lens_shows_points(lens)
+        return lens
+
+    def _check_lens_shows_points(self, lens: PixelMap) -> None:
+        """Raise InputError for a stated point, outside the picture, that lies where the lens shows nothing."""
+        camera = self.keys.camera
+        points: list[tuple[tuple[str | int, ...], list[float]]] = [(("camera", "origin_px"), camera.origin_px)]
+        points += [(("camera", "scale", "points_px", i), at) for i, at in enumerate(camera.scale.points_px or [])]
+        for key, at in points:
+            away = float(np.hypot(*np.subtract(at, lens.centre_px)))
+            if away > lens.farthest_px * (1.0 + 1e-9):
+                message = (
+                    f"lies {away:.0f} px from the centre of the lens, which with k = {lens.k:g} shows nothing beyond "
+                    f"{lens.farthest_px:.0f} px; take a point inside the picture"
+                )
+                raise self._document.error(message, *key)
 
     def write(self, folder: Path) -> None:
         """Write `setup.yaml` into a folder, and the picture that it names, so that it can be used from there."""
@@ -279,7 +332,7 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
             "up": "up" if camera.up < 0 else "down",
             "origin_px": [float(v) for v in camera.origin_px],
             "origin_m": [float(v) for v in camera.origin_m],
-            "tilt_deg": float(np.rad2deg(camera.tilt_rad)),
+            "tilt_deg": float(-camera.up * np.rad2deg(camera.tilt_rad)),
         },
         "cross_section": {
             "points_m": experiment.cross_section.points_m.tolist(),
@@ -291,27 +344,34 @@ def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: 
     write_whole(path, yaml_text(keys))
 
 
-def scale_of_board(
-    picture: bytes, path: Path, corners: tuple[int, int], square_m: float, camera: Callable[[tuple[int, int]], PixelMap]
-) -> float:
-    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
+def picture_of_board(stored: bytes, path: Path) -> Array:
+    """(height, width) uint8; `stored`, `path`: a file of an image, and its name for errors.
 
-    picture, path : a file of an image as it is stored, and its name for errors
-    corners : number of inner corners in a row, and number of rows
-    camera : gives the map to pixels without distortion, for a picture of a size (width, height)
-
-    Raises InputError if the picture cannot be read, the board is not found, or the view is oblique."""
+    Raises InputError if it cannot be read."""
     import cv2
 
-    image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE) if picture else None
+    image = cv2.imdecode(np.frombuffer(stored, np.uint8), cv2.IMREAD_GRAYSCALE) if stored else None
     if image is None:
         raise InputError("cannot be read as a picture", path)
+    return np.asarray(image)
+
+
+def scale_of_board(image: Array, path: Path, corners: tuple[int, int], square_m: float, camera: PixelMap) -> float:
+    """Metres per pixel at the optical centre, from a picture of a checkerboard in the plane of motion.
+
+    image : (height, width) uint8; `path` names it for errors
+    corners : number of inner corners in a row, and number of rows
+    camera : the map to pixels without distortion
+
+    Raises InputError if the board is not found, or the view is oblique."""
+    import cv2
+
     found, points = cv2.findChessboardCorners(image, corners)
     if not found:
         raise InputError(f"no checkerboard of {corners[0]} × {corners[1]} inner corners found", path)
     precise = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
     seen = cv2.cornerSubPix(image, points, (5, 5), (-1, -1), precise).reshape(corners[1], corners[0], 2)
-    grid = camera((image.shape[1], image.shape[0])).to_world(seen)
+    grid = camera.to_world(seen)
     along, across = (np.hypot(*np.moveaxis(np.diff(grid, axis=k), -1, 0)) for k in (1, 0))
     sides = np.concatenate([along.ravel(), across.ravel()])
     halves = [*np.array_split(along, 2, axis=1), *np.array_split(across, 2)]

@@ -6,6 +6,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from rock2d.arrays import Array
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 
 # frames on each side of one whose scatter about their parabola is compared with its error
 ERROR_NEIGHBOURS = 3
@@ -135,6 +136,11 @@ def moved(release: FollowedRelease, fall_px: float) -> bool:
     seen = release.seen
     poses = np.array([s.pose[:2] for s in seen])
     return any(np.ptp(poses[own], axis=0).max() > SHORTEST_MOTION_PX for own in flights_of(seen, fall_px))
+
+
+def shows_release(release: FollowedRelease, fall_px: float) -> bool:
+    """Whether enough frames were seen, and the block moved: other objects are none of the stated releases."""
+    return len(release.seen) >= FEWEST_FLIGHT_FRAMES and moved(release, fall_px)
 
 
 def set_errors(release: FollowedRelease, fall_px: float) -> None:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from rock2d.errors import InputError, counted
+from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
@@ -17,7 +17,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, moved, set_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, set_errors, shows_release
 
 PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
@@ -72,11 +72,10 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     remarks: list[str] = []
     if len(kept) < followed:
         remarks.append(
-            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved and are left out"
+            f"{followed - len(kept)} of {counted(followed, 'object')} that were followed never moved, or were trusted "
+            f"in fewer than {FEWEST_FLIGHT_FRAMES} frames, and are left out"
         )
-    stated = len(setup.keys.releases)
-    if stated > 1 and stated != len(kept):
-        remarks.append(f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}")
+    remarks += remarks_on_names([release.block for release in kept], setup)
     missing = 0
     for release in kept:
         missing += _renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)
@@ -95,6 +94,20 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     return _measured(frames, setup, size_px, usual_fps, smear_offset_s, remarks, offset_px)
 
 
+def remarks_on_names(blocks: Sequence[str], setup: Setup) -> list[str]:
+    """Remarks if the releases that were seen, of these blocks, may not be those that the set-up states."""
+    stated, wrong = setup.keys.releases, "if that is wrong, correct releases and track again"
+    if len(stated) > 1 and list(blocks) != stated:
+        return [
+            f"{counted(len(blocks), 'release')} seen and taken for {comma_list(blocks)}, but the key releases of the "
+            f"set-up file lists {len(stated)}, {comma_list(stated)}: {wrong}"
+        ]
+    others = [name for name in setup.blocks if name not in stated]
+    if len(stated) == 1 and others:
+        return [f"every release was taken for {stated[0]}, none for {comma_list(others)}: {wrong}"]
+    return []
+
+
 def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:
     """The film with scale and frame rate of `setup`."""
     slower, own = film.setup.fps / setup.fps, film.experiment
@@ -104,16 +117,11 @@ def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> Track
     )
 
 
-def _moves(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether enough frames were seen, and the block moved."""
-    return len(release.seen) >= FEWEST_FLIGHT_FRAMES and moved(release, fall_px)
-
-
 def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
     """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
 
     `fall_px`: acceleration of gravity along v in px per frame squared."""
-    kept = [release for release in releases if _moves(release, fall_px)]
+    kept = [release for release in releases if shows_release(release, fall_px)]
     for release in kept:
         reject_gross_errors(release, fall_px)
         set_errors(release, fall_px)
@@ -121,7 +129,7 @@ def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
                 sight.reject("unsure")
-    return [release for release in kept if _moves(release, fall_px)]
+    return [release for release in kept if shows_release(release, fall_px)]
 
 
 def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:

@@ -11,12 +11,11 @@ from rock2d.diagnosis.diagnosis_content import effect_values
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.report_data import Models
-from rock2d.diagnosis.report.text import in_degrees
+from rock2d.diagnosis.report.text import in_degrees, plausible_range
 from rock2d.graphics.pages import download
 from rock2d.wording import interval, number, spoken
 
 UNDETERMINED_WIDTH = 0.7  # share of the prior's width: a parameter with a wider interval is undetermined
-EDGE_DISTANCE = 0.01  # share of the plausible range; a parameter nearer to an end is at the end
 LAW = (
     ("k<sub>l</sub>", "loading stiffness", "N/m"),
     ("k<sub>ul</sub>", "unloading stiffness", "N/m"),
@@ -90,15 +89,14 @@ def _effect_rows(models: Models) -> list[tuple[str, ...]]:
                     remark = f"drag coefficient {number(drag['value'])} ({interval(*drag['ci95'])})"
             value, unit = in_degrees(parameter, own["value"])
             low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
-            least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))
             if parameter.choices:
                 shown, between, plausible = parameter.choice_name(value) or number(value), "", ""
             else:
                 shown, between = number(value, 0.5 * (high - low)), interval(low, high) if high > low else ""
-                plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")
-                if high - low > UNDETERMINED_WIDTH * 1.96 * (most - least):
+                plausible = plausible_range(parameter)
+                if np.ptp(own["ci95"]) > UNDETERMINED_WIDTH * 1.96 * (parameter.high - parameter.low):
                     remark = UNDETERMINED_TEXT
-                elif value != parameter.neutral and (min(value - least, most - value) < EDGE_DISTANCE * (most - least)):
+                elif parameter.ended_at(own["value"]):
                     remark = "at the end of its plausible range"
             rows.append((effect.name, meaning, unit, shown, between, plausible, remark))
     return rows

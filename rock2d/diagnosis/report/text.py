@@ -53,6 +53,12 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
 
 
+def plausible_range(parameter: Parameter) -> str:
+    """ "0.97 to 1.03", without its unit; angles in degrees."""
+    low, high = (in_degrees(parameter, end)[0] for end in (parameter.low, parameter.high))
+    return f"{low:.3g} to {high:.3g}".replace("-", "−")
+
+
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
     """A value and its unit as shown: angles in degrees, pure numbers without a unit."""
     if parameter.unit == "rad":

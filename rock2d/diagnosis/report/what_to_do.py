@@ -149,7 +149,20 @@ def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> st
     fitted = FittedEffect.of(
         effect, fit["parameters"][name], fit["base"], setup_world(experiment), experiment.fps, table
     )
-    return (effect.remedy or generic)(fitted)
+    return _not_measured(fitted) + (effect.remedy or generic)(fitted)
+
+
+def _not_measured(fitted: FittedEffect) -> str:
+    """Sentences on the values at which the fit stopped, because no larger or smaller ones are plausible."""
+    said = ""
+    for block, parameter in fitted.ended():
+        unit = text.in_degrees(parameter, 0.0)[1]
+        said += (
+            f"The fit stopped at an end of the plausible range ({text.plausible_range(parameter)}"
+            f"{f' {unit}' if unit else ''}) of this value: {f'{spoken(block)}, ' if block else ''}{parameter.meaning}. "
+            "It is no measurement; measure it before you correct anything by it. "
+        )
+    return said
 
 
 def generic(fitted: FittedEffect) -> str:

@@ -66,8 +66,8 @@ class RestPoses:
         return len(self.release)
 
     def only(self, releases: Array) -> Self:
-        """The rests of some releases, given as a mask. Those of a block stay if its first one does: the row of the block
-        belongs to that release."""
+        """The rests of some releases, given as a mask. The row of a block belongs to its first rest, so the others stay
+        only with that one."""
         keep = releases[self.release] & np.isin(self.block, self.blocks[releases[self.first_release]])
         return replace(self, release=self.release[keep], block=self.block[keep], pose=self.pose[keep], sd=self.sd[keep])
 

@@ -311,6 +311,19 @@ def test_a_shape_without_a_marker_of_its_own_is_drawn():
     assert section_figure(base.cross_section, blocks, [], misses, {}).axes
 
 
+def test_the_legend_of_many_blocks_fits_on_a_phone():
+    from rock2d.diagnosis.report.figures import Misses, section_figure
+
+    base = world()
+    names = ("circle", "square", "rectangle", "ellipse", "polygon")
+    blocks = dict.fromkeys(names, next(iter(base.blocks.values())))
+    misses = Misses(np.array([[0.0, 0.1], [0.1, 0.1]]), np.array([0, 4]), np.array([1.0, 3.0]))
+    figure = section_figure(base.cross_section, blocks, [], misses, {}, narrow=True)
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width and box.y1 < figure.axes[0].get_window_extent().y0
+
+
 def test_sizes_have_units_that_a_person_can_use():
     scale, tilt = catalogue()["scale_error"].parameters[0], catalogue()["camera_tilt"].parameters[0]
     assert size_words(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"

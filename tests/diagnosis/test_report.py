@@ -24,7 +24,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, tick_labels
+from rock2d.graphics.bar_charts import NARROW_LABEL, WIDE_LABEL, Axis, tick_labels
 from rock2d.graphics.pages import download
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
@@ -220,8 +220,10 @@ def test_backticks_become_code_and_everything_is_escaped():
     assert coded("a `<b>` <i>\nx") == "a <code>&lt;b&gt;</code> &lt;i&gt;<br>x"
 
 
-def test_a_phone_shows_no_tick_labels_that_overlap():
-    labels = tick_labels(Axis(-20.0, 6000.0, 10.0))
+def test_no_screen_shows_tick_labels_that_overlap():
+    labels = tick_labels(Axis(-590.0, 6000.0, 10.0))
+    places = [float(x) for x in re.findall(r"x=.([\d.]+)%", labels)]
+    assert len(places) >= 4 and min(b - a for a, b in pairwise(places)) >= WIDE_LABEL
     shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
     assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
     assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there

@@ -274,7 +274,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file.
 
-    Example: rock2d film my_tests --out film.avi --faults moderate"""
+    Example: rock2d film my_tests --out practice.avi --faults moderate"""
     from rock2d_tracking.command import FilmFormat, film
 
     film_format = FilmFormat(tuple(size), releases)

@@ -98,13 +98,13 @@ class Bars:
         if name in self._ahead:
             self._each[name] = self._ahead.pop(name) / max(total - done, 1)
         self._each.setdefault(name, 1.0)
-        with Bar(self, name, total, unit, done) as bar, listening(self.compiling):
-            self.bar = bar
-            try:
+        try:
+            with Bar(self, name, total, unit, done) as bar, listening(self.compiling):
+                self.bar = bar
                 yield bar
-            finally:
-                self.bar = None
-            bar.total, bar.leave = bar.n, bar.n > done  # a stage without work leaves no line
+                bar.total, bar.leave = bar.n, bar.n > done  # a stage without work leaves no line
+        finally:
+            self.bar = None
 
     def did(self, bar: Bar, units: float) -> None:
         """Some units of a bar are done."""

@@ -184,6 +184,16 @@ def test_a_log_file_has_few_plain_lines(monkeypatch):
     assert text.endswith("\n")
 
 
+def test_an_interrupted_bar_says_what_was_left(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", file := Terminal())
+    clock = Clock()
+    with pytest.raises(KeyboardInterrupt), Bars(True, clock=clock).stage("one", 100, "units") as bar:
+        clock.now_s = 30.0
+        bar.update(20)
+        raise KeyboardInterrupt
+    assert file.getvalue().split("\r")[-1].rstrip().endswith("20/100 units [00:30, about 02:00 left]")
+
+
 def test_a_bar_that_is_not_shown_writes_nothing(monkeypatch):
     monkeypatch.setattr(sys, "stderr", file := Terminal())
     with Bars(False).stage("one", 2, "units") as bar, compiling.compiling():

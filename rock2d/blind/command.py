@@ -28,8 +28,11 @@ def make(
     """Write a sealed trial; `bases`: experiments on which a share of its cases is based."""
     from rock2d.blind.case_files import KIND, make_trial
     from rock2d.blind.record_cases import read_record
+    from rock2d.blind.running import RESULTS
 
     check_folder(out, KIND)
+    if any((out / RESULTS).glob("*")):
+        raise InputError("holds diagnoses of its cases; choose another output folder", out, code="results_exist")
     processes = workers or os.cpu_count() or 1
     records = [read_record(folder, processes, progress) for folder in bases]
     with Bars(progress).stage("filming", count, "cases") as bar:
@@ -58,7 +61,8 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     numbers = summary(cases)
     text = table(cases).to_csv(index=False, float_format="%.6g", lineterminator="\n")
     write_whole(folder / "score.csv", text)
-    write_whole(folder / "score.json", json.dumps(numbers, indent=1) + "\n")
+    plain = json.loads(json.dumps(numbers), parse_constant=lambda _: None)  # JSON has no NaN
+    write_whole(folder / "score.json", json.dumps(plain, indent=1, allow_nan=False) + "\n")
     write_page(cases, numbers, read_index(folder)["labels_sha256"], folder / "score.html")
     for key, value in numbers.items():
         report(f"{key}: {value}")

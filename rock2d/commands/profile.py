@@ -57,9 +57,10 @@ def write_profile(
     Raises InputError if the profile cannot be read, or if `out` exists."""
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise InputError("expected a scenario file that ends in .yaml", out)
-    if out.exists() and not overwrite:
-        raise InputError("exists; --overwrite replaces it, --out chooses another file", out, code="results_exist")
-    check_file(out)
+    for path in (out, out.with_suffix(".png")):
+        if path.exists() and not overwrite:
+            raise InputError("exists; --overwrite replaces it, --out chooses another file", path, code="results_exist")
+        check_file(path)
     profile = _read(file, options)
     if options.tolerance_m > 0.0:
         profile = simplified(profile, options.tolerance_m)

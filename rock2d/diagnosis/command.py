@@ -22,7 +22,7 @@ from rock2d.files.csv_tables import write_csv
 from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale
 from rock2d.files.experiment import load_experiment
-from rock2d.files.folders import atomic_file, atomic_folder, check_file, make_folder, write_whole
+from rock2d.files.folders import atomic_file, atomic_folder, check_file, check_own_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import scale_remarks
 
@@ -195,6 +195,7 @@ def run_prediction(
     for remark in scale_remarks(known, read.blocks):
         report(remark)
     table = predict(read, content, base_only=base_only)
+    check_own_file(out, ",".join(table.columns))
     with atomic_file(out) as partial:
         write_csv(partial, table)
     report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -138,6 +139,19 @@ def check_file(path: str | Path) -> None:
     if Path(path).is_dir():
         raise InputError("is a folder; choose another output file", path, code="not_writable")
     _check_parent(Path(os.path.abspath(path)), path)
+
+
+def check_own_file(path: Path, header: str, *beside: Path) -> None:
+    """Raise InputError if `path`, or a file that is written `beside` it, exists, and `path` is no table with this
+    `header` in its first two lines: another command, a camera or a hand made it."""
+    if path.is_file():
+        with path.open(encoding="utf-8", errors="replace") as file:
+            if header in (line.rstrip("\n") for line in islice(file, 2)):
+                return
+    for taken in (path, *beside):
+        if taken.is_file():
+            message = "exists and is no earlier result of this command; choose another output file"
+            raise InputError(message, taken, code="not_a_result")
 
 
 def _check_parent(target: Path, path: str | Path) -> None:

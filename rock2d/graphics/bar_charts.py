@@ -4,7 +4,7 @@ Positions are percentages: a chart fills the available width, while markers and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MARK_HEIGHT_PX = 12
-NARROW_LABEL = 24.0  # least distance of tick labels on a phone, in % of the width
+WIDE_LABEL, NARROW_LABEL = 15.0, 24.0  # least distance of tick labels on a screen and on a phone, in % of the width
 # centred on the origin; the shapes differ so that the chart can be read without colour
 SHAPES = {
     "measured": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
@@ -123,18 +123,25 @@ def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
     return Markup(f"{head}{''.join(parts)}</svg>")
 
 
+def _apart(axis: Axis, ticks: Iterable[float], least: float, first: Iterable[float] = ()) -> list[float]:
+    """Those of the ticks, in rising order, that are `least` % of a chart apart: `first` and zero come before others."""
+    found = list(first)
+    for tick in sorted(ticks, key=lambda t: t != 0):
+        if all(abs(axis.at(tick) - axis.at(other)) >= least for other in found):
+            found.append(tick)
+    return sorted(found)
+
+
 def tick_labels(axis: Axis) -> Markup:
-    """The tick labels of the axis, as wide as a chart. Labels that do not fit on a phone have the class "tight"."""
+    """The tick labels of the axis, as wide as a chart; none overlap. Labels that do not fit on a phone have the class
+    "tight"."""
     from markupsafe import Markup
 
     labels: list[str] = []
-    apart: list[float] = []
-    for tick in sorted(axis.ticks(), key=lambda t: t != 0):
-        if all(abs(axis.at(tick) - other) >= NARROW_LABEL for other in apart):
-            apart.append(axis.at(tick))
-    for tick in axis.ticks():
+    apart = _apart(axis, axis.ticks(), NARROW_LABEL)
+    for tick in _apart(axis, axis.ticks(), WIDE_LABEL, apart):
         at = axis.at(tick)
-        kind = "" if at in apart else ' class="tight"'
+        kind = "" if tick in apart else ' class="tight"'
         anchor = "start" if at < 4 else "end" if at > 96 else "middle"
         text = f"{tick:,.4g}".replace(",", " ").replace("-", "−")  # no-break space, minus
         labels.append(f'<text{kind} x="{at:.2f}%" y="12" text-anchor="{anchor}">{text}</text>')

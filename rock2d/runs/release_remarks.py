@@ -80,5 +80,5 @@ def precision_remarks(tables: Mapping[str, Any]) -> list[str]:
         return []
     releases = int(tables["passing"]["releases"].max())
     least = least_count(DESIGN_PERCENTILE)
-    text = f"{releases} releases of a block are too few for design values: the interval of a {DESIGN_PERCENTILE:g}th"
+    text = f"too few releases of a block for design values ({releases}): the interval of a {DESIGN_PERCENTILE:g}th"
     return [f"{text} percentile needs at least {least} passing blocks"] if releases < least else []

@@ -145,6 +145,10 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     done = commanded(*report, "--limits", tmp_path / "study")
     assert done.exit_code == 0, done.output
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text())["limits"] == limits
-    assert "What this film would have shown" in (tmp_path / "d" / "report.html").read_text()
+    page = (tmp_path / "d" / "report.html").read_text()
+    assert "What this film would have shown" in page and "were added to this film" in page
     refused = commanded(*report, "--limits", tmp_path / "d")
     assert isinstance(refused.exception, InputError)
+    assert commanded(*report, "--limits").exit_code == 0
+    page = (tmp_path / "d" / "report.html").read_text()
+    assert page.count("that a linear model expects") == 2 and "were added to this film" not in page

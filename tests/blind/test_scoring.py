@@ -186,7 +186,7 @@ def write_trial(folder, trial):
 def test_a_trial_is_scored_to_a_page_a_table_and_numbers(tmp_path):
     write_trial(tmp_path, TRIAL)
     score(tmp_path, report=lambda line: None)
-    found = json.loads((tmp_path / "score.json").read_text())
+    found = json.loads((tmp_path / "score.json").read_text(), parse_constant=pytest.fail)  # JSON has no NaN
     assert found["cases"] == 6 and found["precision"]["all"][3] == 5 and "by_base" not in found
     page = (tmp_path / "score.html").read_text()
     assert "case 002: camera_tilt (probability 0.92); hidden nothing" in page

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from rock2d.blind import case_files, reality
-from rock2d.blind.case_files import make_trial, read_index, read_labels
+from rock2d.blind.case_files import KIND, make_trial, read_index, read_labels
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, scored_cases
 from rock2d.blind.signal_to_noise import signals_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
+from rock2d.files.folders import RESULT_MARKER
 from tests.blind.test_scoring import write_trial
+from tests.programs import commanded
 
 
 def test_every_effect_and_enough_other_cases_are_assigned():
@@ -88,6 +90,14 @@ def test_labels_that_were_changed_are_refused(tmp_path, small):
     path.write_text(path.read_text().replace("none", "air_drag"))
     with pytest.raises(InputError, match="SHA-256"):
         read_labels(tmp_path / "t")
+
+
+def test_a_trial_with_diagnoses_is_not_made_again(tmp_path):
+    write_trial(tmp_path, {"000": ({}, {"verdict": "none"})})
+    (tmp_path / RESULT_MARKER).write_text(json.dumps({"kind": KIND}))
+    done = commanded("blind", "make", "--cases", 1, "--seed", 1, "--out", tmp_path, "--quiet")
+    assert isinstance(done.exception, InputError) and "holds diagnoses" in str(done.exception)
+    assert (tmp_path / "results" / "000.json").is_file()
 
 
 def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():

@@ -153,12 +153,15 @@ def test_commands_write_what_they_say(tmp_path, content):
     recorded = pd.read_csv(tmp_path / "film" / "trajectories.csv")
     (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
     for given in (tmp_path / "diagnosis.json", tmp_path):  # file or folder
-        out = tmp_path / f"{given.stem}.csv"
+        out = tmp_path / "p.csv"
         result = commanded("predict", tmp_path / "film", "--diagnosis", given, "--out", out, "--base-only")
         assert result.exit_code == 0 and "warning" not in result.output, result.output
         table = pd.read_csv(out)
         assert list(table.columns) == list(COLUMNS) and len(table) > 100
         assert len(table.merge(recorded, on=["release", "t_s"])) == len(table)  # times are those of the film
+    words = ("predict", tmp_path / "film", "--diagnosis", tmp_path, "--out", tmp_path / "film" / "trajectories.csv")
+    assert isinstance(commanded(*words).exception, InputError)
+    pd.testing.assert_frame_equal(pd.read_csv(words[-1]), recorded)  # the record was not replaced
 
 
 def test_blocks_of_another_size_are_told(tmp_path, content):

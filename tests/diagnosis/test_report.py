@@ -24,7 +24,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, tick_labels
+from rock2d.graphics.bar_charts import NARROW_LABEL, WIDE_LABEL, Axis, tick_labels
 from rock2d.graphics.pages import download
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
@@ -220,8 +220,10 @@ def test_backticks_become_code_and_everything_is_escaped():
     assert coded("a `<b>` <i>\nx") == "a <code>&lt;b&gt;</code> &lt;i&gt;<br>x"
 
 
-def test_a_phone_shows_no_tick_labels_that_overlap():
-    labels = tick_labels(Axis(-20.0, 6000.0, 10.0))
+def test_no_screen_shows_tick_labels_that_overlap():
+    labels = tick_labels(Axis(-590.0, 6000.0, 10.0))
+    places = [float(x) for x in re.findall(r"x=.([\d.]+)%", labels)]
+    assert len(places) >= 4 and min(b - a for a, b in pairwise(places)) >= WIDE_LABEL
     shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
     assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
     assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there
@@ -309,6 +311,19 @@ def test_a_shape_without_a_marker_of_its_own_is_drawn():
     blocks = {name: replace(block, shape="hexagon") for name, block in base.blocks.items()}
     misses = Misses(np.array([[0.0, 0.1], [0.1, 0.1]]), np.array([0, 1]), np.array([1.0, 3.0]))
     assert section_figure(base.cross_section, blocks, [], misses, {}).axes
+
+
+def test_the_legend_of_many_blocks_fits_on_a_phone():
+    from rock2d.diagnosis.report.figures import Misses, section_figure
+
+    base = world()
+    names = ("circle", "square", "rectangle", "ellipse", "polygon")
+    blocks = dict.fromkeys(names, next(iter(base.blocks.values())))
+    misses = Misses(np.array([[0.0, 0.1], [0.1, 0.1]]), np.array([0, 4]), np.array([1.0, 3.0]))
+    figure = section_figure(base.cross_section, blocks, [], misses, {}, narrow=True)
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width and box.y1 < figure.axes[0].get_window_extent().y0
 
 
 def test_sizes_have_units_that_a_person_can_use():

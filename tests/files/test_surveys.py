@@ -92,6 +92,15 @@ def profile_of(survey, **options) -> np.ndarray:
     return write_profile(survey, out, options, overwrite=True, report=lambda line: None).points_m
 
 
+@pytest.mark.parametrize("own", ["site.yaml", "site.png"])
+def test_neither_a_scenario_nor_a_picture_is_replaced_unasked(tmp_path, own):
+    (tmp_path / "p.csv").write_text("0,10\n9,0\n")
+    (tmp_path / own).write_text("mine")
+    with pytest.raises(InputError, match=f"{own}: exists; --overwrite"):
+        write_profile(tmp_path / "p.csv", tmp_path / "site.yaml")
+    assert (tmp_path / own).read_text() == "mine" and len(list(tmp_path.iterdir())) == 2
+
+
 def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
     ezdxf = pytest.importorskip("ezdxf")
     drawing = ezdxf.new()

@@ -65,6 +65,22 @@ def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
     assert (tmp_path / "f.csv").read_text().count("\n") == 1 + 60 + 140
 
 
+@pytest.mark.parametrize("command, own", [("film", "film.avi"), ("film", "film.yaml"), ("export", "film_1.avi")])
+def test_a_file_of_the_user_is_not_replaced(filmed, tmp_path, command, own):
+    (tmp_path / own).write_text("made by hand")
+    options = ["--size", 480, 320, "--quiet"] if command == "film" else []
+    refused = commanded(command, filmed / "truth", "--out", tmp_path / "film.avi", *options)
+    assert isinstance(refused.exception, InputError) and f"{own}: exists" in str(refused.exception)
+    assert [p.name for p in tmp_path.iterdir()] == [own] and (tmp_path / own).read_text() == "made by hand"
+
+
+def test_a_film_and_an_export_are_made_again(filmed, tmp_path):
+    for _ in range(2):
+        run("film", filmed / "truth", "--out", tmp_path / "f.avi", "--size", 64, 64, "--releases", 1, "--quiet")
+        run("export", filmed / "truth", "--out", tmp_path / "t.txt")
+    assert len(list(tmp_path.iterdir())) == 6
+
+
 def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     run("export", filmed / "truth", "--out", tmp_path / "t.txt")
     metres = PixelMap(1.0, (0.0, 0.0))  # the file's own unit, and its own origin

@@ -203,6 +203,13 @@ def test_a_release_is_chosen(page, frames):
     assert len(page.get_attribute("#live-near polygon", "points").split()) == 4
 
 
+def test_no_table_of_a_name_and_a_value_is_cut_on_a_phone(page):
+    page.set_viewport_size({"width": 390, "height": 844})
+    cut = page.eval_on_selector_all(".scroll", "all => all.filter(s => s.scrollWidth > s.clientWidth).length")
+    page.set_viewport_size({"width": 1280, "height": 1000})
+    assert cut == 0
+
+
 def test_the_address_holds_release_and_frame(page, browser, folder):
     page.get_by_role("button", name="next lost frame").click()
     until(page, lambda: page.url.endswith(f"#release=1&frame={COVERED[0]}"))

@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.experiment import Experiment, write_experiment_files
-from rock2d.files.folders import atomic_folder, check_file, check_folder
+from rock2d.files.folders import atomic_folder, check_file, check_folder, check_own_file
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_scale import FilmScale
@@ -107,15 +107,17 @@ def film(
     from rock2d.files.experiment import load_experiment, seen_frames
     from rock2d_tracking.setup_file import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
-    from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
+    from rock2d_tracking.synthetic.film import TRUTH_COLUMNS, FilmOptions, film_frames, write_film
 
     experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
     table = seen_frames(experiment)
     experiment = replace(experiment, trajectories=table)
-    for suffix in (".avi", ".csv", ".yaml"):
-        check_file(out.with_suffix(suffix))
+    truth, setup = out.with_suffix(".csv"), out.with_suffix(".yaml")
+    for path in (out, truth, setup):
+        check_file(path)
+    check_own_file(truth, ",".join(TRUTH_COLUMNS), out, setup)
     numbers = table["release"].unique()[: film_format.releases].tolist()
     camera = _whole_view(experiment, film_format.size_px)
     options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
@@ -124,10 +126,9 @@ def film(
     with Bars(progress).stage("filming", length, "frames") as bar:
         size_px, quality = film_format.size_px, options.faults.quality
         write_film(out, bar.counted(shots), size_px, FILM_PLAYED_FPS, quality)
-    setup = out.with_suffix(".yaml")
     first = table.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])
-    report(f"written: {out}, {out.with_suffix('.csv')} (truth), {setup}")
+    report(f"written: {out}, {truth} (truth), {setup}")
 
 
 def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:

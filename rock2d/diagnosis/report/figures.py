@@ -104,7 +104,8 @@ def section_figure(
     wide_in, axis_in, least_in = (3.7, 3.1, 1.6) if narrow else (6.6, 6.0, 2.0)
     high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18
     high_in = float(np.clip(high_in, least_in, 4.6))
-    figure = blank_figure(wide_in, high_in + 0.95)
+    columns = 3 if narrow else max(3, len(blocks))
+    figure = blank_figure(wide_in, high_in + 0.8 + 0.15 * -(-len(blocks) // columns))
     axis = figure.subplots()
     labels = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
     names = [labels.get(zone, zone) for zone in cross_section.zones]
@@ -127,7 +128,7 @@ def section_figure(
                 x, y, s=area, c=fill, marker=MARKERS.get(blocks[name].shape, OTHER_MARKER), linewidths=0.4,
                 edgecolors=mixed(fill, "#000000", 0.45), zorder=3 + k,
             )  # fmt: skip
-    _section_legend(figure, blocks)
+    _section_legend(figure, blocks, columns)
     axis.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
     return finish(figure)
 
@@ -146,7 +147,7 @@ def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> st
     return f"{said} Shares of the gap: {', '.join(parts)}." if parts else said
 
 
-def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
+def _section_legend(figure: Figure, blocks: Mapping[str, Block], columns: int) -> None:
     low, high = (least for least, _, _ in MISS_CLASSES[1:])
     words = (f"residual < {low:g} σ", f"{low:g} to {high:g} σ", f"> {high:g} σ")
     dot = {"marker": "o", "ls": "none", "mew": 0.5}
@@ -161,10 +162,10 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
         if len(blocks) > 1
     ]
     blank = handle("", ls="none")
-    pairs = [own or blank for pair in zip_longest(sizes, shapes) for own in pair]  # filled column by column
-    wide = max(len(sizes), len(shapes))
-    handles = pairs if shapes else sizes
-    figure.legend(handles=handles, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
+    rows = [sizes, *(shapes[k : k + columns] for k in range(0, len(shapes), columns))]
+    handles = [own for column in zip_longest(*rows, fillvalue=blank) for own in column]  # filled column by column
+    columns = max(map(len, rows))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL_PT)
 
 
 @dataclass

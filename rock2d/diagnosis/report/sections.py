@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.diagnosis.budget import TRUE_FLOOR_RATIO, TRUE_FLOOR_SD
 from rock2d.diagnosis.checks import FALSE_ALARMS, Checks
+from rock2d.diagnosis.detection import EXPECTED
 from rock2d.diagnosis.known_causes import largest_size, size_parameter
 from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
@@ -24,6 +25,7 @@ Limits = Mapping[str, Mapping[str, Any]]
 
 LEAST_SHOWN = 0.005  # smallest share of the gap that is shown
 LEARNT_ORIGIN = "learnt from the film"
+STUDIED = "Known causes of known size were added to this film and searched for."  # otherwise: `EXPECTED`
 LIMIT_COLUMNS = ("effect", "size", "seen in 5 of 10", "seen in 9 of 10", "at most (95 %)")
 
 
@@ -184,4 +186,5 @@ def limits_section(content: Mapping[str, Any], world: World) -> dict[str, Any]:
         "limit_head": LIMIT_COLUMNS,
         "limit_rows": limit_rows(own),
         "limits_figure": embedded(limits_figure(own, world), "svg") if own else "",
+        "limits_from": EXPECTED if EXPECTED in content["assumptions"] else STUDIED,
     }

@@ -96,8 +96,9 @@ def verdict_sentence(content: Mapping[str, Any]) -> tuple[str, str]:
         return "Not diagnosed", f"This experiment is too poor to diagnose: {'; '.join(faults)}.{found}"
     if verdict == "none":
         return "No gap", (
-            "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "
-            "larger than the noise of the measurement and the scatter of the soil from strike to strike."
+            "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are "
+            "not significantly larger than the noise of the measurement and the scatter of the soil from strike to "
+            "strike."
         )
     outside = _outside_sentence(content)
     if verdict == "unknown":

@@ -235,7 +235,8 @@ def _mismatch(path: Path, manifest: dict[str, Any]) -> InputError | None:
         return None
     own = manifest["determined_by"]
     differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
-    message = f"is a different campaign: {', '.join(differ)} differ; {OVERWRITE_OR_OUT}"
+    verb = "differs" if len(differ) == 1 else "differ"
+    message = f"is a different campaign: {', '.join(differ)} {verb}; {OVERWRITE_OR_OUT}"
     return InputError(message, path, code="not_a_result", differ=differ)
 
 

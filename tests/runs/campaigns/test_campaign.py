@@ -240,6 +240,8 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     campaign(tmp_path / "one")
     with pytest.raises(InputError, match="different campaign: seed, keep differ"):
         campaign(tmp_path / "one", seed=2, keep=["ends"])
+    with pytest.raises(InputError, match="different campaign: seed differs"):
+        campaign(tmp_path / "one", seed=2)
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     for overwrite in (False, True):

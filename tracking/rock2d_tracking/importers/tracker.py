@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d.files.folders import write_whole
+from rock2d.files.folders import check_own_file, write_whole
 from rock2d_tracking.importers import Importer
 from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points, cells, number, separator_of
 from rock2d_tracking.tracker_project import looks_like_project, read_project
@@ -82,6 +82,8 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
         name = f"{rows['block'].iloc[0]}_release_{release}".replace(" ", "_")
         lines = [name, "\t".join(WRITTEN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
         texts[path.with_stem(f"{path.stem}_{release}") if several else path] = "\n".join(lines) + "\n"
+    for target in texts:
+        check_own_file(target, "\t".join(WRITTEN_COLUMNS))
     for target, text in texts.items():
         write_whole(target, text)
     return list(texts)

@@ -129,6 +129,8 @@ def diagnose(
                 base = fit_base(setup, base_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
+        if isinstance(data, FilmData):  # in the image that fits, as the findings
+            sanity.remarks += rest_remarks(data.film, sanity.registered or setup)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars)
@@ -148,8 +150,9 @@ def diagnose(
 
 def registered_remark(world: World) -> str:
     """A remark on the world in which a film is segmented, if it differs from the stated one."""
+    turn = f"{np.rad2deg(world.view.tilt_rad):.2g}".replace("-", "−")
     return (
-        f"flights and impacts fit an image that is turned by {np.rad2deg(world.view.tilt_rad):.2g}° and "
+        f"flights and impacts fit an image that is turned by {turn}° and "
         f"{world.view.scale:.4f} times as large as stated; the film is divided into flights in it"
     )
 
@@ -166,7 +169,7 @@ def check_and_segment(experiment: Experiment, setup: World) -> tuple[Sanity, Fil
         if segments is None:
             return sanity, None
         data, world = segments, sanity.registered or setup
-        sanity.remarks += [*shape_remarks(data, world), *rest_remarks(data.film, world), *flightless_remarks(data)]
+        sanity.remarks += [*shape_remarks(data, world), *flightless_remarks(data)]
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)

@@ -205,8 +205,9 @@ def key_figures(content: Mapping[str, Any], chain: Sequence[str]) -> list[Tile]:
     if len(chain) > 1:
         alone = _closed_by(content, verdict)
         tiles.append(("By this effect alone", alone, f"of the gap, by {spoken(verdict)}"))
+    found = [c["effect"] for c in _other_causes(content, verdict)]
     second = next((name for name in ranked if not effects[name].scatter), None)
-    if second is not None:
+    if second is not None and second not in found:  # those have tiles of their own
         tiles.append(("Runner-up", _closed_by(content, second), f"of the gap closed by {spoken(second)}"))
     beside = [
         ("Further effect", spoken(c["effect"]), f"closes {share_closed(c['closes'], c['closes_ci95'])}")

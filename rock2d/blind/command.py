@@ -64,8 +64,8 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     plain = json.loads(json.dumps(numbers), parse_constant=lambda _: None)  # JSON has no NaN
     write_whole(folder / "score.json", json.dumps(plain, indent=1, allow_nan=False) + "\n")
     write_page(cases, numbers, read_index(folder)["labels_sha256"], folder / "score.html")
-    for key, value in numbers.items():
-        report(f"{key}: {value}")
+    for key, value in plain.items():
+        report(f"{key}: {json.dumps(value)}".replace("null", "-"))  # no case tells
     report(f"written: {folder / 'score.html'}")
     return numbers
 

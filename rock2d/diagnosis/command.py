@@ -117,9 +117,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     closed = f"share closed {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
     if gap["closure"] == 0.0 and high == 0.0:
         closed = "no significant gap" if verdict == "none" else "nothing closes a part of it"
-    lines.append(
-        f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
-    )
+    found = "" if verdict == "none" else f"{gap['augmented']:.3g} with what was found, "
+    lines.append(f"gap: {gap['base']:.3g} base, {found}{gap['noise_floor']:.3g} floor; {closed}")
     if (own := content["predicted"]) is not None and verdict != "none":
         lines.append(f"predictions close {100 * own['typical']['closure']:.0f} %, {predicted_words(own)}")
     if verdict != "none" and (misses := physical_misses(content)):

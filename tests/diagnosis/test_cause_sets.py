@@ -10,7 +10,7 @@ import pytest
 
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, rests_z
-from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.evidence import LARGEST_LUCK, SURE_GAIN, gain_beyond_luck, probability_of_no_closure
 from rock2d.diagnosis.exploring import explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import CONVERGED_GAIN, Convergence, Fit, extended, fit
@@ -90,6 +90,22 @@ def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():
     assert found["scale_error"][0] == pytest.approx(1.05, rel=0.01)
     assert found["camera_tilt"][0] == pytest.approx(0.03, rel=0.1)
     assert again.fit.total() == pytest.approx(of_scale.fit.total(), abs=5.0)
+
+
+def test_only_rests_say_how_far_rests_prefer_a_set():
+    """The height of a block in one row, in standard deviations; the flight before it does not count."""
+    data = SimpleNamespace(flown=1)
+
+    def of(flight: float, height: float) -> SimpleNamespace:
+        flights = np.zeros((2, 3, 5))
+        flights[:, 1, 0] = flight, height
+        return SimpleNamespace(held_out=SimpleNamespace(residuals=Residuals(np.empty((0, 6)), flights)))
+
+    lies, floats = of(9.0, 0.0), of(0.0, 1.0)
+    assert rests_z(data, lies, floats) == pytest.approx(1.0, rel=0.1)  # nearly normal
+    assert rests_z(data, floats, lies) == -rests_z(data, lies, floats)
+    assert rests_z(data, lies, of(0.0, 12.0)) < 6.0  # heavy tails: a single block does not decide all
+    assert rests_z(data, lies, of(0.0, 0.0)) == 0.0
 
 
 def test_an_effect_that_closes_a_part_only_beside_what_is_learnt_closes_it(two):

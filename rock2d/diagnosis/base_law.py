@@ -21,7 +21,7 @@ from rock2d.scene.world import World
 BASE_STARTS = 2  # places from which the base law is fitted
 # effects whose fit to all flights and impacts locates the ground in the image, and an effect that imitates them in
 # flights
-REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
+REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping", "angle_offset")
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
 LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause

@@ -19,8 +19,8 @@ from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
 
 BASE_STARTS = 2  # places from which the base law is fitted
-# effects whose fit to all flights and impacts locates the ground in the image, and an effect that imitates them in
-# flights
+# effects whose fit to all flights, impacts and rests locates the ground in the image, and effects that imitate them in
+# flights and at rest
 REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping", "angle_offset")
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of their parameters must have

@@ -161,10 +161,12 @@ class Levers:
         steeper = basis.slopes(self.impact_quantities[PLACE_M]) * self.units[PROFILE]
         return replace(self.moved(shift), slope=steeper * tangent[:, X, None] ** 2, flights=self._raised_rests(basis))
 
-    def _raised_rests(self, basis: Basis) -> Array:
-        """(m, 3, degrees, c) response of the rests to a profile of the ground."""
+    def _raised_rests(self, basis: Basis) -> Array | None:
+        """(m, 3, degrees, c) response of the rests to a profile of the ground; None without rests."""
         data, unit_m = self._data, self.units[PROFILE]
         assert isinstance(data, FilmData)
+        if not len(data.rests):
+            return None
         true = self.world.view.true(data.rests.pose)
         level = ground_below(self.world, true)[0][:, X, None]  # cosine of the slope
         higher, steeper = basis.features({PLACE_M: true[:, X]}) * level, basis.slopes(true[:, X]) * level**2

@@ -24,6 +24,10 @@ class Segments:
     impact_zone: np.ndarray
     speed: np.ndarray
 
+    @property
+    def flown(self):
+        return len(self.flight_release)
+
     def impact_quantities(self, world):
         zero = np.zeros(len(self.speed))
         names = ("tangential_speed_m_s", "spin_times_radius_m_s", "orientation_to_ground_rad", "x_m")

@@ -39,7 +39,7 @@ def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
     impacts *= shifts.get("factor", np.ones(n))[:, None]
     flights = rng.normal(size=shape)
     if "bend" in shifts:
-        flights[:, 1, 0] += shifts["bend"]
+        flights[: own[0].flown, 1, 0] += shifts["bend"]
     scatter = found.scatter
     for _ in range(4):
         residuals = Residuals(impacts, flights)

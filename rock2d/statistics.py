@@ -16,6 +16,7 @@ from rock2d.arrays import Array
 
 DESIGN_PERCENTILE = 95.0  # that structures are designed by
 NORMAL_95 = 1.959964  # standard errors of a 95 % interval
+MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 
 
 class Estimate(NamedTuple):

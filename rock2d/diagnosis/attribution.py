@@ -278,9 +278,9 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     """Evidence for all effects that were in a weighed set; the last weighed set, and the first.
 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
-    be named are removed for good, first those of impossible size, then those that gain less, at most half at once; a
-    removed rival gives its place back to the member
-    that it had replaced. The evidence for the remaining members is computed again."""
+    be named are removed for good, first those of impossible size, then those that gain less, half of them at once; a
+    removed rival gives its place back to the member that it had replaced. The evidence for the remaining members is
+    computed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took

@@ -7,6 +7,7 @@ the next flight by the differences of pose and velocity at the beginning of that
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -100,11 +101,11 @@ class FilmData(FilmSegments):
     def flown(self) -> int:
         return len(self.flights)
 
-    @property
+    @cached_property
     def flight_release(self) -> Array:
         return np.concatenate([self.flights.release, self.rests.first_release])
 
-    @property
+    @cached_property
     def flight_block(self) -> Array:
         return np.concatenate([self.flights.block, self.rests.blocks])
 

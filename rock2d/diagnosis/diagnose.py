@@ -130,7 +130,7 @@ def diagnose(
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         if isinstance(data, FilmData):  # in the image that fits, as the findings
-            sanity.remarks += rest_remarks(data.film, sanity.registered or setup)
+            sanity.remarks += rest_remarks(data, sanity.registered or setup)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars)

@@ -91,20 +91,20 @@ def rest_heights(film: Film, world: World) -> list[RestHeight]:
     return found
 
 
-def rest_remarks(film: Film, world: World) -> list[str]:
+def rest_remarks(data: FilmSegments, world: World) -> list[str]:
     """A remark on each block that comes to rest above the ground of a world, or not parallel to it."""
     lies_above = [
         f"at rest, block {own.block} lies {1e3 * own.height_m:.2g} ± {1e3 * own.error_m:.1g} mm above the ground (mean "
         f"of {counted(own.rests, 'release')}): are its sizes, the scale, the origin and the ground right?"
-        for own in rest_heights(film, world)
+        for own in rest_heights(data.film, world)
         if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
     ]
-    return lies_above + inclined_rest_remarks(film, world)
+    return lies_above + inclined_rest_remarks(data.rests, world)
 
 
-def inclined_rest_remarks(film: Film, world: World) -> list[str]:
+def inclined_rest_remarks(rests: RestPoses, world: World) -> list[str]:
     """A remark on each polygon whose side is clearly not parallel to the ground of a world at rest."""
-    remarks, rests = list[str](), RestPoses.of(film, world)
+    remarks = list[str]()
     angle_rad = heights_and_angles(world, rests.block, rests.pose)[:, 1]
     for b, name in enumerate(world.blocks):
         own = angle_rad[rests.block == b]

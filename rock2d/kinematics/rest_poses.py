@@ -6,6 +6,7 @@ any law of contact whether ground, scale and tracked angle are as stated."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from rock2d.records.columns import POSE, POSITION, THETA, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
+from rock2d.statistics import MAD_TO_SD
 
 REST_FRAMES = 10  # number of last frames of a release in which a block at rest does not move
 STILL_SDS = 8.0  # largest range of their positions, in standard deviations of the noise
@@ -23,7 +25,6 @@ FARTHEST_RADII = 2.0  # largest distance from the ground of a block that lies on
 STEEPEST_RAD = np.deg2rad(10.0)  # largest angle between a side on which a block lies and the ground
 FEWEST_RESTS = 5  # fewest rests of a block
 LARGEST_DEVIATION = 5.0  # distance of a rest from the trend of its block along x, in robust standard deviations
-MAD_TO_SD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 # 1 sigma of what all rests of a block share: the accuracy of its size, and the depth to which it sinks into the ground,
 # in radii; the accuracy of its sides, and hills of the ground, in rad
 SHARED_HEIGHT_RADII, SHARED_ANGLE_RAD = 0.02, 0.005
@@ -71,12 +72,12 @@ class RestPoses:
         keep = releases[self.release] & np.isin(self.block, self.blocks[releases[self.first_release]])
         return replace(self, release=self.release[keep], block=self.block[keep], pose=self.pose[keep], sd=self.sd[keep])
 
-    @property
+    @cached_property
     def blocks(self) -> Array:
         """(k,) blocks with rests."""
         return np.unique(self.block)
 
-    @property
+    @cached_property
     def first_release(self) -> Array:
         """(k,) first release with a rest of each of `blocks`."""
         return np.array([self.release[self.block == b][0] for b in self.blocks], np.int64)
@@ -159,9 +160,7 @@ def _without_trend(x_m: Array, lies: Array) -> Array:
 def _lowest_side(block: Block, turn: Array) -> tuple[Array, Array]:
     """Distance (n,) in m of the centroid of a polygon from the side that is nearest to the direction of the ground, and
     the angle (n,) in rad of that side, at orientations `turn` (n,) against the ground."""
-    corner = block.corners_m
-    side = np.roll(corner, -1, axis=0) - corner
-    distance = (corner[:, X] * side[:, Y] - corner[:, Y] * side[:, X]) / np.hypot(*side.T)
+    side = np.roll(block.corners_m, -1, axis=0) - block.corners_m
     angle = np.angle(np.exp(1j * (turn[:, None] + np.arctan2(side[:, Y], side[:, X]))))
     lowest = np.argmin(np.abs(angle), axis=1)
-    return distance[lowest], angle[np.arange(len(turn)), lowest]
+    return block.side_distances_m[lowest], angle[np.arange(len(turn)), lowest]

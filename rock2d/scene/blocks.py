@@ -82,11 +82,14 @@ class Block:
     @property
     def inradius_m(self) -> float:
         """Radius of the largest circle about the centroid inside the profile."""
-        if self.smooth:
-            return min(self.semi_axes_m)
+        return min(self.semi_axes_m) if self.smooth else float(self.side_distances_m.min())
+
+    @property
+    def side_distances_m(self) -> Array:
+        """(n,) distance of the centroid of a polygon from each side, in the order of the corners that they begin at."""
         x, y = self.corners_m.T
         next_x, next_y = np.roll(x, -1), np.roll(y, -1)
-        return float(((x * next_y - next_x * y) / np.hypot(next_x - x, next_y - y)).min())
+        return np.asarray((x * next_y - next_x * y) / np.hypot(next_x - x, next_y - y))
 
     @cached_property
     def reach_m(self) -> float:

@@ -113,7 +113,8 @@ def test_a_wrong_angle_at_rest_is_told():
     true = catalogue()["angle_offset"].apply(setup_world(lying(1)), [0.03])
     for view, told in ((true, ["square"]), (None, [])):
         experiment = lying(20, view)
-        remarks = rest_remarks(load_film(experiment), setup_world(experiment))
+        world = setup_world(experiment)
+        remarks = rest_remarks(FilmData.of(load_film(experiment), world), world)
         assert [
             name for line in remarks for name in ("ball", "square") if f"block {name} lies is turned" in line
         ] == told

@@ -150,7 +150,7 @@ def test_a_block_that_rests_above_the_ground_is_remarked(raised_m):
             rows.append((release, "cube", frame / 200, 0.5 + noise[0], y + noise[1], 0.0))
     table = pd.DataFrame(rows, columns=["release", "block", "t_s", "x_m", "y_m", "theta_rad"])
     experiment = replace(film(world(), 2), trajectories=table, fps=200.0)
-    remarks = rest_remarks(load_film(experiment), setup_world(experiment))
+    remarks = rest_remarks(FilmSegments.of(load_film(experiment), setup_world(experiment)), setup_world(experiment))
     assert len(remarks) == (raised_m > 0.0)
     if remarks:
         assert "block cube lies 0.8" in remarks[0] and "8 releases" in remarks[0]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.statistics import weighted_median
+from rock2d.statistics import MAD_TO_SD, weighted_median
 from rock2d_tracking.outline import TUKEY_SIGMAS, Outline, Patch
 
 POINT_SPACING_PX = 1.5  # spacing of the points on the outline
@@ -121,7 +121,7 @@ def fit_edges(
             root = np.sqrt(weight)[:, None]
             step, *_ = np.linalg.lstsq(columns * root, offset * root[:, 0], rcond=None)
             left = offset - columns @ step
-            spread = 1.4826 * weighted_median(np.abs(left), strength)
+            spread = MAD_TO_SD * weighted_median(np.abs(left), strength)
             scatter = max(spread, SMALLEST_SCATTER_PX)
             limit = TUKEY_SIGMAS * max(scatter, 0.1) * (2.0 if wide else 1.0)
             weight = strength * np.clip(1 - (left / limit) ** 2, 0, None) ** 2

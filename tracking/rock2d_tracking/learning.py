@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 
 from rock2d.arrays import Array
+from rock2d.statistics import MAD_TO_SD
 from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
 from rock2d_tracking.looks import BlockFrame, Looks, learned_picture
@@ -193,7 +194,7 @@ def _fit_size(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> t
         if len(sizes) < FEWEST_BLOCK_FRAMES:
             return looks, turns
         change = float(np.median(sizes))
-        spread = float(1.4826 * np.median(np.abs(np.array(sizes) - change)))
+        spread = float(MAD_TO_SD * np.median(np.abs(np.array(sizes) - change)))
         size *= change
         if abs(size - 1.0) > LARGEST_SIZE_CHANGE or spread > LARGEST_SIZE_SPREAD:
             return looks, turns

@@ -15,6 +15,7 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.answers import single_answers, unexplained_probability
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
 from rock2d.diagnosis.cause_sets import TWINS, Search
+from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.evidence import (
@@ -34,7 +35,7 @@ from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.moving_frame import MOTIONS, frame_of_each_release
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.significance import SummedGain
+from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.diagnosis.workload import EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -75,6 +76,7 @@ class Attribution:
     probabilities : probabilities of the single answers: the effects, "none" and "unknown"
     evidence : evidence for each effect that was in a best set, including those that are not named
     outside : probability that something outside the catalogue acts
+    checks : whether the model with the learnt changes would have made these data
     unexplained : significant dependences in the residuals of the last model of the chain, and a frame that moves in
         each release beside what is learnt, the strongest first
     learnt : the changes learnt with the named effects; with further effects if that predicts better (`uncertain`)
@@ -91,6 +93,7 @@ class Attribution:
     probabilities: dict[str, float]
     evidence: dict[str, Evidence]
     outside: float
+    checks: Checks
     unexplained: list[Dependence]
     learnt: Learnt
     learnt_regressed: RegressedResiduals
@@ -145,6 +148,7 @@ def attribute(
     workers: int = 1,
     folder: Path | None = None,
     bars: DiagnosisBars | None = None,
+    seed: int = 0,
 ) -> Attribution:
     """Compare every effect with the base law, then search for the set of effects that explains most.
 
@@ -153,7 +157,7 @@ def attribute(
     effects fits much better.
 
     `refitted`: the base law for measuring gains, if effects are fitted from another one;
-    `folder`: keeps finished fits."""
+    `folder`: keeps finished fits; `seed`: of the replicates of the checks."""
     bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
         search = Search(data, effects, processes, Validated.of(base, data), bars, folder)
@@ -175,7 +179,7 @@ def attribute(
             if again is not search:
                 again.run()
             search = again
-        return _attribution(search)
+        return _attribution(search, seed)
 
 
 def _better_base(search: Search) -> Validated | None:
@@ -211,16 +215,19 @@ def _restarted_from_grid(search: Search, cause_set: Validated) -> Search:
     return restarted
 
 
-def _attribution(search: Search) -> Attribution:
+def _attribution(search: Search, seed: int) -> Attribution:
     data = search.data
     evidence, of_final, of_first = _evidence_of_sets(search)
     best = search.best
     models = [of_final] if of_first is of_final else [of_final, of_first]
     moving = [frame_of_each_release(model.learnt.fit, data) for model in models]
-    p_outside = max(_outside_probability(search, models, moving), unexplained_probability(evidence))
     learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
+    checks = predictive_checks(data, learnt.fit, seed)
+    p_outside = max(
+        _outside_probability(search, models, moving), unexplained_probability(evidence), checks.failed_share
+    )
     candidates = {
         name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)
         for name, own in search.alone.items()
@@ -231,7 +238,7 @@ def _attribution(search: Search) -> Attribution:
     dependences = sorted([moving[0], *_dependences(chain[-1].fit, learnt, data)], key=lambda d: -d.total)
     return Attribution(
         search.base, candidates, chain, of_base, of_best,
-        single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
+        single_answers(evidence, p_outside, catalogue()), evidence, p_outside, checks,
         [d for d in dependences if d.significance > SIGNIFICANT_DEPENDENCE_Z],
         learnt, left, best.names, search.known_subsets(best.names),
     )  # fmt: skip
@@ -278,12 +285,15 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     """Evidence for all effects that were in a weighed set; the last weighed set, and the first.
 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
-    be named are removed for good, first those of impossible size, then those that gain less, half of them at once; a
-    removed rival gives its place back to the member that it had replaced. The evidence for the remaining members is
-    computed again."""
+    be named are removed, first those of impossible size, then those that gain less, half of them at once; a removed
+    rival gives its place back to the member that it had replaced. The evidence for the remaining members is computed
+    again. When all are named, the removed member that gains most beside them is weighed once more, since what stood
+    beside it then may have hidden it, and so on until one is removed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
+    again: str | None = None  # the removed member that came back last
+    spared = set[str]()  # members that may join again, with what is learnt of them, see `PERMANENT`
     while True:
         names = search.best.names
         found = by_set[names].evidence if names in by_set else {}
@@ -293,20 +303,37 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
             continue
         if names not in by_set:
             weighed = _weighed(search, evidence, removed)  # an effect may have joined the set
-            by_set.setdefault(search.best.names, weighed)
+            by_set[search.best.names] = weighed
             continue
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)),
             key=lambda n: (found[n].possible, found[n].own_gain.total),
         )
         if not refused:
-            return evidence, by_set[names], next(iter(by_set.values()))
-        leaving = set(refused[: (len(refused) + 1) // 2])
-        removed |= leaving
+            again = None if again in removed else _removed_that_gains(search, removed, by_set)
+            if again is None:
+                return evidence, by_set[names], next(iter(by_set.values()))
+            removed.remove(again)
+            search.best = search.set_of(names | {again})
+            continue
+        leaving = {again} if again in refused else set(refused[: (len(refused) + 1) // 2])
+        joins = set() if by_set[names].permanent.changes else leaving & PERMANENT.keys() - spared
+        removed |= leaving - joins
+        spared |= joins
         back = {replaced[name] for name in leaving & replaced.keys()}
         names -= leaving
         names |= {name for name in back - removed if TWINS.get(name) not in names}
         search.best = search.set_of(names)
+
+
+def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:
+    """The removed member that gains most beside the best set, if it gains significantly and was not weighed there."""
+    best, gains = search.best, dict[str, Gain]()
+    for name in sorted(removed - best.names):
+        if TWINS.get(name) not in best.names and best.names | {name} not in weighed:
+            gains[name] = search.gain(search.set_of(best.names | {name}), best)
+    again = max(gains, key=lambda name: gains[name].total, default=None)
+    return again if again is not None and gains[again].significant else None
 
 
 def _exchange_member(

@@ -119,6 +119,11 @@ class Checks:
         """Probability that a true model has a check of means at least as improbable as the most improbable one."""
         return min((check.p_of_all for check in self.means), default=1.0)
 
+    @property
+    def failed_share(self) -> float:
+        """Share of the checks of means that fail."""
+        return float(np.mean([check.fails for check in self.means])) if self.means else 0.0
+
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
         return [

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from rock2d.diagnosis.attribution import Attribution, attribute
 from rock2d.diagnosis.base_law import fit_base, register_by_fit
 from rock2d.diagnosis.budget import Budget, Share
-from rock2d.diagnosis.checks import Checks, predictive_checks
+from rock2d.diagnosis.checks import Checks
 from rock2d.diagnosis.data import FilmData, TableData
 from rock2d.diagnosis.fitting import fit, some_releases
 from rock2d.diagnosis.gap import Cell, budget_and_shares, find_rests, locate_gap
@@ -51,7 +51,6 @@ class Diagnosis:
     found : the attribution
     shares : effect -> share of the gap that it closes alone
     predicted : errors of predictions of whole segments; None without impacts of a film
-    checks : whether the model with the learnt changes would have made these data
     cells : where the gap lies
     unseen : effects that these data cannot show -> reason
     seed : seed of the bootstrap"""
@@ -65,7 +64,6 @@ class Diagnosis:
     shares: dict[str, Share] | None = None
     budget: Budget | None = None
     predicted: PredictedGap | None = None
-    checks: Checks | None = None
     cells: list[Cell] | None = None
     unseen: dict[str, str] | None = None
     seed: int | None = None
@@ -76,6 +74,11 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         return self.found.verdict if self.found is not None else "unknown"
+
+    @property
+    def checks(self) -> Checks | None:
+        """Whether the model with the learnt changes would have made these data."""
+        return self.found.checks if self.found is not None else None
 
 
 def diagnose(
@@ -91,7 +94,7 @@ def diagnose(
 
     Parameters
     ----------
-    seed : of the bootstrap
+    seed : of the bootstrap and of the replicates of the checks
     effects : effects to try; default: the whole catalogue
     workers : number of processes that fit effects; the result does not depend on it
     folder : for finished fits, so that an interrupted diagnosis can continue
@@ -133,15 +136,15 @@ def diagnose(
             sanity.remarks += rest_remarks(data, sanity.registered or setup)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
-        attribution = attribute(base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars)
+        attribution = attribute(
+            base, data, visible, refitted=refitted, workers=workers, folder=folder, bars=bars, seed=seed
+        )
     result.data, result.found, result.unseen, result.seed = data, attribution, unseen_effects, seed
-    with bars.stage(GAP, 4, "steps") as bar:
+    with bars.stage(GAP, 3, "steps") as bar:
         result.budget, result.shares = budget_and_shares(data, attribution, seed)
         bar.step("budget")
         result.cells = locate_gap(experiment, data, attribution)
         bar.step("places")
-        result.checks = predictive_checks(data, attribution.learnt.fit, seed)
-        bar.step("checks")
         if isinstance(data, FilmData) and len(data.impacts):
             result.predicted = predicted_gap(data, attribution.base, attribution.learnt, seed)
         bar.step("predictions")

@@ -24,10 +24,11 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
-from rock2d.diagnosis.levers import FLIGHT, LEVERS, PROFILE, state_units
+from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, WIDTHS, Levers, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
-from rock2d.diagnosis.linear_model import Screening
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.linear_model import LinearModel, Screening
+from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
+from rock2d.diagnosis.quantities import Basis
 from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
@@ -56,6 +57,9 @@ CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of i
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
 # `Evidence.even_ratio` of such an effect: if it is true, it predicts better than the curve that contains it
 EVEN_CONTAINED_RATIO = 1.0
+# gain of a learnt profile over that of one parameter of the law with as many coefficients, at which it is as probable
+# that the ground has heights as that places are soft: heights move positions, too
+EVEN_SOFT_PLACE_RATIO = 1.4
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
@@ -72,7 +76,8 @@ FORM_STEEPNESS = 3.0
 # Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an
 # effect at the end of the range does not fit the data.
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
-LARGE_GAIN_Z = 20.0  # standard errors from which on a small effect counts
+# standard errors from which on a small effect counts: of the image or the surveyed ground, which may be slightly off
+LARGE_GAIN_OF_IMAGE_Z, LARGE_GAIN_Z = 20.0, 8.0
 TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
 LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
 
@@ -176,7 +181,7 @@ def evidence_of_members(
     `learnt`: that set with learnt changes; `permanent`: the same with those alone that are the permanent part of a
     member, see `PERMANENT`, mostly none; `known`: evidence from larger sets, whose `replacement_gain` is reused where
     the gain of the member has changed little."""
-    best, contained = search.best, {CONTAINED[change.lever] for change in permanent.changes}
+    best, data, contained = search.best, search.data, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
@@ -192,6 +197,11 @@ def evidence_of_members(
             evidence, without = _evidence_of_member(search, permanent, name, others_gain, rivals)
         if name in PERMANENT and permanent.changes:
             evidence = max(evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p)
+            share = _share_of_soft_places(data, best.fit, permanent.changes[0].basis)
+            soft = replace(
+                evidence, replacement_gain=Gain(share * evidence.own_gain.gain), even_ratio=EVEN_SOFT_PLACE_RATIO
+            )
+            evidence = min(evidence, soft, key=lambda found: found.p)
         if name in contained:
             evidence = replace(evidence, form_share=CONTAINED_SHARE)
         elif contained:  # as a rival it would gain what the profile gains
@@ -309,7 +319,7 @@ def _evidence_of_member(
         if other in search.effects and other not in best.names:
             rival_z = _first(other, min(OTHER_FORM_Z, rival_z.get(other, np.inf)), rival_z)
     sizes = [relative_size(fit, name) for fit in (best.fit, learnt.fit)]
-    negligible, out_of_range = size_faults(effect, sizes, own_gain.significance >= LARGE_GAIN_Z)
+    negligible, out_of_range = size_faults(effect, sizes, own_gain.significance)
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
@@ -332,12 +342,12 @@ def _first(rival: str, z: float, rival_z: Mapping[str, float]) -> dict[str, floa
 
 def plausible_rivals(search: Search, name: str, gain: SummedGain, fitted: Collection[str] = ()) -> dict[str, float]:
     """`Search.find_rivals` of a member of the best set with this `gain`, without those of impossible size."""
-    large_gain, others = gain.significance >= LARGE_GAIN_Z, search.best.names - {name}
+    others = search.best.names - {name}
     return {
         rival: z
         for rival, z in search.find_rivals(search.best, name, RIVAL_Z, fitted).items()
         if (own := search.known.get(others | {rival})) is None
-        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], large_gain))
+        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], gain.significance))
     }
 
 
@@ -374,8 +384,23 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
         own_gain, held_out_gain(data, others, without), left, float(ndtr(-own_gain.significance)), {}, form_share=1.0,
-        negligible=size_faults(search.effects[name], [_size_with_profile(permanent.fit, name)], False)[0],
+        negligible=size_faults(search.effects[name], [_size_with_profile(permanent.fit, name)], 0.0)[0],
     )  # fmt: skip
+
+
+def _share_of_soft_places(data: Data, fit: Fit, basis: Basis) -> float:
+    """What one parameter of the law gains that depends on the place, as a share of what a profile gains on the same
+    basis; both as a linear model expects it."""
+    levers, linear = Levers(fit, data), LinearModel(fit, data)
+
+    def gain(lever: str, response: LeverResponse) -> float:
+        widths = [np.full(response.size, width) for width in WIDTHS[lever]]
+        return max(float(linear.best_step(levers.columns(response), widths).gain.sum()), 0.0)
+
+    law = levers.response(LAW, basis).law
+    assert law is not None
+    soft = max(gain(LAW, LeverResponse(part.shape[-1], law=part)) for part in np.split(law, len(BASE_WIDTH), axis=-1))
+    return soft / max(gain(PROFILE, levers.response(PROFILE, basis)), 1e-9)
 
 
 def _size_with_profile(fit: Fit, name: str) -> float:
@@ -422,12 +447,13 @@ def relative_size(fit: Fit, name: str) -> float:
     return float(max(sizes))
 
 
-def size_faults(effect: Effect, sizes: Sequence[float], large_gain: bool) -> tuple[bool, bool]:
-    """Whether an effect with these sizes, see `relative_size`, is too small to matter, and whether it lies at the end
-    of the plausible range. An effect with a large gain may be small, unless it only widens the scatter: any noise that
-    is not modelled does so, and closes no gap. A choice has no range."""
+def size_faults(effect: Effect, sizes: Sequence[float], gain_z: float) -> tuple[bool, bool]:
+    """Whether an effect with these sizes, see `relative_size`, and a gain of `gain_z` standard errors is too small to
+    matter, and whether it lies at the end of the plausible range. An effect with a large gain may be small, unless it
+    only widens the scatter: any noise that is not modelled does so, and closes no gap. A choice has no range."""
     is_choice = effect.parameters[0].must_choose
-    negligible = min(sizes) < LEAST_SIZE and (effect.scatter or not large_gain)
+    large_z = LARGE_GAIN_OF_IMAGE_Z if effect.camera or effect.name in TURNS else LARGE_GAIN_Z
+    negligible = min(sizes) < LEAST_SIZE and (effect.scatter or gain_z < large_z)
     return negligible, max(sizes) > LARGEST_SIZE and not is_choice
 
 

@@ -115,11 +115,16 @@ def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_oth
 
 def test_a_small_effect_matters_if_its_gain_is_large_but_never_a_small_scatter():
     """A roughness of 0.05° gains in a long film, but it is that of no ground, and closes no gap."""
-    scale, roughness = catalogue()["scale_error"], catalogue()["surface_roughness"]
-    assert size_faults(scale, [0.003], large_gain=True) == (False, False)
-    assert size_faults(scale, [0.003], large_gain=False) == (True, False)
-    assert size_faults(roughness, [0.003], large_gain=True) == (True, False)
-    assert size_faults(roughness, [0.03], large_gain=True) == (False, False)
+    for name, size, gain_z, negligible in (
+        ("scale_error", 0.003, 21.0, False),
+        ("scale_error", 0.003, 12.0, True),  # an image that is slightly off shows in all impacts
+        ("geometry_error", 0.003, 12.0, True),
+        ("rounded_edges", 0.003, 12.0, False),
+        ("rounded_edges", 0.003, 7.0, True),
+        ("surface_roughness", 0.003, 21.0, True),
+        ("surface_roughness", 0.03, 21.0, False),
+    ):
+        assert size_faults(catalogue()[name], [size], gain_z) == (negligible, False)
 
 
 def test_what_is_refused_and_not_negligible_is_unknown():
@@ -172,7 +177,7 @@ def test_an_aspect_neither_makes_nor_refuses_a_scale():
     for scale, faults in ((0.95, (False, False)), (0.85, (False, True)), (1.0, (True, False))):
         own = SimpleNamespace(model=model, p=model.start())
         own.p[5:7] = [to_scale(q, v) for q, v in zip(model.parameters[0][:2], (scale, 1.03), strict=True)]
-        assert size_faults(effect, [relative_size(own, effect.name)], large_gain=False) == faults
+        assert size_faults(effect, [relative_size(own, effect.name)], 0.0) == faults
 
 
 @pytest.mark.parametrize(

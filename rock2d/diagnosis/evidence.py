@@ -40,8 +40,9 @@ PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a pro
 LEAST_CHANCE = 1e-6  # smallest p value
 LARGEST_LUCK = 10.0  # log likelihood that a fit may gain by luck, beyond what a linear model expects of it
 SURE_GAIN = 40.0  # log likelihood from which on luck does not matter
-# gain over the gain of what is learnt in its place at which the probability of an effect is 0.5
-EVEN_RATIO = 0.5
+# Gain over the gain of what is learnt in its place at which the probability of an effect is 0.5. True causes mostly
+# have 0.9 or more, imitators 0.8 or less.
+EVEN_RATIO = 0.75
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
@@ -57,8 +58,7 @@ CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of i
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
 # `Evidence.even_ratio` of such an effect: if it is true, it predicts better than the curve that contains it
 EVEN_CONTAINED_RATIO = 1.0
-# gain of a learnt profile over that of one parameter of the law with as many coefficients, at which it is as probable
-# that the ground has heights as that places are soft: heights move positions, too
+# the same for a learnt profile and one parameter of the law that follows the place: heights move positions, too
 EVEN_SOFT_PLACE_RATIO = 1.4
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
@@ -76,7 +76,7 @@ FORM_STEEPNESS = 3.0
 # Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an
 # effect at the end of the range does not fit the data.
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
-# standard errors from which on a small effect counts: of the image or the surveyed ground, which may be slightly off
+# standard errors from which on a small effect counts: of the image or ground, which may be slightly off, and any other
 LARGE_GAIN_OF_IMAGE_Z, LARGE_GAIN_Z = 20.0, 8.0
 TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
 LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
@@ -265,7 +265,7 @@ def only_gravity_is_turned(fit: Fit) -> bool:
 
 def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
     """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where they will
-    not gain as much as the effect, `own_gain`: that is twice EVEN_RATIO, so its probability is 1 to within 0.004."""
+    not gain as much as the effect, `own_gain`: its probability is then more than 0.9."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
     return held_out_gain(data, learn(without, data, levers, own_gain), without)
 

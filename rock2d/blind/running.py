@@ -111,8 +111,8 @@ def _heldout(experiment: Experiment, data: Data | None, content: dict[str, Any],
     segments of the root mean square of place and angle, in standard deviations of the camera's noise; and the `floor`,
     the median miss of replicates of these segments by the diagnosed model `learnt`."""
     assert experiment.trajectories is not None
-    noise_m = max(experiment.position_noise_m, LEAST_NOISE)
-    noise_rad = max(experiment.angle_noise_rad, LEAST_NOISE)
+    stated = [experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad]
+    noise = np.maximum(data.film.noise if isinstance(data, FilmData) else stated, LEAST_NOISE)  # as the claims
     out = dict[str, float]()
     for name, base_only in (("base", True), ("diagnosed", False)):
         try:
@@ -120,9 +120,9 @@ def _heldout(experiment: Experiment, data: Data | None, content: dict[str, Any],
         except InputError:
             return {}
         both = predicted.merge(experiment.trajectories, on=["release", "t_s"], suffixes=("", "_seen")).dropna()
-        turn = both["theta_rad"] - both["theta_rad_seen"]
-        square = (both["x_m"] - both["x_m_seen"]) ** 2 + (both["y_m"] - both["y_m_seen"]) ** 2
-        square = square / noise_m**2 + (np.angle(np.exp(1j * turn)) / noise_rad) ** 2
+        turn = np.angle(np.exp(1j * (both["theta_rad"] - both["theta_rad_seen"])))
+        apart = (both["x_m"] - both["x_m_seen"], both["y_m"] - both["y_m_seen"], turn)
+        square = sum((miss / own) ** 2 for miss, own in zip(apart, noise, strict=True))
         segments = np.sqrt((square / 3.0).groupby([both["release"], both["segment"]]).mean())
         if segments.empty:
             return {}

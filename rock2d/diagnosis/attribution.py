@@ -224,6 +224,8 @@ def _attribution(search: Search, seed: int) -> Attribution:
     learnt = best_predicting(data, of_final.learnt, of_first.learnt)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)
+        if learnt.names != best.names and not learnt.changes:  # no file holds such a model
+            learnt = without_harmful_changes(data, of_final.learnt, search.base)
     checks = predictive_checks(data, learnt.fit, seed)
     p_outside = max(
         _outside_probability(search, models, moving), unexplained_probability(evidence), checks.failed_share

@@ -314,7 +314,7 @@ def _model_json(attribution: Attribution) -> dict[str, Any] | None:
     if not (attribution.named or learnt.changes):
         return None
     changes = [
-        change.basis.content()
+        change.basis.content(learnt.fit.model.setup)
         | {"lever": change.lever, "coefficients": change.coefficients.tolist()}
         | _gain_json(change)
         for change in learnt.changes

@@ -67,9 +67,9 @@ class KnownChange:
         return np.asarray(self.basis.features(quantities) @ self.coefficients.T)
 
 
-def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
-    """The learnt changes of a diagnosis, from the key `changes`."""
-    return [KnownChange(c["lever"], q.read_basis(c), np.array(c["coefficients"], float)) for c in content]
+def read_changes(content: Sequence[Mapping[str, Any]], world: World | None = None) -> list[KnownChange]:
+    """The learnt changes of a diagnosis, from the key `changes`, for blocks and zones of a `world`."""
+    return [KnownChange(c["lever"], q.read_basis(c, world), np.array(c["coefficients"], float)) for c in content]
 
 
 def predicted_poses(
@@ -220,7 +220,7 @@ class LearntMotion:
         """(m, 6) states of the blocks when clear of the ground, with the changes of the impact."""
         segment = flights.segment
         left = flights.state[:, RATES]
-        change = turned(flights.state, self._pivot[segment], self._slope[segment]) - flights.state
+        change = np.zeros_like(flights.state)
         tx, ty = self._tangent[segment].T
         for learnt in self._changes:
             if learnt.lever == OUTCOME:
@@ -236,6 +236,7 @@ class LearntMotion:
                 known = {name: values[segment] for name, values in self._history.items()}
                 change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
         change[:, POSE] += (flights.clear_s - flights.left_s)[:, None] * change[:, RATES]
+        change += turned(flights.state, self._pivot[segment], self._slope[segment]) - flights.state
         # a changed pose must not put the block into the ground
         change[~self._clear(segment, flights.state + change), POSE] = 0.0
         return np.asarray(flights.state + change)

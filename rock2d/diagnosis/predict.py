@@ -15,7 +15,7 @@ from rock2d.diagnosis.data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
 from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, PROFILE, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.quantities import SPLINE
+from rock2d.diagnosis.quantities import BLOCK, SPLINE, ZONE
 from rock2d.diagnosis.replay import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -87,9 +87,9 @@ def _joint_model(content: dict[str, Any]) -> dict[str, Any] | None:
     return (model.get("learnt") or dict(model)) if model else None
 
 
-def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
-    """The learnt changes of a diagnosis, if its joint model is used."""
-    return read_changes((_joint_model(content) or {}).get("changes", []))
+def learnt_changes(content: dict[str, Any], world: World) -> list[KnownChange]:
+    """The learnt changes of a diagnosis, for a `world`, if its joint model is used."""
+    return read_changes((_joint_model(content) or {}).get("changes", []), world)
 
 
 def read_for_prediction(path: str | Path) -> dict[str, Any]:
@@ -116,7 +116,9 @@ def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
             raise wrong(message, "curves", k, "quantity", code="unknown_name", name=curve.quantity)
     if change.lever == PROFILE and [curve.kind for curve in change.curves] != [SPLINE]:
         raise wrong("a profile is a spline of the place", "curves")
-    for curve in change.curves:
+    for k, curve in enumerate(change.curves):
+        if curve.names is not None and (curve.quantity not in (BLOCK, ZONE) or len(curve.names) != len(curve.numbers)):
+            raise wrong("names of blocks or zones, one for each number", "curves", k, "names")
         if curve.kind == SPLINE and (len(curve.numbers) < 2 or (np.diff(curve.numbers) <= 0.0).any()):
             raise wrong("breakpoints of a spline must rise", "curves")
     given = read_changes([change.model_dump()])[0]
@@ -149,12 +151,13 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     order = _series_positions(content, film.block_names, film.release_block, data.order)
     if not np.isfinite(data.start_s).any():
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
+    data.order = order  # learnt changes depend on it, too
     segments = Segments.of(data)
     if not len(segments):
         message = "no block touches the ground after a flight in this film: there is nothing to predict"
         raise InputError(message, experiment.folder)
     world = diagnosed_world(content, setup, order[segments.release], base_only)
-    poses = predicted_poses(data, segments, world, [] if base_only else learnt_changes(content))
+    poses = predicted_poses(data, segments, world, [] if base_only else learnt_changes(content, world))
     segment, frame, pose = as_rows(data, segments, poses)
     release = segments.release[segment]
     columns = (
@@ -182,7 +185,7 @@ def _predict_impacts(experiment: Experiment, content: dict[str, Any], base_only:
     positions = _series_positions(content, list(experiment.blocks), data.release_block, data.order)
     data.impact_order = positions[data.impact_release]
     world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
-    changes = [] if base_only else learnt_changes(content)
+    changes = [] if base_only else learnt_changes(content, world)
     known = data.impact_quantities(world).keys() | data.outcome_quantities(world).keys()
     for change in changes:
         rates = change.lever == OUTCOME and len(change.coefficients) == len(AFTER_COLUMNS)
@@ -203,7 +206,7 @@ def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -
     """(n, 3) velocities after the impacts in the image: vx, vy in m/s, omega in rad/s."""
     quantities = data.impact_quantities(world)
     shift = np.zeros((len(data.before), N_STATE))
-    added, unframed = np.zeros_like(data.after), np.zeros_like(data.after)
+    added = np.zeros_like(data.after)
     for change in changes:
         amount = change.of(quantities)
         if change.lever == LAW:
@@ -214,10 +217,11 @@ def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -
             added += amount
         elif change.lever == FRAME:
             shift[:, FRAME_COLUMNS] += amount
-            unframed += change.of(data.outcome_quantities(world))[:, :-1]
     along, across, spin = (data.residuals(world, shift).impacts + added).T
     tx, ty = data.tangent[:, X], data.tangent[:, Y]
-    return data.after + np.column_stack([tx * along - ty * across, ty * along + tx * across, spin]) - unframed
+    after = data.after + np.column_stack([tx * along - ty * across, ty * along + tx * across, spin])
+    outcome = replace(data, after=after).outcome_quantities(world)  # of the prediction, not of the measurement
+    return after - sum((change.of(outcome)[:, :-1] for change in changes if change.lever == FRAME), 0.0)
 
 
 def _world_for_segmentation(experiment: Experiment, film: Film, world: World) -> World:

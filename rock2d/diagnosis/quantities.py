@@ -28,6 +28,7 @@ LEAST_VALUES_PER_PIECE = 6  # measured values
 SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
 WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
 FADE = 0.5  # share of the measured range over which a change fades to nothing beyond its ends
+ABSENT = -1  # number of a kind that a world does not have
 LEAST_SPREAD = 1e-9  # least range of a quantity that varies, as a share of 1 + its largest magnitude
 
 BLOCK, ZONE, SERIES, HISTORY = "block", "zone", "release of the block", "impact of the release"
@@ -159,9 +160,13 @@ class Basis:
         higher, lower = (self.features({curve.quantity: values + side}) for side in (step, -step))
         return np.asarray((higher - lower) / (2.0 * step))
 
-    def content(self) -> dict[str, Any]:
-        """The basis as in the key `changes` of diagnosis.json."""
-        return {"depends_on": self.name, "curves": [asdict(curve) for curve in self.curves]}
+    def content(self, world: World) -> dict[str, Any]:
+        """The basis as in the key `changes` of diagnosis.json; blocks and zones of the `world` with their names."""
+        curves = [asdict(curve) for curve in self.curves]
+        for curve in curves:
+            if known := kind_names(world).get(curve["quantity"]):
+                curve["names"] = [known[int(i)] for i in curve["numbers"]]
+        return {"depends_on": self.name, "curves": curves}
 
 
 def quantities_of(dependences: Dependences) -> frozenset[str]:
@@ -169,13 +174,21 @@ def quantities_of(dependences: Dependences) -> frozenset[str]:
     return frozenset(quantity for parts in dependences.values() for quantity, _ in parts)
 
 
-def read_basis(content: Mapping[str, Any]) -> Basis:
-    """The inverse of `Basis.content`."""
+def kind_names(world: World) -> dict[str, list[str]]:
+    """Quantity -> names of its kinds, in the order of their numbers."""
+    return {BLOCK: list(world.blocks), ZONE: list(world.cross_section.zone_names)}
+
+
+def read_basis(content: Mapping[str, Any], world: World | None = None) -> Basis:
+    """The inverse of `Basis.content`, for blocks and zones of the same names in a `world`, whatever their numbers."""
     curves = []
     for c in content["curves"]:
-        ends = c.get("measured")
+        ends, numbers = c.get("measured"), c["numbers"]
+        if world is not None and c.get("names"):
+            known = kind_names(world)[c["quantity"]]
+            numbers = [known.index(name) if name in known else ABSENT for name in c["names"]]
         measured = None if ends is None else (float(ends[0]), float(ends[1]))
-        curves.append(Curve(c["quantity"], c["kind"], tuple(map(float, c["numbers"])), measured))
+        curves.append(Curve(c["quantity"], c["kind"], tuple(map(float, numbers)), measured))
     return Basis(content["depends_on"], tuple(curves))
 
 

@@ -99,6 +99,7 @@ class CurveKeys(Part):
         description="Breakpoints of a spline, numbers of harmonics, members of kinds, unit of a line, angular "
         "frequencies of waves",
     )
+    names: list[str] | None = Field(default=None, description="Names of the members of kinds: blocks or zones")
     measured: list[Number] | None = Field(
         default=None, min_length=2, max_length=2, description="Lowest and highest measured value of a line or waves"
     )

@@ -1,5 +1,7 @@
 """Predictions with learnt changes: what they add to the motion is what moves a block, and what lies still stays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -112,3 +114,35 @@ def test_what_lies_still_stays_and_nothing_is_pushed_through_the_ground(other, l
         last = own[own.t_s > own.t_s.max() - 0.05]
         assert np.hypot(np.ptp(last.x_m), np.ptp(last.y_m)) < 0.1 * radius
         assert np.ptp(last.theta_rad) < 0.1
+
+
+def test_a_change_of_a_block_goes_to_the_block_of_its_name(other):
+    """Another experiment may list its blocks in another order, or only some of them."""
+    first, second = other.blocks
+
+    def pulled(numbers, names=None):
+        curve = {"quantity": "block", "kind": "kinds", "numbers": numbers, "names": names, "measured": None}
+        change = {
+            "lever": "flight", "depends_on": "block", "curves": [curve],
+            "coefficients": [[0.0, 0.0], [-0.6, 0.0], [0.0, 0.0]],
+        }  # fmt: skip
+        return predict(other, {**known(), "model": with_learnt(SOIL, change)})
+
+    pd.testing.assert_frame_equal(pulled([0.0, 1.0], [second, first]), pulled([1.0, 0.0]))
+    assert not pulled([0.0, 1.0], [first, second]).equals(pulled([0.0, 1.0], [second, first]))
+    pd.testing.assert_frame_equal(pulled([0.0, 1.0], ["absent", first]), pulled([1.0, 7.0], ["absent", "gone"]))
+
+
+def test_what_happened_after_an_impact_is_not_used_to_predict_it():
+    """A frame that moves with the velocity changes the predicted velocity, not the measured one."""
+    measured = impacts(plain_world(), 30, seed=4, noise=0.01)
+    curves = [
+        {"quantity": name, "kind": "line", "numbers": [1.0], "measured": [-9.0, 9.0]} for name in ("vx_m_s", "vy_m_s")
+    ]
+    moving = {
+        "lever": "frame", "depends_on": "velocity", "curves": curves,
+        "coefficients": [[0.1, 0.0], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0]],
+    }  # fmt: skip
+    content = {**known(), "model": with_learnt(SOIL, moving)}
+    other = replace(measured, impacts=measured.impacts.assign(vx_after_m_s=0.3, vy_after_m_s=0.2))
+    pd.testing.assert_frame_equal(predict(measured, content), predict(other, content))

@@ -49,7 +49,7 @@ def run_diagnosis(
     page_date()  # raises for an invalid date before the work starts
     read = load_experiment(experiment)
     _refuse_foreign(out)
-    studied = read_limits(limits, read.name) if limits not in (None, Path()) else None
+    studied = read_limits(limits, read) if limits not in (None, Path()) else None
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None

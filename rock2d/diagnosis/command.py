@@ -14,7 +14,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.predict import predict, read_for_prediction
+from rock2d.diagnosis.predict import predict, read_for_prediction, setup_remarks
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
@@ -191,7 +191,7 @@ def run_prediction(
     read, content = load_experiment(experiment), read_for_prediction(_diagnosis_file(diagnosis))
     check_file(out)
     known = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
-    for remark in scale_remarks(known, read.blocks):
+    for remark in [*setup_remarks(read, content), *scale_remarks(known, read.blocks)]:
         report(remark)
     table = predict(read, content, base_only=base_only)
     check_own_file(out, ",".join(table.columns))

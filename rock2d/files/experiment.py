@@ -9,7 +9,6 @@ import csv
 import hashlib
 import json
 import math
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +22,7 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, 
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys, warn_of_impossible_blocks
-from rock2d.files.text_files import read_text
+from rock2d.files.text_files import DECIMAL_COMMA, read_text
 from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -40,7 +39,6 @@ EXPERIMENT = "experiment.yaml"
 MOST_NAMED = 5  # folders that a message names
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
-DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 class FromGravity(Checked):

@@ -1,11 +1,14 @@
 """Text files of the user: only regular files in UTF-8 are read."""
 
 import json
+import re
 import stat
 from pathlib import Path
 from typing import Any
 
 from rock2d.errors import InputError
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 def require_regular(file: str | Path) -> None:

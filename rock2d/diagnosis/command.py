@@ -114,13 +114,13 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append("not separated: " + ", ".join(content["group"]))
     gap = content["gap"]
     low, high = gap["closure_ci95"]
-    closed = f"share closed {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    closed = f"share closed {100 * gap['closure']:z.0f} % ({100 * low:z.0f} to {100 * high:z.0f} %)"
     if gap["closure"] == 0.0 and high == 0.0:
         closed = "no significant gap" if verdict == "none" else "nothing closes a part of it"
     found = "" if verdict == "none" else f"{gap['augmented']:.3g} with what was found, "
     lines.append(f"gap: {gap['base']:.3g} base, {found}{gap['noise_floor']:.3g} floor; {closed}")
     if (own := content["predicted"]) is not None and verdict != "none":
-        lines.append(f"predictions close {100 * own['typical']['closure']:.0f} %, {predicted_words(own)}")
+        lines.append(f"predictions close {100 * own['typical']['closure']:z.0f} %, {predicted_words(own)}")
     if verdict != "none" and (misses := physical_misses(content)):
         lines.append("misses, without → with it: " + ", ".join(map(" ".join, misses)))
     for cause in content["causes"]:
@@ -132,7 +132,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
             )
     outside = content["outside"]
     if outside and outside["p"] >= NAMED_PROBABILITY:
-        share = f"{100 * outside['share']:.0f} % of the gap"
+        share = f"{100 * outside['share']:z.0f} % of the gap"
         dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
         learnt = outside["learnt"]
         beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""
@@ -155,7 +155,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
 
 def _shares(part: dict[str, Any]) -> str:
     low, high = part["closes_ci95"]
-    return f"{100 * part['closes']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    return f"{100 * part['closes']:z.0f} % ({100 * low:z.0f} to {100 * high:z.0f} %)"
 
 
 def _diagnosis_file(given: Path) -> Path:

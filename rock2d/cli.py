@@ -13,12 +13,14 @@ from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
 from rock2d.compiling import COMPILING, listening
+from rock2d.files.text_files import DECIMAL_COMMA
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 
 
 class Commands(click.Group):
-    """Commands that refuse an option given twice; click would silently use the last value."""
+    """Commands that refuse an option given twice, of which click would silently use the last value, and say what to
+    write instead of a decimal comma."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -26,12 +28,20 @@ class Commands(click.Group):
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
             own = click.Context(command, parent=ctx, info_name=name)
-            given = command.make_parser(own).parse_args(list(rest))[2]
+            values, _, given = command.make_parser(own).parse_args(list(rest))
             for option in given:
+                if isinstance(option.type, (click.types.FloatParamType, click.Tuple, NumberOrGravity)):
+                    for word in filter(DECIMAL_COMMA.fullmatch, _words(values[option.name])):
+                        message = f"{option.opts[0]}: {word!r} has a decimal comma, write {word.replace(',', '.')}"
+                        raise click.UsageError(message, own)
                 single = isinstance(option, click.Option) and not (option.multiple or option.is_flag)
                 if single and given.count(option) > 1:
                     raise click.UsageError(f"{option.opts[0]} is given {given.count(option)} times", own)
         return name, command, rest
+
+
+def _words(value: Any) -> list[str]:
+    return [value] if isinstance(value, str) else [word for part in value for word in _words(part)]
 
 
 class NumberOrGravity(click.ParamType):

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from math import exp, sqrt
+from threading import RLock
 from time import perf_counter
 from typing import Any
 
@@ -136,6 +137,7 @@ class Bars:
 class Bar(tqdm):
     """The bar of one stage."""
 
+    _lock = RLock()  # that of tqdm for several processes leaks a semaphore if a worker is killed
     monitor_interval = 0  # every update is looked at, so no thread has to
 
     def __init__(self, bars: Bars, name: str, total: float, unit: str, done: float) -> None:

@@ -8,6 +8,8 @@ from functools import partial
 
 import pytest
 
+from tests.programs import commanded
+
 COMMAND = """
 import atexit, os, signal, sys, time
 from rock2d import cli
@@ -90,3 +92,17 @@ def test_a_signal_while_python_ends_does_not_change_the_exit_code():
     with started("end", signal.SIG_DFL) as process:
         _, errors = process.communicate(timeout=30)
     assert (process.returncode, errors) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "site.yaml", "--precision", "0,5"),
+        ("design", "site.yaml", "--range", "2", "0,5"),
+        ("design", "site.yaml", "--range", "2", "8", "--over", "ditch.depth_m", "0,5", "2"),
+        ("track", "film.avi", "--metres-per-pixel", "0,5", "--fps", "100"),
+    ],
+)
+def test_a_decimal_comma_in_an_option_is_told(words):
+    done = commanded(*words)
+    assert done.exit_code == 2 and "'0,5' has a decimal comma, write 0.5" in done.output

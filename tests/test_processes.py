@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 from rock2d.processes import as_finished
+from rock2d.progress import Bars
 
 JOBS = [(k,) for k in range(4)]
 LARGE = 1_000_000  # numbers; more than a pipe takes
@@ -71,8 +72,9 @@ if __name__ == "__main__":
 
 
 def announce_and_sleep(k: int) -> None:
-    os.write(1, f"{os.getpid()}\n".encode())  # whole lines, although two workers write
-    time.sleep(600)
+    with Bars(False).stage("sleeping", 1, "times"):
+        os.write(1, f"{os.getpid()}\n".encode())  # whole lines, although two workers write
+        time.sleep(600)
 
 
 def heed_interrupts() -> None:
@@ -85,17 +87,18 @@ def test_workers_do_not_outlive_their_parent(how, tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
     paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
     parent = subprocess.Popen(
-        [sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        [sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True, env={**os.environ, "PYTHONPATH": paths}, preexec_fn=heed_interrupts,
     )  # fmt: skip
     assert parent.stdout is not None
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
     (parent.send_signal if how == signal.SIGKILL else lambda s: os.killpg(parent.pid, s))(how)
     _, left = psutil.wait_procs(workers, timeout=30)
-    parent.wait(30)
+    _, said = parent.communicate(timeout=30)
     for worker in left:
         worker.kill()
     assert not left
+    assert how == signal.SIGKILL or "leaked" not in said  # semaphores of the workers
 
 
 UNGUARDED = """

@@ -81,11 +81,12 @@ def inject(
     from rock2d.diagnosis.detection import LIMITS, TRUTH
     from rock2d.diagnosis.known_causes import effects_of_size
     from rock2d.diagnosis.report.sections import limit_lines
-    from rock2d.files.experiment import load_experiment
+    from rock2d.files.experiment import digest, load_experiment
 
     read, names = load_experiment(experiment), effects_of_size(effects)
     processes = workers.processes or os.cpu_count() or 1
-    options = json.loads(json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan)}))
+    film = {"experiment": read.name, "film": digest(read)}
+    options = json.loads(json.dumps({**film, "effects": names, "plan": asdict(plan)}))
     if not (out / TRUTH).is_file():
         if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
             raise InputError("exists and is not a study; choose another folder", out, code="not_a_result")
@@ -94,7 +95,8 @@ def inject(
             make_cases(result, names, plan, out, options, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
     truth = read_json(out / TRUTH)
-    if {key: truth.get(key) for key in options} != options:
+    older = {} if "film" in truth else {"film": film["film"]}  # studies that name the experiment only
+    if {key: {**older, **truth}.get(key) for key in options} != options:
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         run_cases(out, len(truth["cases"]), diagnose_case, processes, workers.scheduler, bar.reach)

@@ -122,7 +122,7 @@ def _closure_cells(own: dict[str, Any]) -> tuple[str, str, str]:
     """The cells below CLOSURE_HEAD; empty without a closure."""
     if not own["within_15_points"][3]:
         return "", "", ""
-    median = f"{100 * own['median_claimed_less_true']:+.1f} points"
+    median = f"{100 * own['median_claimed_less_true']:+z.1f} points"
     return median, share_text(own["within_15_points"]), share_text(own["claimed_too_much"])
 
 
@@ -189,7 +189,7 @@ def _sizes_section(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
         return
     rows = [
         (
-            name, f"{own['count']}", f"{100 * own['median']:+.0f} %", f"{100 * own['median_absolute']:.0f} %",
+            name, f"{own['count']}", f"{100 * own['median']:+z.0f} %", f"{100 * own['median_absolute']:.0f} %",
             share_text(own["within"]), share_text(own["covered"]),
         )
         for name, own in found.items()

@@ -21,6 +21,7 @@ from rock2d.design.least_volume import (
     volume_text,
 )
 from rock2d.design.norms import norm_remarks
+from rock2d.errors import counted
 from rock2d.files.folders import atomic_folder, check_output_folder, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import load_scenario
@@ -208,9 +209,10 @@ def answer_text(answer: Answer, search: Search) -> str:
             f"with so few releases, the bound is at least {100 * floor:.3g} % although hardly any block passes: more "
             "releases (uncertainty.releases) may allow a smaller size"
         )
-    known = "" if search.scenario.uncertainty else " (no uncertainty in the scenario: sampling only)"
+    known = "twice uncertainty.sites" if search.scenario.uncertainty else "nothing is uncertain: sampling only"
     left_out = f"; {note}" if (note := table_note(search.scenario)) else ""
-    of = f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each{left_out}"
+    sites = counted(len(search.sites), "possible site")
+    of = f"{sites} ({known}), {search.releases} releases of each block on each{left_out}"
     columns = f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block"
     return "\n".join([head, of, columns, *worst, *notes])
 

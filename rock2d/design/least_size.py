@@ -270,7 +270,7 @@ class Search:
         If everything is known, one site without values."""
         if self.scenario.uncertainty is None:
             return [({}, self.seed)]
-        sites = draw_sites(self.scenario, self.seed, 2 * self.scenario.uncertainty.sites)
+        sites = draw_sites(self.scenario, self.seed, 2 * self.scenario.uncertainty.base_sites)
         return [(sites[int(i)], sites.release_seed(int(i))) for i in sites.independent]
 
     @property

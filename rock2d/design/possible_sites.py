@@ -65,7 +65,7 @@ class PossibleSites:
 
 
 def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
-    """Draw possible sites of a scenario; `count` replaces its base number N of groups.
+    """Draw possible sites of a scenario; `count`, a power of two, replaces its base number N of groups.
 
     Raises InputError if the scenario has no key `uncertainty`."""
     from SALib.sample import sobol
@@ -75,8 +75,7 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     unknown = scenario.unknown()
     places = tuple(unknown)
     problem = {"num_vars": len(places), "names": list(places), "bounds": [[0.0, 1.0]] * len(places)}
-    power = int(np.ceil(np.log2(count or scenario.uncertainty.sites)))
-    u = sobol.sample(problem, 2**power, calc_second_order=False, seed=seed)
+    u = sobol.sample(problem, count or scenario.uncertainty.base_sites, calc_second_order=False, seed=seed)
     columns = [unknown[place](column.clip(1e-9, 1 - 1e-9)) for place, column in zip(places, u.T, strict=True)]
     return PossibleSites(places, np.column_stack(columns), seed, scenario.posterior)
 

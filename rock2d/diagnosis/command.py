@@ -14,7 +14,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.predict import COLUMNS, TABLE_COLUMNS, predict, read_for_prediction
+from rock2d.diagnosis.predict import COLUMNS, TABLE_COLUMNS, predict, read_for_prediction, setup_remarks
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
@@ -49,7 +49,7 @@ def run_diagnosis(
     page_date()  # raises for an invalid date before the work starts
     read = load_experiment(experiment)
     _refuse_foreign(out)
-    studied = read_limits(limits, read.name) if limits not in (None, Path()) else None
+    studied = read_limits(limits, read) if limits not in (None, Path()) else None
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
@@ -114,13 +114,13 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append("not separated: " + ", ".join(content["group"]))
     gap = content["gap"]
     low, high = gap["closure_ci95"]
-    closed = f"share closed {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    closed = f"share closed {100 * gap['closure']:z.0f} % ({100 * low:z.0f} to {100 * high:z.0f} %)"
     if gap["closure"] == 0.0 and high == 0.0:
         closed = "no significant gap" if verdict == "none" else "nothing closes a part of it"
     found = "" if verdict == "none" else f"{gap['augmented']:.3g} with what was found, "
     lines.append(f"gap: {gap['base']:.3g} base, {found}{gap['noise_floor']:.3g} floor; {closed}")
     if (own := content["predicted"]) is not None and verdict != "none":
-        lines.append(f"predictions close {100 * own['typical']['closure']:.0f} %, {predicted_words(own)}")
+        lines.append(f"predictions close {100 * own['typical']['closure']:z.0f} %, {predicted_words(own)}")
     if verdict != "none" and (misses := physical_misses(content)):
         lines.append("misses, without → with it: " + ", ".join(map(" ".join, misses)))
     for cause in content["causes"]:
@@ -132,7 +132,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
             )
     outside = content["outside"]
     if outside and outside["p"] >= NAMED_PROBABILITY:
-        share = f"{100 * outside['share']:.0f} % of the gap"
+        share = f"{100 * outside['share']:z.0f} % of the gap"
         dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
         learnt = outside["learnt"]
         beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""
@@ -155,7 +155,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
 
 def _shares(part: dict[str, Any]) -> str:
     low, high = part["closes_ci95"]
-    return f"{100 * part['closes']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    return f"{100 * part['closes']:z.0f} % ({100 * low:z.0f} to {100 * high:z.0f} %)"
 
 
 def _diagnosis_file(given: Path) -> Path:
@@ -192,7 +192,7 @@ def run_prediction(
     check_file(out)
     check_own_file(out, ",".join(TABLE_COLUMNS if read.trajectories is None else COLUMNS))
     known = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
-    for remark in scale_remarks(known, read.blocks):
+    for remark in [*setup_remarks(read, content), *scale_remarks(known, read.blocks)]:
         report(remark)
     table = predict(read, content, base_only=base_only)
     with atomic_file(out) as partial:

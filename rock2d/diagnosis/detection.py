@@ -45,7 +45,9 @@ from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERR
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
+from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis_keys import Limit
+from rock2d.files.experiment import Experiment, digest
 from rock2d.files.text_files import read_json
 from rock2d.scene.world import World
 
@@ -173,17 +175,24 @@ def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict
     return limits_of(detection_curves(result, {name: catalogue()[name] for name in effects}))
 
 
-def read_limits(folder: Path, experiment: str) -> dict[str, dict[str, Any]]:
+def read_limits(folder: Path, experiment: Experiment) -> dict[str, dict[str, Any]]:
     """Effect -> limit of the study in a folder. Raises InputError if there is none, or if it is of another
-    experiment."""
+    film."""
     truth = read_json(folder / TRUTH)
     try:
         limits = TypeAdapter(dict[str, Limit]).validate_python(read_json(folder / LIMITS))
     except ValidationError:
         raise InputError("expected limits of effects", folder / LIMITS, code="not_a_result") from None
-    known = limits.keys() <= catalogue().keys()
-    if not known or not isinstance(truth, dict) or truth.get("experiment") != experiment:
-        raise InputError(f"expected limits of {experiment}", folder, code="not_a_result")
+    if not limits.keys() <= catalogue().keys() or not isinstance(truth, dict):
+        raise InputError("expected a study of rock2d blind inject", folder, code="not_a_result")
+    same = truth["film"] == digest(experiment) if "film" in truth else truth.get("experiment") == experiment.name
+    if not same:
+        raise InputError(
+            f"these limits are those of another film, of experiment {shown(truth.get('experiment'))}; they say nothing "
+            "about this one: `rock2d blind inject` makes its own",
+            folder,
+            code="wrong_kind",
+        )
     return {name: limit.model_dump() for name, limit in limits.items()}
 
 

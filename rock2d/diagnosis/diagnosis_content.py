@@ -157,7 +157,8 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     names, attribution, data = list(catalogue()), result.found, result.data
     assert attribution is not None and data is not None and result.shares is not None and result.cells is not None
     assert result.budget is not None
-    zones = result.experiment.cross_section.zone_names
+    ground = result.experiment.cross_section
+    zones = ground.zone_names
     return {
         "base": base_values(attribution.base.fit),
         "law": {
@@ -191,9 +192,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "checks": result.checks.content() if result.checks is not None else [],
         "series": _series(result),
         "blocks": {
-            name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}
+            name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m, "shape": block.shape}
             for name, block in result.experiment.blocks.items()
         },
+        "cross_section": {"points_m": ground.points_m.tolist(), "zones": list(ground.zones)},
         "gravity_m_s2": float(result.experiment.gravity_m_s2),
         "unseen": result.unseen,
         "assumptions": [reading_sentence(attribution.base.fit)],

@@ -31,6 +31,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
 from rock2d.records.columns import N_STATE, STATE_NAMES, X, Y
 from rock2d.scene.world import View, World
+from rock2d.wording import length
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +41,7 @@ UNREADABLE_FAULTS = {
     sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,
     sanity.WRONG_GRAVITY, sanity.UPWARD_GRAVITY,
 }  # fmt: skip
+SAME = 1e-3  # largest relative difference of numbers of the same set-up
 TABLE_COLUMNS = ("release", "block", "segment", *AFTER_COLUMNS)
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
@@ -101,6 +103,42 @@ def read_for_prediction(path: str | Path) -> dict[str, Any]:
         for i, change in enumerate(read.model.learnt.changes):
             _check_change(document, i, change)
     return read.content()
+
+
+def setup_remarks(experiment: Experiment, content: dict[str, Any]) -> list[str]:
+    """Warnings on how the set-up of an experiment differs from that of a diagnosis, as far as its file says, and what
+    this means for a prediction."""
+    ground, stated = experiment.cross_section, content.get("cross_section")
+    differs = []
+    if stated is not None:
+        points, zones = np.array(stated["points_m"]), tuple(stated["zones"])
+        if len(points) != len(ground.points_m):
+            differs.append(f"its cross-section has {len(ground.points_m)} points, that of the diagnosis {len(points)}")
+        elif (far := np.hypot(*(points - ground.points_m).T).max()) > SAME * np.ptp(points, axis=0).max():
+            differs.append(f"a point of its cross-section lies {length(far)} elsewhere")
+        if zones != ground.zones:
+            differs.append(f"its zones are {', '.join(ground.zones)}, those of the diagnosis {', '.join(zones)}")
+    known = content.get("blocks") or {}
+    for name, block in experiment.blocks.items() if known else ():
+        if name not in known:
+            differs.append(f"the diagnosis has no block {name}")
+            continue
+        for key, unit in (("mass_kg", " kg"), ("size_m", " m"), ("shape", "")):
+            old, new = known[name].get(key), getattr(block, key)
+            if old is not None and (old != new if key == "shape" else abs(new - old) > SAME * old):
+                new, old = (value if key == "shape" else f"{value:.4g}{unit}" for value in (new, old))
+                differs.append(f"{key.partition('_')[0]} of block {name}: {new}, in the diagnosis {old}")
+    gravity = content.get("gravity_m_s2")
+    if gravity is not None and abs(experiment.gravity_m_s2 - gravity) > SAME * gravity:
+        differs.append(f"gravity is {experiment.gravity_m_s2:g} m/s², in the diagnosis {gravity:g} m/s²")
+    if not differs:
+        return []
+    learnt = "; the learnt changes hold for the set-up of the diagnosis only" if learnt_changes(content) else ""
+    return [
+        f"warning: not the set-up of the diagnosis: {'; '.join(differs)}",
+        "warning: this set-up is simulated with the law and the effects of the diagnosis, which no film tested on it: "
+        f"expect larger misses than the report states{learnt}",
+    ]
 
 
 def _check_change(document: Document, i: int, change: ChangeKeys) -> None:

@@ -144,7 +144,8 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
     ]
     lines.append("changes of the model: gain in log score per held-out release over the unchanged model")
     lines += [
-        f"  {row['change']:32s} {row['gain']:+.3f} ± {row['gain_se']:.3f}" for _, row in tables["candidates"].iterrows()
+        f"  {row['change']:32s} {row['gain']:+z.3f} ± {row['gain_se']:.3f}"
+        for _, row in tables["candidates"].iterrows()
     ]
     return "\n".join(lines)
 

@@ -24,6 +24,7 @@ from rock2d.files.fitted_keys import (
     Parameters,
     Part,
 )
+from rock2d.files.setup_keys import CrossSectionKeys
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0)]
@@ -164,6 +165,7 @@ class BlockScale(Part):
 
     mass_kg: float = Field(gt=0, le=1.0e12, description="Mass in kg")
     size_m: float = Field(gt=0, le=1.0e6, description="Diameter of the circle of equal area in m")
+    shape: str | None = Field(default=None, description="Name of its shape")
 
 
 class FrameRate(Part):
@@ -341,6 +343,9 @@ class DiagnosisFile(Part):
     series: dict[str, Count] = Field(default={}, description="Number of filmed releases of each block")
     blocks: dict[str, BlockScale] = Field(
         default={}, description="The blocks of the experiment: the scale at which the parameters hold"
+    )
+    cross_section: CrossSectionKeys | None = Field(
+        default=None, description="The ground of the experiment, without measure lines"
     )
     gravity_m_s2: float | None = Field(default=None, ge=0, le=1000, description="Gravity of the experiment in m/s²")
     assumptions: list[str] = Field(default=[], description="What the diagnosis assumed, in words")

@@ -6,12 +6,13 @@ names file and line. A frame that the camera lost is a missing row or has empty 
 from __future__ import annotations
 
 import csv
+import hashlib
+import json
 import math
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,7 +22,7 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, 
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys, warn_of_impossible_blocks
-from rock2d.files.text_files import read_text
+from rock2d.files.text_files import DECIMAL_COMMA, read_text
 from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -38,7 +39,6 @@ EXPERIMENT = "experiment.yaml"
 MOST_NAMED = 5  # folders that a message names
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
-DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 class FromGravity(Checked):
@@ -127,8 +127,7 @@ class Experiment:
             raise ValueError("an experiment has either trajectories or impacts")
 
     def __repr__(self) -> str:
-        kind, rows = ("trajectories", self.trajectories) if self.impacts is None else ("impacts", self.impacts)
-        assert rows is not None
+        kind, rows = _kind_and_table(self)
         return (
             f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
             f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {comma_list(self.blocks)}>"
@@ -248,16 +247,36 @@ def write_experiment(folder: str | Path, experiment: Experiment) -> None:
 
 def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     """Write `experiment.yaml` and its CSV into an existing folder."""
-    kind = "trajectories" if experiment.trajectories is not None else "impacts"
-    table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
-    assert table is not None
+    kind, table = _kind_and_table(experiment)
     write_csv(folder / f"{kind}.csv", table)
+    keys = {**_stated(experiment), kind: f"{kind}.csv"}
+    head = "# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n"
+    text = head + yaml_text(keys, width=110)
+    (folder / EXPERIMENT).write_text(text, encoding="utf-8")
+
+
+def digest(experiment: Experiment) -> str:
+    """16 hexadecimal digits of a hash of what was stated and measured: the same experiment by another name has the
+    same."""
+    stated, (_, table) = {**_stated(experiment), "name": ""}, _kind_and_table(experiment)
+    return hashlib.sha256(f"{json.dumps(stated)}\n{table.to_csv()}".encode()).hexdigest()[:16]
+
+
+def _kind_and_table(experiment: Experiment) -> tuple[str, pd.DataFrame]:
+    if experiment.trajectories is not None:
+        return "trajectories", experiment.trajectories
+    assert experiment.impacts is not None
+    return "impacts", experiment.impacts
+
+
+def _stated(experiment: Experiment) -> dict[str, Any]:
+    """The keys of `experiment.yaml`, without that of the table."""
     cross_section = {
         "points_m": experiment.cross_section.points_m.tolist(),
         "zones": list(experiment.cross_section.zones),
         "measure_lines": {name: line.tolist() for name, line in experiment.cross_section.measure_lines.items()},
     }
-    keys = {
+    return {
         "name": experiment.name,
         "gravity_m_s2": float(experiment.gravity_m_s2),
         "camera": {
@@ -269,11 +288,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
         },
         "cross_section": {key: value for key, value in cross_section.items() if value},
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
-        kind: f"{kind}.csv",
     }
-    head = "# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n"
-    text = head + yaml_text(keys, width=110)
-    (folder / EXPERIMENT).write_text(text, encoding="utf-8")
 
 
 def _read_table(

@@ -113,7 +113,7 @@ class Uncertainty(Checked):
         ge=4,
         le=4096,
         description="Base number of possible sites, rounded up to a power of two; with d unknown values, "
-        "sites x (d + 2) are simulated",
+        "rock2d run simulates sites x (d + 2), rock2d design 2 x sites",
     )
     releases: int = Field(default=300, ge=20, le=100_000, description="Releases of each block on each of these sites")
     site: dict[str, Variation] = Field(
@@ -127,3 +127,8 @@ class Uncertainty(Checked):
         description="Table (CSV) beside this file: a column for each place, a row for each of equally likely draws, "
         "for example of a calibration; a site takes a row whole",
     )
+
+    @property
+    def base_sites(self) -> int:
+        """`sites`, rounded up to a power of two."""
+        return 1 << (self.sites - 1).bit_length()

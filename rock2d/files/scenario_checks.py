@@ -98,6 +98,9 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
     engine = engine or scenario.engine
     ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
     found = list(_site_and_blocks(scenario, ground))
+    if (unknown := scenario.uncertainty) is not None and unknown.sites != unknown.base_sites:
+        text = f"{unknown.sites} sites count as {unknown.base_sites}, the next power of two"
+        found.append(Doubt(text, ("uncertainty", "sites")))
     for name, block in scenario.make_blocks().items():
         found += earthwork_doubts(block, ground)
         incident = scenario.incident_of(name)

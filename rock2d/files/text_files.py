@@ -1,11 +1,14 @@
 """Text files of the user: only regular files in UTF-8 are read."""
 
 import json
+import re
 import stat
 from pathlib import Path
 from typing import Any
 
 from rock2d.errors import InputError
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 def require_regular(file: str | Path) -> None:
@@ -35,7 +38,8 @@ def read_text(file: str | Path) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         place = place_in(raw[: error.start].decode("utf-8", "replace"), None)
-        raise InputError(f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place, code="not_text") from None
+        message = f"byte 0x{raw[error.start]:02x} is not UTF-8; save the file as text in UTF-8"
+        raise InputError(message, file, *place, code="not_text") from None
 
 
 def read_json(file: str | Path) -> Any:

@@ -19,6 +19,8 @@ const live = (() => {
     });
   }
 
+  const fixed = (value, digits) => (+value.toFixed(digits) + 0).toFixed(digits); // no minus before a zero
+
   // ---- state in the address ---------------------------------------------------------------------------------------
   const address = () => new URLSearchParams(location.hash.slice(1));
   let writing = 0;
@@ -146,7 +148,7 @@ const live = (() => {
     set(time) {
       this.time = Math.min(Math.max(time, Number(this.clock.min)), Number(this.clock.max));
       this.clock.value = this.time;
-      this.clock.setAttribute("aria-valuetext", `${this.time.toFixed(2)} s`);
+      this.clock.setAttribute("aria-valuetext", `${fixed(this.time, 2)} s`);
       this.changed(this.time);
     }
     pause() {
@@ -167,5 +169,5 @@ const live = (() => {
       this.playing = requestAnimationFrame(frame);
     }
   }
-  return { able, unpacked, starts, columns, address, writeAddress, every, sorted, whole, numbers, cleared, ticks, View, whenResized, row, swatch, Player };
+  return { able, unpacked, starts, columns, fixed, address, writeAddress, every, sorted, whole, numbers, cleared, ticks, View, whenResized, row, swatch, Player };
 })();

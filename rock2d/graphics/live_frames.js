@@ -26,7 +26,7 @@
 
   // ---- what is said of a frame ------------------------------------------------------------------------------------
   const seconds = (row) => `${+t[row].toPrecision(6)}`;
-  const number = (value, digits) => (value === null ? "-" : value.toFixed(digits));
+  const number = (value, digits) => (value === null ? "-" : live.fixed(value, digits));
   const error = (value) => (value === null ? "-" : `${+value.toPrecision(2)}`);
   const degrees = (value) => (value === null ? null : (value * 180) / Math.PI);
   function why(row) {
@@ -44,7 +44,7 @@
       ["in the picture", `u = ${number(frames.u_px[row], 2)} ± ${error(frames.u_error_px[row])} px, ` +
         `v = ${number(frames.v_px[row], 2)} ± ${error(frames.v_error_px[row])} px`],
       ["in metres", lost(row) ? "not trusted" : `x = ${number(frames.x_m[row], 4)} m, y = ${number(frames.y_m[row], 4)} m`],
-      ["angle", lost(row) ? "not trusted" : turned === null ? "not measured" : `${turned.toFixed(1)}° ± ${error(off)}°`],
+      ["angle", lost(row) ? "not trusted" : turned === null ? "not measured" : `${live.fixed(turned, 1)}° ± ${error(off)}°`],
       ["flight", data.flights[frames.flight[row]] ?? "none: too near an impact, or too short"],
       ["impact", data.impacts[frames.impact[row]] ?? "none"],
     ];

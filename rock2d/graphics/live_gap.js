@@ -1,7 +1,7 @@
 // The live view of a diagnosis: shows what rock2d/diagnosis/report/live_gap.py has computed, and computes nothing itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  const { unpacked, starts, columns, whole, cleared, row, swatch } = live;
+  const { unpacked, starts, columns, fixed, whole, cleared, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent), { blocks, causes, models, frames, items } = data;
   const IMPACT = 0, NEAR_PX = 14, CLOSE_RADII = 3.5, LEAST_ASPECT = 0.5, MOST_LISTED = 300, NEIGHBOURS = 5, BASE = "#d55e00", CHOSEN = "#0072b2", FILM = "#333333";
@@ -44,7 +44,7 @@
     ...Object.fromEntries(["block", "zone", "phase", "item"].filter((k) => state[k] !== "").map((k) => [k, state[k]])),
     ...(state.size && { size: state.size }),
     ...(!state.close && { close: 0 }),
-    t: +player.time.toFixed(5),
+    t: +fixed(player.time, 5),
   }));
   const model = () => models.findIndex((own) => own.length === state.causes.size && own.every((i) => state.causes.has(i)));
   const shown = () => Math.max(model(), 0); // the base law where the causes were not computed together
@@ -106,8 +106,8 @@
   const nearStage = find("near"), [nearGround, nearTop] = nearStage.children, near = new live.View(nearStage, data.limits);
   const colourOf = (sigma) => data.classes.findLast(([least]) => sigma >= least)[1];
   const gap = (i, m, c) => left[m][c][i];
-  const sigma = (i, m) => `${left[m][0][i].toFixed(1)} σ`;
-  const placed = (i) => `release ${data.released[ofRelease[i]]}, ${blocks[ofBlock[i]].name}, ${data.phases[ofPhase[i]]}, ${data.zones[ofZone[i]]}, t = ${ofTime[i].toFixed(3)} s`;
+  const sigma = (i, m) => `${fixed(left[m][0][i], 1)} σ`;
+  const placed = (i) => `release ${data.released[ofRelease[i]]}, ${blocks[ofBlock[i]].name}, ${data.phases[ofPhase[i]]}, ${data.zones[ofZone[i]]}, t = ${fixed(ofTime[i], 3)} s`;
   const named = (i) => `${sigma(i, 0)}${shown() ? ` → ${sigma(i, shown())}` : ""}: ${placed(i)}`;
   function drawMarks() {
     const pen = cleared(marks), own = every.filter(passes);
@@ -142,7 +142,7 @@
     if (i === "") return;
     fillNeighbours(i);
     table.caption.textContent = placed(i);
-    const own = compared(), digits = (v, n) => (Number.isFinite(v) ? v.toFixed(n) : "-");
+    const own = compared(), digits = (v, n) => (Number.isFinite(v) ? fixed(v, n) : "-");
     if (ofPhase[i] === IMPACT) {
       emptied(table, ["", "along the ground (m/s)", "across (m/s)", "spin (rad/s)", "off along (mm)", "off across (mm)", "off in angle (°)", "residual"]);
       const speeds = (three) => three.map((v, c) => digits(v, c < 2 ? 3 : 2));
@@ -162,7 +162,7 @@
     const alike = every.filter((k) => k !== i && ofPhase[k] === ofPhase[i] && ofBlock[k] === ofBlock[i]);
     const body = emptied(find("neighbours"), ["", "away (mm)", ...models.map(short)]);
     for (const k of alike.sort((a, b) => away(a) - away(b)).slice(0, NEIGHBOURS)) {
-      const made = row(body, ["", away(k).toFixed(1), ...models.map((m) => sigma(k, m))]);
+      const made = row(body, ["", fixed(away(k), 1), ...models.map((m) => sigma(k, m))]);
       pressed(made.cells[0], placed(k), false, () => choose(k));
     }
   }
@@ -193,7 +193,7 @@
   }
   const off = (i, m) => {
     const [dx, dy, turn] = [0, 1, 2].map((c) => pose[3 + 3 * m + c][i]);
-    return `${(1e3 * Math.hypot(dx, dy)).toFixed(1)} mm and ${Math.abs((turn * 180) / Math.PI).toFixed(1)}°`;
+    return `${fixed(1e3 * Math.hypot(dx, dy), 1)} mm and ${fixed(Math.abs((turn * 180) / Math.PI), 1)}°`;
   };
   const way = () => Array.from({ length: end() - begin() }, (_, k) => [pose[0][begin() + k], pose[1][begin() + k]]);
   function drawTop() { // the chosen release and the chosen impact or flight, on the section
@@ -233,7 +233,7 @@
     pen.restore();
     const own = [...frames.segments.keys()].filter(ofThis);
     const where = inside ? `segment ${own.indexOf(segment[i]) + 1} of ${own.length}: base law off by ${off(i, 0)}` : "outside the segments: measured only";
-    find("frame").textContent = `t = ${t[i].toFixed(3)} s, frame ${i - begin() + 1} of ${end() - begin()}, ${where}${inside && m ? `; ${data.labels[m]} ${off(i, m)}` : ""}.`;
+    find("frame").textContent = `t = ${fixed(t[i], 3)} s, frame ${i - begin() + 1} of ${end() - begin()}, ${where}${inside && m ? `; ${data.labels[m]} ${off(i, m)}` : ""}.`;
   }
   function segmentStart(way) { // of the next segment of the release, or of the one before
     const now = player.time, at = frames.segments.map(([a]) => t[a]).filter((_, s) => ofThis(s));
@@ -250,12 +250,12 @@
   function fillOwn() { // impacts and flights of the release, in the order of time
     const table = find("own"), release = frames.release[state.release], m = shown();
     const own = every.filter((i) => ofRelease[i] === release).sort((a, b) => ofTime[a] - ofTime[b]);
-    const missed = (i, k) => `${sigma(i, k)} (${Math.hypot(gap(i, k, 1), gap(i, k, 2)).toFixed(2)} mm, ${Math.abs(gap(i, k, 3)).toFixed(2)}°)`;
+    const missed = (i, k) => `${sigma(i, k)} (${fixed(Math.hypot(gap(i, k, 1), gap(i, k, 2)), 2)} mm, ${fixed(Math.abs(gap(i, k, 3)), 2)}°)`;
     table.caption.textContent = `Release ${data.released[release]}: residual, miss of place and angle`;
     const models = compared(), body = emptied(table, ["t (s)", "phase", "zone", ...models.map(short)]);
     for (const i of own) {
       const made = row(body, ["", data.phases[ofPhase[i]], data.zones[ofZone[i]], ...models.map((k) => missed(i, k))]);
-      pressed(made.cells[0], ofTime[i].toFixed(3), i === state.item, () => choose(i));
+      pressed(made.cells[0], fixed(ofTime[i], 3), i === state.item, () => choose(i));
     }
   }
 

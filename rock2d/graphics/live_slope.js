@@ -1,7 +1,7 @@
 // The live view of a run: shows the numbers that rock2d/design/live_slope.py has computed, and computes none itself.
 (async () => {
   const find = (id) => document.getElementById(`live-${id}`), section = document.getElementById("live");
-  const { unpacked, starts, columns, every, sorted, whole, numbers, cleared, ticks, row, swatch } = live;
+  const { unpacked, starts, columns, fixed, every, sorted, whole, numbers, cleared, ticks, row, swatch } = live;
   if (!live.able()) return;
   const data = JSON.parse(find("data").textContent);
   const { limits, blocks } = data;
@@ -131,7 +131,7 @@
   }
   function fillTable() {
     const [at, zone, measured] = run.stations[state.station], there = beside && nearest(at, beside);
-    const words = `x = ${at.toFixed(view.decimals)} m, ${zone}${measured ? `, measure line: ${measured}` : ""}`;
+    const words = `x = ${fixed(at, view.decimals)} m, ${zone}${measured ? `, measure line: ${measured}` : ""}`;
     find("place").textContent = words;
     slider.value = state.station;
     slider.setAttribute("aria-valuetext", words);
@@ -208,7 +208,7 @@
     histogram.hidden = !most;
     if (!most) return;
     const end = chosen[0][2], pen = cleared(histogram), low = histogram.clientHeight - SCALE_PX;
-    const qy = axes(pen, low + 8, most, `blocks that come past at x = ${run.stations[state.station][0].toFixed(view.decimals)} m`);
+    const qy = axes(pen, low + 8, most, `blocks that come past at x = ${fixed(run.stations[state.station][0], view.decimals)} m`);
     pen.textAlign = "center";
     for (const v of ticks(0, end, 8)) if (left + (v / end) * data.bins * wide < px(limits[1]) - 95) pen.fillText(`${v}`, left + (v / end) * data.bins * wide, low + 15);
     pen.textAlign = "right";

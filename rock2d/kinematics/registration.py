@@ -86,7 +86,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
         if not size.low - BEYOND_CATALOGUE <= value <= size.high + BEYOND_CATALOGUE:
             return
     text = (
-        f"an image turned by {np.degrees(tilt):.1f}° (camera_tilt) and {scale:.3f} times as large as stated "
+        f"an image turned by {np.degrees(tilt):z.1f}° (camera_tilt) and {scale:.3f} times as large as stated "
         "(scale_error)"
     )
     grid = width * np.linspace(-1.0, 1.0, CAMERA_GRID)
@@ -104,7 +104,7 @@ def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
     turns, rises = (np.linspace(p.low, p.high, CROSS_SECTION_GRID) for p in effect.parameters)
     for turn, rise in itertools.product(turns, rises):
         text = (
-            f"a {what[0]} turned by about {np.degrees(turn):.0f}° and a {what[1]} raised by about {rise:.2f} {unit} "
+            f"a {what[0]} turned by about {np.degrees(turn):z.0f}° and a {what[1]} raised by about {rise:z.2f} {unit} "
             "(geometry_error)"
         )
         with contextlib.suppress(ValueError):  # a cross-section that would cross itself

@@ -112,7 +112,7 @@ class ArrivalResults:
         better = [
             name for name in gain.sort_values(ascending=False).index if gain[name] > SIGNIFICANT_ERRORS * error[name]
         ]
-        listed = ", ".join(f"{name} {gain[name]:+.1f} ± {error[name]:.1f}" for name in better[:3])
+        listed = ", ".join(f"{name} {gain[name]:+z.1f} ± {error[name]:.1f}" for name in better[:3])
         return (
             f"Missing in the {model} model, log-probability of one angular block above that of no effect, calibrated "
             f"on the other: {listed or 'no candidate is better than none'}. The errors are of this run; another seed "

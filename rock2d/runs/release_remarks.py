@@ -63,10 +63,16 @@ def _zones(ends: pd.DataFrame, stop: str) -> str:
 
 
 def source_remarks(tables: Mapping[str, Any]) -> list[str]:
-    """A sentence on each block most of whose releases stay where they start."""
+    """A sentence on each block most of whose releases stay where they start, or of which none comes to a line."""
     if "passing" not in tables:
         return []
+    at_lines = tables["passing"].groupby("block", sort=False)
     return [
+        f"none of the {rows['releases'].iloc[0]} releases of {block} comes as far as a measure line "
+        f"({comma_list(rows['line'])}): none arrived, and there are no heights and energies of it there"
+        for block, rows in at_lines
+        if not rows["passed"].any()
+    ] + [
         f"{row.releases - row.left_source:.0f} of {row.releases} releases of {row.block} stay where they start: use "
         "the shares of the arriving blocks, or let blocks start where the slope is steeper (incident)"
         for row in tables["passing"].drop_duplicates("block").itertuples()

@@ -135,7 +135,7 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     case = truth["cases"]["000"]
     assert case["effect"] == "camera_tilt" and case["expected"] == pytest.approx(case["size"], rel=1e-3)
     assert limits["camera_tilt"]["seen50"] < case["size"]
-    assert limits == read_limits(tmp_path / "study", "synthetic")
+    assert limits == read_limits(tmp_path / "study", load_experiment(tmp_path / "film"))
     before = (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns
     assert commanded(*words).exit_code == 0
     assert (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns == before
@@ -149,6 +149,10 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     assert "What this film would have shown" in page and "were added to this film" in page
     refused = commanded(*report, "--limits", tmp_path / "d")
     assert isinstance(refused.exception, InputError)
+    write_experiment(tmp_path / "other", film(world(), 8, seed=2))  # of the same name
+    for command in (words, [*report, "--limits", tmp_path / "study"]):
+        refused = commanded(*[tmp_path / "other" if word == tmp_path / "film" else word for word in command])
+        assert isinstance(refused.exception, InputError) and "of another film" in str(refused.exception)
     assert commanded(*report, "--limits").exit_code == 0
     page = (tmp_path / "d" / "report.html").read_text()
     assert page.count("that a linear model expects") == 2 and "were added to this film" not in page

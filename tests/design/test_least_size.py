@@ -129,7 +129,10 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     assert least.embankment is not None and least.embankment.height_m == answer.least
     facts = json.loads((tmp_path / "design" / "design.json").read_text())
     assert facts["least"] == answer.least and facts["sites"] == 8
-    assert lines[0].startswith(f"least {PLACE}: ") and "8 possible sites, 40 releases" in lines[0]
+    assert (
+        lines[0].startswith(f"least {PLACE}: ")
+        and "8 possible sites (twice uncertainty.sites), 40 releases" in lines[0]
+    )
     assert {path.name for path in (tmp_path / "design").iterdir()} >= {"design.csv", "design.png"}
     check_slider((tmp_path / "design" / "report.html").read_text(encoding="utf-8"), answer)
     assert not list(tmp_path.glob(".*"))

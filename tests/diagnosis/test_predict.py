@@ -11,11 +11,12 @@ import pytest
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction
+from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction, setup_remarks
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
+from rock2d.scene.cross_section import CrossSection
 from tests.diagnosed_files import with_learnt
 from tests.kinematics.synthetic_films import SOIL, effects, film, world, yielded
 from tests.programs import commanded, refusal
@@ -174,6 +175,23 @@ def test_blocks_of_another_size_are_told(tmp_path, content):
         "predict", tmp_path / "film", "--diagnosis", tmp_path, "--out", tmp_path / "p.csv", "--base-only"
     )
     assert result.exit_code == 0 and "do not hold at this scale" in result.output
+
+
+def test_another_setup_is_told(content):
+    """Without a remark, a forecast for another ground looks like one for the ground of the film."""
+    other = film(TILTED, 2, seed=5)
+    ground = other.cross_section
+    assert setup_remarks(other, content) == setup_remarks(other, known()) == []
+    lifted = CrossSection(ground.points_m + np.array([0.0, 0.05]), ground.zones)
+    blocks = {"egg": other.blocks["sphere"], "cube": replace(other.blocks["cube"], mass_kg=1.0)}
+    changed = replace(other, cross_section=lifted, blocks=blocks, gravity_m_s2=9.0)
+    differs, meaning = setup_remarks(changed, content)
+    for words in ("50.0 mm elsewhere", "no block egg", "mass of block cube: 1 kg", "gravity is 9 m/s²"):
+        assert words in differs
+    assert "zones" not in differs and "no film tested" in meaning
+    fewer = CrossSection(ground.points_m[1:], ["gravel"] * (len(ground.zones) - 1))
+    differs, _ = setup_remarks(replace(other, cross_section=fewer), content)
+    assert f"{len(ground.points_m) - 1} points" in differs and "zones are gravel" in differs
 
 
 def one_release() -> Experiment:

@@ -263,6 +263,12 @@ def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
         write_profile(tmp_path / "p.csv", out)
 
 
+def test_a_scenario_holds_no_minus_zero(tmp_path):
+    (tmp_path / "p.csv").write_text("x,y\n0,40\n80,-0.0001\n")
+    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lambda line: None)
+    assert "[80.000, 0.000]" in (text := (tmp_path / "s.yaml").read_text(encoding="utf-8")) and "-0.000" not in text
+
+
 def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
     (tmp_path / "p.csv").write_text(
         "x,y,zone\n0,40,slope\n40,10,ditch\n45,10,uphill_face\n48,14,crest\n52,14,downhill_face\n60,9,run_out\n90,8,\n"

@@ -2,10 +2,12 @@
 
 import base64
 import io
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from rock2d.graphics import pages
 from rock2d.graphics.figure_style import save_figure
 from rock2d.graphics.pages import Section, Table, blank_axes, drawn, embedded, embedded_picture, page
 
@@ -50,3 +52,9 @@ def test_a_figure_from_its_file_is_the_figure_drawn_for_the_page(tmp_path):
     assert drawn.shape == reduced.shape == (220, 330)
     coarse = [grey.reshape(22, 10, 33, 10).mean(axis=(1, 3)) for grey in (drawn, reduced)]
     assert np.corrcoef(coarse[0].ravel(), coarse[1].ravel())[0, 1] > 0.95  # the layout may lie a pixel beside
+
+
+def test_scripts_have_one_place_for_the_digits_of_a_number():
+    """There, no zero has a minus."""
+    scripts = sorted(Path(pages.__file__).parent.glob("*.js"))
+    assert [path.name for path in scripts if ".toFixed(" in path.read_text(encoding="utf-8")] == ["live.js"]

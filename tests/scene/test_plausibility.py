@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rock2d
+from rock2d.design.possible_sites import draw_sites
 from rock2d.errors import UnusualWarning
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -69,6 +70,15 @@ def test_what_is_unusual_is_told_with_its_place(tmp_path, old, new, words):
     told = said(changed(tmp_path, old, new))
     assert any(re.search(words, text) for text in told), told
     assert all(re.search(r"site\.yaml:\d+", text) for text in told)
+
+
+def test_a_number_of_sites_that_is_rounded_is_told(tmp_path):
+    text = SLOPE.with_stem("design_site").read_text(encoding="utf-8")
+    path = tmp_path / "site.yaml"
+    path.write_text(text.replace("sites: 16", "sites: 12"), encoding="utf-8")
+    assert re.search(r"site\.yaml:\d+:.* 12 sites count as 16, the next power of two", *said(path))
+    scenario = rock2d.load_scenario(path)
+    assert len(draw_sites(scenario, 1).independent) == 16
 
 
 @pytest.mark.parametrize(

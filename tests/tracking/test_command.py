@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.importers.tracker import write_tracker
-from rock2d_tracking.setup_file import write_setup
+from rock2d_tracking.setup_file import Setup, write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 from ruamel.yaml import YAML
@@ -60,6 +60,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
 
 def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
     run("film", filmed / "truth", "--out", tmp_path / "f.avi", "--size", 480, 320, "--releases", 1, "--quiet")
+    assert list(Setup(tmp_path / "f.yaml").blocks) == ["sphere"]  # the others are not in the film
     said = tracked(tmp_path / "f.avi", tmp_path / "f.yaml", tmp_path / "out")
     assert "1 release, 140 of 140 frames trusted" in said
     assert (tmp_path / "f.csv").read_text().count("\n") == 1 + 60 + 140

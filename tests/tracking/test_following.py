@@ -212,17 +212,17 @@ def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
     assert [release.block for release in kept] == ["sphere", "cube", "slab"]
 
 
-@pytest.mark.parametrize(("frames", "name"), [(7, "sphere"), (8, "cube")])
-def test_what_is_seen_in_too_few_frames_takes_no_name_from_a_release(tmp_path, frames, name):
+@pytest.mark.parametrize(("frames", "error_px", "name"), [(7, 1.0, "sphere"), (8, 1.0, "cube"), (8, 1e3, "sphere")])
+def test_what_is_seen_in_too_few_frames_or_is_rejected_takes_no_name_from_a_release(tmp_path, frames, error_px, name):
     """A hand moves into the picture before the first release."""
     follower = object.__new__(Follower)
     follower.setup, follower.fall_px, follower.chain = stated_setup(tmp_path / "setup.yaml"), 0.0, None
     follower.looks = {"sphere": Looks("outline", outline_of(BLOCKS["sphere"], 6e-4, -1))}
     follower.motion = Motion(candidates=[np.empty(0, CANDIDATE)] * frames)
     follower.releases, follower._named = [], 0
-    hand = [Sight(k, np.array([100.0 + 2 * k, 80.0, 0.0]), np.ones(3), 1.0) for k in range(frames)]
+    hand = [Sight(k, np.array([100.0 + 2 * k, 80.0, 0.0]), np.full(3, error_px), 1.0) for k in range(frames)]
     follower.release = FollowedRelease("sphere", hand)
-    assert follower._next_block() == name
+    assert follower._next_block() == name or error_px > 1.0
     follower._end_release()
     assert len(follower.releases) == 1 and follower._next_block() == name
 
@@ -236,6 +236,7 @@ def test_the_names_that_releases_took_are_said_where_they_are_in_doubt(tmp_path)
     setup.path.write_text(re.sub(r"releases:\s.*", "releases: [cube]\n", setup.text, flags=re.DOTALL))
     said = remarks_on_names(["cube"] * 5, Setup(setup.path))
     assert said[0].startswith("every release was taken for cube, none for sphere, slab: ")
+    assert remarks_on_names(["cube"], Setup(setup.path))[0].startswith("the release was taken for cube, none for ")
 
 
 def test_background_frames_that_the_film_does_not_have_are_refused(tmp_path):

@@ -110,6 +110,20 @@ def test_a_frame_says_its_flight_and_its_impact(page, folder, frames):
     assert facts(page)["impact"] == "none"
 
 
+def test_no_number_is_minus_zero(page):
+    """Positions are near 0 where the block crosses the origin."""
+    numbers = "[-4e-5, -0.04, -0.06, 2.5].map((v) => live.fixed(v, 1))"
+    assert page.evaluate(numbers) == ["0.0", "0.0", "-0.1", "2.5"]
+
+
+def test_the_page_counts_the_flags_of_impacts_alone(page, folder):
+    impacts = pd.read_csv(folder / "measured_impacts.csv", keep_default_na=False)
+    own = impacts.loc[impacts["flag"] != "mid-air", "flag"]
+    counts = ", ".join(f"{word} {own.str.contains(word).sum()}" for word in ("deep", "low", "wide gap"))
+    said = f"{(own != '').sum()} of {len(own)} ({counts}; flags of measured_impacts.csv"
+    assert said in page.inner_text("body")
+
+
 def test_frames_belong_to_the_impact_between_two_flights():
     flights = pd.DataFrame({"release": [0, 0, 1], "begin_s": [0.0, 0.6, 0.0], "end_s": [0.4, 1.0, 1.0]})
     impacts = pd.DataFrame({"release": [0], "t_s": [0.5]})

@@ -127,7 +127,9 @@ def film(
         size_px, quality = film_format.size_px, options.faults.quality
         write_film(out, bar.counted(shots), size_px, FILM_PLAYED_FPS, quality)
     first = table.groupby("release")["block"].first()
-    write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])
+    filmed = [str(first[n]) for n in numbers]
+    blocks = {name: block for name, block in experiment.blocks.items() if name in filmed}
+    write_setup(setup, replace(experiment, blocks=blocks), camera, filmed)
     report(f"written: {out}, {truth} (truth), {setup}")
 
 

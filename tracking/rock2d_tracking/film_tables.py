@@ -22,7 +22,7 @@ DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration above which the grou
 LOW_REBOUND_SIZES = 0.25
 # largest time between two flights, over the duration of the shorter one, without the flag "wide gap"
 WIDEST_GAP = 0.6
-MID_AIR = "mid-air"
+FLAGS, MID_AIR = ["deep", "low", "wide gap"], "mid-air"
 
 
 def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGravity | None) -> pd.DataFrame:
@@ -131,7 +131,7 @@ def _flags(data: FilmSegments, pairs: FlightPairs, deep: Array, low: Array) -> l
     gap = t[flights.first[pairs.after]] - t[flights.last[pairs.before] - 1]
     lasts = t[flights.last - 1] - t[flights.first]
     wide = gap > WIDEST_GAP * np.minimum(lasts[pairs.before], lasts[pairs.after])
-    words = np.where(np.column_stack([deep, low, wide]), ["deep", "low", "wide gap"], "")
+    words = np.where(np.column_stack([deep, low, wide]), FLAGS, "")
     return [" ".join(word for word in own if word) for own in words.tolist()]
 
 

@@ -1,5 +1,6 @@
 """Following blocks through a film, frame by frame: position, angle and confidence of each."""
 
+import copy
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,6 +20,7 @@ from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion,
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight, shows_release
+from rock2d_tracking.tracked_film import moving_releases
 
 FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in noise
 FOREGROUND_GREY = 8.0  # and in grey levels
@@ -186,7 +188,10 @@ class Follower:
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
                 self.releases.append(self.release)
-                self._named += shows_release(self.release, self.fall_px)
+                judged = copy.deepcopy(self.release)
+                for sight in judged.sights:
+                    sight.when = float(self.motion.clock(sight.frame))
+                self._named += len(moving_releases([judged], self.fall_px))
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []

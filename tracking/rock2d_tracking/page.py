@@ -13,7 +13,7 @@ from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, live_page
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d_tracking.film_tables import MID_AIR
+from rock2d_tracking.film_tables import FLAGS, MID_AIR
 from rock2d_tracking.live_frames import LiveFrames
 from rock2d_tracking.tracked_film import TrackedFilm
 
@@ -50,8 +50,8 @@ def write_page(path: Path, film: TrackedFilm, still: Array, live: LiveFrames) ->
 def _summary(film: TrackedFilm) -> dict[str, str]:
     """Label -> value of the table at the top of the page."""
     flights, impacts = film.flights, film.impacts
-    frames, experiment, flag = film.frames, film.experiment, impacts["flag"].astype(str)
-    own, beside = impacts[flag != MID_AIR], int((flag == MID_AIR).sum())
+    frames, experiment, beside = film.frames, film.experiment, int((impacts["flag"] == MID_AIR).sum())
+    own = impacts[impacts["flag"] != MID_AIR].astype({"flag": str})
     lost = frames.loc[frames["reason"] != "", "reason"].value_counts()
     angles = frames["angle_error_rad"].notna().any()
     angle_noise = f"{np.rad2deg(experiment.angle_noise_rad):.2g}°" if angles else "angle not measured"
@@ -68,8 +68,9 @@ def _summary(film: TrackedFilm) -> dict[str, str]:
         "residuals of the parabolas, over the noise": f"{flights['misfit'].median():.2f} (noise alone makes 1)"
         if len(flights)
         else "no flight was seen",
-        "impacts flagged": f"{(flag != '').sum()} "
-        f"(deep {flag.str.contains('deep').sum()}, low rebound {flag.str.contains('low').sum()})",
+        "impacts of less precise velocity": f"{(own['flag'] != '').sum()} of {len(own)} ("
+        + ", ".join(f"{word} {own['flag'].str.contains(word).sum()}" for word in FLAGS)
+        + "; flags of measured_impacts.csv, which a diagnosis does not use)",
     } | {f"lost: {reason}": counted(count, "frame") for reason, count in lost.items()}
 
 

@@ -308,7 +308,7 @@ class Setup:
     @property
     def fall_px(self) -> float:
         """Acceleration of gravity along v in px per frame squared."""
-        return self.down * self.scale.fall_px
+        return self.down * self.scale.fall_px * float(np.cos(np.deg2rad(self.keys.camera.tilt_deg)))
 
     @property
     def down(self) -> int:

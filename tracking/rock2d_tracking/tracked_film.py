@@ -104,7 +104,8 @@ def remarks_on_names(blocks: Sequence[str], setup: Setup) -> list[str]:
         ]
     others = [name for name in setup.blocks if name not in stated]
     if len(stated) == 1 and others:
-        return [f"every release was taken for {stated[0]}, none for {comma_list(others)}: {wrong}"]
+        subject = "every release" if len(blocks) > 1 else "the release"
+        return [f"{subject} was taken for {stated[0]}, none for {comma_list(others)}: {wrong}"]
     return []
 
 

@@ -115,7 +115,7 @@ def checks_section(checks: Checks | None) -> dict[str, Any]:
     rows = []
     for c in checks.all:
         low, _, high = c.replicates
-        words = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
+        words = f"{c.name}: {c.value:z.1f}, replicates {low:z.1f} to {high:z.1f}"
         mark = Mark("base" if c.fails else "measured", c.value, low, high, words, "span")
         rows.append((c.name, c.largest, chart(axis, [mark]), p_text(c.p), c.fails))
     columns = ("check", "compared", "film", "replicates_05", "replicates_50", "replicates_95", "p")

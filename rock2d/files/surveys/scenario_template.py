@@ -47,7 +47,7 @@ def template_text(
     points, names = ground
     left, right = points[0, 0], points[-1, 0]
     mass = DENSITY_KG_M3 * np.pi / 6.0 * DIAMETER_M**3
-    pairs = ", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in points)
+    pairs = ", ".join(f"[{x:z.3f}, {y:z.3f}]" for x, y in points)
     remarks = "".join(f"# {remark}\n" for remark in profile.remarks)
     classes = {zone: likely_class(zone) for zone in dict.fromkeys(names)}
     fill = "".join(f"    # {zone}: {FILL_CLASS}\n" for zone in EMBANKMENT_ZONES if zone not in classes)
@@ -77,7 +77,7 @@ model:
   default:
     above_ground:
       # {start.why}
-      x_m: {{uniform: {{low: {start.low_m:.3f}, high: {start.high_m:.3f}}}}}
+      x_m: {{uniform: {{low: {start.low_m:z.3f}, high: {start.high_m:z.3f}}}}}
       clearance_m: {{uniform: {{low: 0.1, high: {DROP_M:g}}}}}
       theta_rad: {{uniform: {{low: -3.14159, high: 3.14159}}}}
       vx_m_s: 0.5

@@ -9,6 +9,7 @@ from rock2d.runs.indicators.crossings import crossings_table
 from rock2d.runs.indicators.passing import passing_table
 from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.runs.indicators.stops import stops_table
+from rock2d.runs.release_remarks import source_remarks
 from rock2d.runs.simulation import Simulation
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -106,6 +107,8 @@ def test_shares_of_the_blocks_that_arrive_leave_out_those_that_stay():
     assert row["per_arriving_high95"] == wilson_interval(25, 70)[1]
     gone = passing_table(flown(*tracks[:40], ground=ground))
     assert gone["arrived"].tolist() == [0, 0] and gone["per_arriving"].isna().all()
+    told = [" ".join(source_remarks({"passing": rows})) for rows in (table.reset_index(), gone)]
+    assert ["comes as far as a measure line (far, near)" in words for words in told] == [False, True]
 
 
 def test_percentiles_of_those_that_passed():

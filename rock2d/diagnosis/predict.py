@@ -89,8 +89,8 @@ def _joint_model(content: dict[str, Any]) -> dict[str, Any] | None:
     return (model.get("learnt") or dict(model)) if model else None
 
 
-def learnt_changes(content: dict[str, Any], world: World) -> list[KnownChange]:
-    """The learnt changes of a diagnosis, for a `world`, if its joint model is used."""
+def learnt_changes(content: dict[str, Any], world: World | None = None) -> list[KnownChange]:
+    """The learnt changes of a diagnosis, for blocks and zones of a `world`, if its joint model is used."""
     return read_changes((_joint_model(content) or {}).get("changes", []), world)
 
 

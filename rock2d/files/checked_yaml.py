@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.places import DataPath
 from rock2d.files.text_files import json_content, place_in, read_text, reads_as_number
+from rock2d.wording import without_unit
 
 MOST_VALUES = 500_000
 MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
@@ -110,11 +111,14 @@ def _renamed(data: dict[str, Any], old: str, key: str, document: Document | None
 
 
 def did_you_mean(word: object, choices: Iterable[str]) -> str:
-    """The text " (did you mean 'x'?)" with the choice closest to `word`; empty if none is close."""
+    """The text " (did you mean 'x'?)" with the choice that is `word` with a unit, or closest to it; empty if none is
+    close."""
     from rapidfuzz import fuzz, process
 
-    best = process.extract(str(word), list(choices), scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1)
-    return f" (did you mean {shown(best[0][0])}?)" if best else ""
+    names = list(choices)
+    best = process.extract(str(word), names, scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1)
+    found = [name for name in names if without_unit(name)[0] == word] or [name for name, *_ in best]
+    return f" (did you mean {shown(found[0])}?)" if found else ""
 
 
 def shown(value: object) -> str:

@@ -1,6 +1,8 @@
 """The contact law that a scenario takes from a diagnosis: the fitted soil and the effects that were found.
 
-- some causes are more likely than not: all of these act, with the soil that was fitted together with them
+- the file has a joint model of the named causes: all of these act, with the soil of the joint fit, as in predictions. A
+  single one that is less likely than not, and shares its name with others, is an alternative as below
+- a file without a joint model: all causes act that are more likely than not
 - else the verdict decides. One effect: this effect and those found beside it act. None or unknown: the refitted soil
   alone. A group that the data cannot tell apart: each effect of the group is an alternative with its probability;
   outside an assessment, releases use the refitted soil alone"""
@@ -9,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,7 +22,7 @@ from rock2d.arrays import Array
 from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
-from rock2d.files.fitted_keys import FittedLaw, FittedParameter
+from rock2d.files.fitted_keys import FittedLaw, FittedParameter, JointFit
 from rock2d.files.folders import path_inside
 from rock2d.files.scenario_keys import ContactKeys
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{PLACE}.cause"
-LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts (schema 2)
+LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts in a file without a joint model
 Z95 = 1.959963984540054  # standard normal quantile of 0.975
 
 
@@ -135,7 +137,8 @@ class DiagnosedModel:
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
     model : the model that a run uses
     blocks : blocks of the experiment; empty if the file does not name them
-    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none"""
+    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none
+    unused : possible causes that no model has, in words"""
 
     given: str
     file: Path
@@ -148,6 +151,7 @@ class DiagnosedModel:
     model: FittedModel
     blocks: Mapping[str, BlockScale] = field(default_factory=dict)
     learnt: str = ""
+    unused: tuple[str, ...] = ()
 
     @property
     def left_out(self) -> str:
@@ -233,7 +237,7 @@ def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
     return DiagnosedModel(
         given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else without_effects,
-        keys.blocks, _learnt_in_words(keys),
+        keys.blocks, _learnt_in_words(keys), _unused_in_words(keys, alternatives),
     )  # fmt: skip
 
 
@@ -245,6 +249,16 @@ def _learnt_in_words(keys: DiagnosisFile) -> str:
     return f"{changes} (closes {100 * learnt.closes:.0f} % of the gap in the film)"
 
 
+def _unused_in_words(keys: DiagnosisFile, alternatives: Sequence[FittedModel]) -> tuple[str, ...]:
+    """Causes that no model has, with their probabilities and what the data cannot tell them from."""
+    used = {name for model in alternatives for name in model.effects}
+    rivals = {other: cause.effect for cause in keys.causes if cause.effect in used for other in cause.group}
+    words: dict[str, list[str]] = {cause.effect: [f"probability {cause.p:.2f}"] for cause in keys.causes}
+    for name, other in rivals.items():
+        words.setdefault(name, []).append(f"the data cannot tell it from {other}")
+    return tuple(f"{name} ({', '.join(own)})" for name, own in words.items() if name not in used)
+
+
 class _Reader:
     """Models from the keys of a diagnosis."""
 
@@ -254,7 +268,11 @@ class _Reader:
     def alternatives(self, soil: ContactKeys) -> tuple[FittedModel, ...]:
         """The models that are possible by the verdict: one for each effect of a group, else one."""
         keys = self.keys
-        if any(cause.p >= LEAST_INCLUSION for cause in keys.causes):
+        likely = any(cause.p >= LEAST_INCLUSION for cause in keys.causes)
+        joint = keys.model
+        if joint and joint.parameters and (likely or len(joint.parameters) > 1 or len(keys.group) < 2):
+            return (self._joint(joint),)
+        if likely:
             return (self._causes(soil),)
         if keys.verdict in NOT_EFFECTS:
             return (FittedModel("after", soil, {}),)
@@ -267,9 +285,7 @@ class _Reader:
                 for name, model in zip(keys.group, models, strict=True)
             )
         if keys.beside:
-            last = keys.beside[-1]
-            effects = {name: self._values(name, parameters) for name, parameters in last.parameters.items()}
-            return (FittedModel("after", self.soil(last.base), effects),)
+            return (self._joint(keys.beside[-1]),)
         return (self._one_effect(keys.verdict, soil, "after"),)
 
     def _one_effect(self, name: str, soil: ContactKeys, model_name: str) -> FittedModel:
@@ -278,14 +294,20 @@ class _Reader:
         base = self.soil(effect.base) if effect.base else soil
         return FittedModel(model_name, base, {name: self._values(name, effect.parameters)})
 
+    def _joint(self, fit: JointFit) -> FittedModel:
+        """All effects of a joint fit with its soil, the most probable causes first."""
+        names = [cause.effect for cause in self.keys.causes if cause.effect in fit.parameters]
+        effects = {name: self._values(name, fit.parameters[name]) for name in dict.fromkeys([*names, *fit.parameters])}
+        return FittedModel("after", self.soil(fit.base), effects)
+
     def _causes(self, soil: ContactKeys) -> FittedModel:
-        """All causes that are more likely than not (schema 2), with the soil that was fitted together with them."""
+        """All causes that are more likely than not, with the soil that was fitted together with them."""
         effects = {
             cause.effect: self._values(cause.effect, cause.parameters)
             for cause in self.keys.causes
             if cause.p >= LEAST_INCLUSION
         }
-        joint = [fit for fit in (self.keys.model, *self.keys.beside) if fit and set(fit.parameters) == set(effects)]
+        joint = [fit for fit in self.keys.beside if set(fit.parameters) == set(effects)]
         alone = self.keys.effects.get(next(iter(effects))) if len(effects) == 1 else None
         base = joint[0].base if joint else alone.base if alone else None
         return FittedModel("after", self.soil(base) if base else soil, effects)

@@ -50,6 +50,8 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
         f"diagnosis {diagnosed.given} (experiment {diagnosed.experiment}): verdict {diagnosed.verdict}; soil {soil}"
     ]
     remarks += _verdict_remarks(diagnosed)
+    if diagnosed.unused:
+        remarks.append(f"these causes are possible, too, and do not act: {'; '.join(diagnosed.unused)}")
     if diagnosed.learnt:
         remarks.append(
             f"warning: this run is without the changes learnt from the film: {diagnosed.learnt}. They hold for the "

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -107,7 +107,7 @@ class FittedModel(NamedTuple):
     ----------
     name : name in tables
     soil : parameters of the contact law, as a scenario gives them
-    effects : effect -> parameter -> value; empty for the base law
+    effects : effect -> parameter, or parameter.block where a block has its own -> value; empty for the base law
     p : its probability among the alternatives"""
 
     name: str
@@ -115,11 +115,12 @@ class FittedModel(NamedTuple):
     effects: Mapping[str, Mapping[str, FittedValue]]
     p: float = 1.0
 
-    def values(self, effect: str) -> tuple[float, ...]:
-        """Values of an effect's parameters in the order of the catalogue."""
+    def values(self, effect: str, block: str = "") -> tuple[float, ...]:
+        """Values of an effect's parameters in the order of the catalogue; a block's own, where it has its own."""
         from rock2d.effects import catalogue
 
-        return tuple(self.effects[effect][q.name].value for q in catalogue()[effect].parameters)
+        known = self.effects[effect]
+        return tuple(known.get(f"{q.name}.{block}", known[q.name]).value for q in catalogue()[effect].parameters)
 
 
 @dataclass(frozen=True)
@@ -220,16 +221,18 @@ def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path |
         if os.path.isdir(file):
             file = path_inside(root, f"{given}/{DIAGNOSIS}", *where, error=scenario.error)
         if os.path.exists(file):  # unlike Path.exists, for a name that no file can have, too
-            return _diagnosed_model(given, file)
+            blocks = {**(scenario.blocks or {}), **scenario.populations}
+            return _diagnosed_model(given, file, blocks or (scenario.experiment.blocks if scenario.experiment else {}))
     message = f"no file {shown(given)} beside the scenario or under the data root"
     raise scenario.error(message, *where, code="missing_file", name=given)
 
 
-def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
-    """The models of a diagnosis. Raises InputError with file, line and column of the first mistake."""
+def _diagnosed_model(given: str, file: Path, blocks: Collection[str]) -> DiagnosedModel:
+    """The models of a diagnosis for blocks of these names. Raises InputError with file, line and column of the first
+    mistake."""
     _, keys = read_fitted_diagnosis(file)
     assert keys.fitted_law is not None
-    read = _Reader(keys)
+    read = _Reader(keys, blocks)
     soil = read.soil(keys.fitted_law)
     before = FittedModel("before", soil, {})
     alternatives = read.alternatives(soil)
@@ -260,10 +263,10 @@ def _unused_in_words(keys: DiagnosisFile, alternatives: Sequence[FittedModel]) -
 
 
 class _Reader:
-    """Models from the keys of a diagnosis."""
+    """Models from the keys of a diagnosis, for blocks of these names."""
 
-    def __init__(self, keys: DiagnosisFile) -> None:
-        self.keys = keys
+    def __init__(self, keys: DiagnosisFile, blocks: Collection[str]) -> None:
+        self.keys, self.blocks = keys, blocks
 
     def alternatives(self, soil: ContactKeys) -> tuple[FittedModel, ...]:
         """The models that are possible by the verdict: one for each effect of a group, else one."""
@@ -320,23 +323,32 @@ class _Reader:
         from rock2d.effects import catalogue
 
         out = {}
+        sizes_m = {name: block.size_m for name, block in self.keys.blocks.items()}
+        mean_size_m = float(np.mean(list(sizes_m.values()))) if sizes_m else None
         for parameter in catalogue()[effect].parameters:
             fitted = given.get(parameter.name)
             value = fitted.value if fitted else parameter.neutral
             low, high = fitted.ci95 if fitted else (value, value)
-            out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value))
+            each = fitted.by_block or {} if fitted else {}
+            own = {name: each[name] for name in self.blocks if name in each}
+            if own and len(own) == len(self.blocks):
+                low = high = value  # no block has the mean: it is not drawn
+            out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value, mean_size_m))
+            for name, q in own.items():
+                bounds = self._bounds(parameter, q.value, sizes_m.get(name))
+                out[f"{parameter.name}.{name}"] = FittedValue(q.value, *q.ci95, *bounds)
         return out
 
-    def _bounds(self, parameter: Parameter, value: float) -> tuple[float, float]:
-        """The plausible range of a parameter at the scale of the experiment; its sign only, if that is not known."""
-        scaled = bool(parameter.length or parameter.time)
-        if scaled and (not self.keys.blocks or self.keys.gravity_m_s2 is None):
+    def _bounds(self, parameter: Parameter, value: float, size_m: float | None) -> tuple[float, float]:
+        """The plausible range of a parameter for blocks of this size; its sign only, if the scale is not known."""
+        gravity = self.keys.gravity_m_s2
+        if not (parameter.length or parameter.time):
+            low, high = parameter.low, parameter.high
+        elif size_m is None or gravity is None:
             low, high = (
                 0.0 if bound == 0.0 else np.copysign(np.inf, bound) for bound in (parameter.low, parameter.high)
             )
         else:
-            if scaled:
-                mean_size_m = float(np.mean([block.size_m for block in self.keys.blocks.values()]))
-                parameter = parameter.at(mean_size_m, self.keys.gravity_m_s2 or 0.0)
+            parameter = parameter.at(size_m, gravity)
             low, high = parameter.low, parameter.high
         return min(float(low), value), max(float(high), value)

@@ -85,9 +85,10 @@ def _effect_remark(name: str, acting: ActingEffects) -> str:
     if effect.camera:
         return f"{name} does not act: it is an error of the film, not a property of block or ground"
     numbers = ", ".join(
-        f"{q.name} = {values[q.name].value:.4g} [{values[q.name].low95:.4g}, {values[q.name].high95:.4g}]"
-        + ("" if q.unit == "1" else f" {q.unit}")
+        f"{key} = {value.value:.4g} [{value.low95:.4g}, {value.high95:.4g}]" + ("" if q.unit == "1" else f" {q.unit}")
         for q in effect.parameters
+        for key, value in values.items()
+        if key.startswith(f"{q.name}.") or (key == q.name and not all(f"{key}.{b}" in values for b in acting.blocks))
     )
     if name == ROUGHNESS:
         return f"{name} acts as ground with slopes that vary, sd {numbers}: {_pieces(acting)}"

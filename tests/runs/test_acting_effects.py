@@ -15,6 +15,7 @@ from rock2d.design.report_tables import model_text
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
+from rock2d.files.scenario_variants import variant
 from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
@@ -56,6 +57,25 @@ def test_air_drag_slows_a_fall_to_its_closed_form(tmp_path, engine):
         scenario.with_diagnosed(scenario.diagnosed.using(scenario.diagnosed.before)), releases=1, workers=1
     )
     assert before.to_pandas("impacts")["vy_m_s"][0] == pytest.approx(-np.sqrt(2 * g * height), rel=1e-6)
+
+
+def test_each_block_has_its_own_drag(tmp_path):
+    given = drag(0.101)
+    each = {name: {"value": v, "ci95": [0.9 * v, 1.1 * v]} for name, v in (("ball", 0.2), ("cone", 0.1), ("box", 2e-3))}
+    given["effects"]["air_drag"]["parameters"]["drag_per_mass_1_m"]["by_block"] = each
+    scenario = diagnosed(tmp_path, given, more="uncertainty: {sites: 4, releases: 20}")
+    own = {met.block.name: max(met.block.air) / met.block.mass_kg for met in Conditions(scenario, "batch", 1).common}
+    assert own == pytest.approx({"ball": 0.2, "box": 0.002})
+    places = [f"diagnosis.air_drag.drag_per_mass_1_m.{name}" for name in ("ball", "box")]
+    assert list(scenario.unknown()) == places
+    met = Conditions(variant(scenario, {places[1]: 0.003}), "batch", 1).common
+    assert [max(one.block.air) / one.block.mass_kg for one in met] == pytest.approx([0.2, 0.003])
+    said = " ".join(diagnosis_remarks(scenario))
+    assert "acts: drag_per_mass_1_m.ball = 0.2 [0.18, 0.22] 1/m, drag_per_mass_1_m.box = 0.002 [0.0018, 0.0022]" in said
+    del each["box"]
+    scenario = diagnosed(tmp_path, given, more="uncertainty: {sites: 4, releases: 20}")
+    own = {met.block.name: max(met.block.air) / met.block.mass_kg for met in Conditions(scenario, "batch", 1).common}
+    assert own == pytest.approx({"ball": 0.2, "box": 0.101}) and len(scenario.unknown()) == 2
 
 
 def test_the_camera_does_not_change_a_bit(tmp_path):
@@ -242,8 +262,6 @@ def test_another_scale_is_warned_of(tmp_path, blocks, said):
 
 
 def test_a_possible_site_has_its_own_effect(tmp_path):
-    from rock2d.files.scenario_variants import variant
-
     scenario = diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
     site = variant(scenario, {"diagnosis.air_drag.drag_per_mass_1_m": 0.07})
     met = Conditions(site, "batch", 1).common[0]

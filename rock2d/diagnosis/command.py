@@ -24,7 +24,7 @@ from rock2d.files.diagnosis_keys import BlockScale
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import atomic_file, atomic_folder, check_file, check_own_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
-from rock2d.runs.diagnosis_remarks import scale_remarks
+from rock2d.runs.diagnosis_remarks import NOT_FITTED_WARNING, scale_remarks
 
 COMPARISON, COMPARISON_PAGE = "comparison.json", "comparison.html"
 FITS = ".fits"  # folder of finished fits, removed at the end
@@ -191,7 +191,8 @@ def run_prediction(
     read, content = load_experiment(experiment), read_for_prediction(_diagnosis_file(diagnosis))
     check_file(out)
     known = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
-    for remark in scale_remarks(known, read.blocks):
+    fitted = content.get("law", {}).get("fitted", True)
+    for remark in [*([] if fitted else [NOT_FITTED_WARNING]), *scale_remarks(known, read.blocks)]:
         report(remark)
     table = predict(read, content, base_only=base_only)
     check_own_file(out, ",".join(table.columns))

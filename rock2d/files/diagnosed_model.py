@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{PLACE}.cause"
 LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts in a file without a joint model
+NOT_FITTED = "the paper's soil, scaled to the blocks of the film and not fitted, as no impact was judged"
 Z95 = 1.959963984540054  # standard normal quantile of 0.975
 
 
@@ -139,7 +140,8 @@ class DiagnosedModel:
     model : the model that a run uses
     blocks : blocks of the experiment; empty if the file does not name them
     learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none
-    unused : possible causes that no model has, in words"""
+    unused : possible causes that no model has, in words
+    fitted : whether impacts determined the law; else it is the paper's, scaled to the blocks"""
 
     given: str
     file: Path
@@ -153,11 +155,19 @@ class DiagnosedModel:
     blocks: Mapping[str, BlockScale] = field(default_factory=dict)
     learnt: str = ""
     unused: tuple[str, ...] = ()
+    fitted: bool = True
 
     @property
-    def left_out(self) -> str:
-        """Note for every table of a run: the run leaves out the learnt changes. Empty if there are none."""
-        return f"without the learnt changes of {self.given}" if self.learnt else ""
+    def note(self) -> str:
+        """Note for every table of a run: it leaves out the learnt changes, its law was not fitted. May be empty."""
+        learnt = f"without the learnt changes of {self.given}" if self.learnt else ""
+        soil = "" if self.fitted else f"with the unfitted soil of {self.given} where the scenario states none"
+        return "; ".join(part for part in (learnt, soil) if part)
+
+    @property
+    def soil_in_words(self) -> str:
+        """Where the soil comes from."""
+        return "the refitted soil" if self.fitted else NOT_FITTED
 
     @property
     def undecided(self) -> bool:
@@ -240,7 +250,7 @@ def _diagnosed_model(given: str, file: Path, blocks: Collection[str]) -> Diagnos
     return DiagnosedModel(
         given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else without_effects,
-        keys.blocks, _learnt_in_words(keys), _unused_in_words(keys, alternatives),
+        keys.blocks, _learnt_in_words(keys), _unused_in_words(keys, alternatives), keys.law.fitted,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import rock2d
 from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
-from rock2d.design.report_tables import model_text
+from rock2d.design.report_tables import model_text, parameter_tables
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
@@ -20,7 +20,7 @@ from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables
+from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -219,6 +219,17 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     rock2d.write_report(result, tmp_path / "page")
     page = (tmp_path / "page" / "report.html").read_text(encoding="utf-8")
     assert page.count(note) >= 5 and "flight of height (closes 93 %" in page
+
+
+def test_a_run_says_that_the_soil_of_flights_alone_was_not_fitted(tmp_path):
+    scenario = diagnosed(tmp_path, content("none", law={"fitted": False}))
+    said = diagnosis_remarks(scenario)
+    assert any(line.startswith("warning") and "not fitted" in line for line in said)
+    assert "no effect was found: only the paper's soil" in " ".join(said) and "refitted" not in " ".join(said)
+    assert table_note(scenario) == "with the unfitted soil of d.json where the scenario states none"
+    assert all("not fitted" in table.note for table in parameter_tables(scenario, "batch"))
+    fitted = diagnosed(tmp_path, content("none"))
+    assert not table_note(fitted) and not any(table.note for table in parameter_tables(fitted, "batch"))
 
 
 def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):

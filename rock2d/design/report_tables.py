@@ -194,12 +194,13 @@ def parameter_tables(scenario: Scenario, engine: str) -> list[Table]:
     for block in scenario.make_blocks().values():
         of_zone = engine_named(engine).parameters(scenario, block)
         groups.setdefault(tuple(of_zone.get(zone) or of_zone["default"] for zone in zones), []).append(block.name)
-    tables = []
+    tables, found = [], scenario.diagnosed
+    note = "" if found is None or found.fitted else f"What the scenario does not state is {found.soil_in_words}."
     for own, blocks in groups.items():
         rows = [(zone, *map(_parameter, astuple(values))) for zone, values in zip(zones, own, strict=True)]
         title = f"Parameters of the {engine_named(engine).law} law"
         title += f": {', '.join(blocks)}" if len(groups) > 1 else ""
-        tables.append(Table(("zone", *(field.name for field in fields(own[0]))), rows, title))
+        tables.append(Table(("zone", *(field.name for field in fields(own[0]))), rows, title, note))
     if scenario.model.soils:
         tables.append(_soil_sources(scenario))
     return tables

@@ -24,7 +24,7 @@ from rock2d.files.diagnosis_keys import BlockScale
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import atomic_file, atomic_folder, check_file, check_own_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
-from rock2d.runs.diagnosis_remarks import scale_remarks
+from rock2d.runs.diagnosis_remarks import NOT_FITTED_WARNING, scale_remarks
 
 COMPARISON, COMPARISON_PAGE = "comparison.json", "comparison.html"
 FITS = ".fits"  # folder of finished fits, removed at the end
@@ -192,7 +192,9 @@ def run_prediction(
     check_file(out)
     check_own_file(out, ",".join(TABLE_COLUMNS if read.trajectories is None else COLUMNS))
     known = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
-    for remark in [*setup_remarks(read, content), *scale_remarks(known, read.blocks)]:
+    fitted = content.get("law", {}).get("fitted", True)
+    remarks = [*setup_remarks(read, content), *scale_remarks(known, read.blocks)]
+    for remark in remarks if fitted else [NOT_FITTED_WARNING, *remarks]:
         report(remark)
     table = predict(read, content, base_only=base_only)
     with atomic_file(out) as partial:

@@ -1,6 +1,8 @@
 """The contact law that a scenario takes from a diagnosis: the fitted soil and the effects that were found.
 
-- some causes are more likely than not: all of these act, with the soil that was fitted together with them
+- the file has a joint model of the named causes: all of these act, with the soil of the joint fit, as in predictions. A
+  single one that is less likely than not, and shares its name with others, is an alternative as below
+- a file without a joint model: all causes act that are more likely than not
 - else the verdict decides. One effect: this effect and those found beside it act. None or unknown: the refitted soil
   alone. A group that the data cannot tell apart: each effect of the group is an alternative with its probability;
   outside an assessment, releases use the refitted soil alone"""
@@ -9,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,7 +22,7 @@ from rock2d.arrays import Array
 from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
-from rock2d.files.fitted_keys import FittedLaw, FittedParameter
+from rock2d.files.fitted_keys import FittedLaw, FittedParameter, JointFit
 from rock2d.files.folders import path_inside
 from rock2d.files.scenario_keys import ContactKeys
 
@@ -30,7 +32,8 @@ if TYPE_CHECKING:
 
 PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{PLACE}.cause"
-LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts (schema 2)
+LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts in a file without a joint model
+NOT_FITTED = "the paper's soil, scaled to the blocks of the film and not fitted, as no impact was judged"
 Z95 = 1.959963984540054  # standard normal quantile of 0.975
 
 
@@ -105,7 +108,7 @@ class FittedModel(NamedTuple):
     ----------
     name : name in tables
     soil : parameters of the contact law, as a scenario gives them
-    effects : effect -> parameter -> value; empty for the base law
+    effects : effect -> parameter, or parameter.block where a block has its own -> value; empty for the base law
     p : its probability among the alternatives"""
 
     name: str
@@ -113,11 +116,12 @@ class FittedModel(NamedTuple):
     effects: Mapping[str, Mapping[str, FittedValue]]
     p: float = 1.0
 
-    def values(self, effect: str) -> tuple[float, ...]:
-        """Values of an effect's parameters in the order of the catalogue."""
+    def values(self, effect: str, block: str = "") -> tuple[float, ...]:
+        """Values of an effect's parameters in the order of the catalogue; a block's own, where it has its own."""
         from rock2d.effects import catalogue
 
-        return tuple(self.effects[effect][q.name].value for q in catalogue()[effect].parameters)
+        known = self.effects[effect]
+        return tuple(known.get(f"{q.name}.{block}", known[q.name]).value for q in catalogue()[effect].parameters)
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,9 @@ class DiagnosedModel:
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
     model : the model that a run uses
     blocks : blocks of the experiment; empty if the file does not name them
-    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none"""
+    learnt : the learnt changes in words, with the share of the gap that they close; empty if there are none
+    unused : possible causes that no model has, in words
+    fitted : whether impacts determined the law; else it is the paper's, scaled to the blocks"""
 
     given: str
     file: Path
@@ -148,11 +154,20 @@ class DiagnosedModel:
     model: FittedModel
     blocks: Mapping[str, BlockScale] = field(default_factory=dict)
     learnt: str = ""
+    unused: tuple[str, ...] = ()
+    fitted: bool = True
 
     @property
-    def left_out(self) -> str:
-        """Note for every table of a run: the run leaves out the learnt changes. Empty if there are none."""
-        return f"without the learnt changes of {self.given}" if self.learnt else ""
+    def note(self) -> str:
+        """Note for every table of a run: it leaves out the learnt changes, its law was not fitted. May be empty."""
+        learnt = f"without the learnt changes of {self.given}" if self.learnt else ""
+        soil = "" if self.fitted else f"with the unfitted soil of {self.given} where the scenario states none"
+        return "; ".join(part for part in (learnt, soil) if part)
+
+    @property
+    def soil_in_words(self) -> str:
+        """Where the soil comes from."""
+        return "the refitted soil" if self.fitted else NOT_FITTED
 
     @property
     def undecided(self) -> bool:
@@ -216,16 +231,18 @@ def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path |
         if os.path.isdir(file):
             file = path_inside(root, f"{given}/{DIAGNOSIS}", *where, error=scenario.error)
         if os.path.exists(file):  # unlike Path.exists, for a name that no file can have, too
-            return _diagnosed_model(given, file)
+            blocks = {**(scenario.blocks or {}), **scenario.populations}
+            return _diagnosed_model(given, file, blocks or (scenario.experiment.blocks if scenario.experiment else {}))
     message = f"no file {shown(given)} beside the scenario or under the data root"
     raise scenario.error(message, *where, code="missing_file", name=given)
 
 
-def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
-    """The models of a diagnosis. Raises InputError with file, line and column of the first mistake."""
+def _diagnosed_model(given: str, file: Path, blocks: Collection[str]) -> DiagnosedModel:
+    """The models of a diagnosis for blocks of these names. Raises InputError with file, line and column of the first
+    mistake."""
     _, keys = read_fitted_diagnosis(file)
     assert keys.fitted_law is not None
-    read = _Reader(keys)
+    read = _Reader(keys, blocks)
     soil = read.soil(keys.fitted_law)
     before = FittedModel("before", soil, {})
     alternatives = read.alternatives(soil)
@@ -233,7 +250,7 @@ def _diagnosed_model(given: str, file: Path) -> DiagnosedModel:
     return DiagnosedModel(
         given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else without_effects,
-        keys.blocks, _learnt_in_words(keys),
+        keys.blocks, _learnt_in_words(keys), _unused_in_words(keys, alternatives), keys.law.fitted,
     )  # fmt: skip
 
 
@@ -245,16 +262,30 @@ def _learnt_in_words(keys: DiagnosisFile) -> str:
     return f"{changes} (closes {100 * learnt.closes:.0f} % of the gap in the film)"
 
 
-class _Reader:
-    """Models from the keys of a diagnosis."""
+def _unused_in_words(keys: DiagnosisFile, alternatives: Sequence[FittedModel]) -> tuple[str, ...]:
+    """Causes that no model has, with their probabilities and what the data cannot tell them from."""
+    used = {name for model in alternatives for name in model.effects}
+    rivals = {other: cause.effect for cause in keys.causes if cause.effect in used for other in cause.group}
+    words: dict[str, list[str]] = {cause.effect: [f"probability {cause.p:.2f}"] for cause in keys.causes}
+    for name, other in rivals.items():
+        words.setdefault(name, []).append(f"the data cannot tell it from {other}")
+    return tuple(f"{name} ({', '.join(own)})" for name, own in words.items() if name not in used)
 
-    def __init__(self, keys: DiagnosisFile) -> None:
-        self.keys = keys
+
+class _Reader:
+    """Models from the keys of a diagnosis, for blocks of these names."""
+
+    def __init__(self, keys: DiagnosisFile, blocks: Collection[str]) -> None:
+        self.keys, self.blocks = keys, blocks
 
     def alternatives(self, soil: ContactKeys) -> tuple[FittedModel, ...]:
         """The models that are possible by the verdict: one for each effect of a group, else one."""
         keys = self.keys
-        if any(cause.p >= LEAST_INCLUSION for cause in keys.causes):
+        likely = any(cause.p >= LEAST_INCLUSION for cause in keys.causes)
+        joint = keys.model
+        if joint and joint.parameters and (likely or len(joint.parameters) > 1 or len(keys.group) < 2):
+            return (self._joint(joint),)
+        if likely:
             return (self._causes(soil),)
         if keys.verdict in NOT_EFFECTS:
             return (FittedModel("after", soil, {}),)
@@ -267,9 +298,7 @@ class _Reader:
                 for name, model in zip(keys.group, models, strict=True)
             )
         if keys.beside:
-            last = keys.beside[-1]
-            effects = {name: self._values(name, parameters) for name, parameters in last.parameters.items()}
-            return (FittedModel("after", self.soil(last.base), effects),)
+            return (self._joint(keys.beside[-1]),)
         return (self._one_effect(keys.verdict, soil, "after"),)
 
     def _one_effect(self, name: str, soil: ContactKeys, model_name: str) -> FittedModel:
@@ -278,14 +307,20 @@ class _Reader:
         base = self.soil(effect.base) if effect.base else soil
         return FittedModel(model_name, base, {name: self._values(name, effect.parameters)})
 
+    def _joint(self, fit: JointFit) -> FittedModel:
+        """All effects of a joint fit with its soil, the most probable causes first."""
+        names = [cause.effect for cause in self.keys.causes if cause.effect in fit.parameters]
+        effects = {name: self._values(name, fit.parameters[name]) for name in dict.fromkeys([*names, *fit.parameters])}
+        return FittedModel("after", self.soil(fit.base), effects)
+
     def _causes(self, soil: ContactKeys) -> FittedModel:
-        """All causes that are more likely than not (schema 2), with the soil that was fitted together with them."""
+        """All causes that are more likely than not, with the soil that was fitted together with them."""
         effects = {
             cause.effect: self._values(cause.effect, cause.parameters)
             for cause in self.keys.causes
             if cause.p >= LEAST_INCLUSION
         }
-        joint = [fit for fit in (self.keys.model, *self.keys.beside) if fit and set(fit.parameters) == set(effects)]
+        joint = [fit for fit in self.keys.beside if set(fit.parameters) == set(effects)]
         alone = self.keys.effects.get(next(iter(effects))) if len(effects) == 1 else None
         base = joint[0].base if joint else alone.base if alone else None
         return FittedModel("after", self.soil(base) if base else soil, effects)
@@ -298,23 +333,32 @@ class _Reader:
         from rock2d.effects import catalogue
 
         out = {}
+        sizes_m = {name: block.size_m for name, block in self.keys.blocks.items()}
+        mean_size_m = float(np.mean(list(sizes_m.values()))) if sizes_m else None
         for parameter in catalogue()[effect].parameters:
             fitted = given.get(parameter.name)
             value = fitted.value if fitted else parameter.neutral
             low, high = fitted.ci95 if fitted else (value, value)
-            out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value))
+            each = fitted.by_block or {} if fitted else {}
+            own = {name: each[name] for name in self.blocks if name in each}
+            if own and len(own) == len(self.blocks):
+                low = high = value  # no block has the mean: it is not drawn
+            out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value, mean_size_m))
+            for name, q in own.items():
+                bounds = self._bounds(parameter, q.value, sizes_m.get(name))
+                out[f"{parameter.name}.{name}"] = FittedValue(q.value, *q.ci95, *bounds)
         return out
 
-    def _bounds(self, parameter: Parameter, value: float) -> tuple[float, float]:
-        """The plausible range of a parameter at the scale of the experiment; its sign only, if that is not known."""
-        scaled = bool(parameter.length or parameter.time)
-        if scaled and (not self.keys.blocks or self.keys.gravity_m_s2 is None):
+    def _bounds(self, parameter: Parameter, value: float, size_m: float | None) -> tuple[float, float]:
+        """The plausible range of a parameter for blocks of this size; its sign only, if the scale is not known."""
+        gravity = self.keys.gravity_m_s2
+        if not (parameter.length or parameter.time):
+            low, high = parameter.low, parameter.high
+        elif size_m is None or gravity is None:
             low, high = (
                 0.0 if bound == 0.0 else np.copysign(np.inf, bound) for bound in (parameter.low, parameter.high)
             )
         else:
-            if scaled:
-                mean_size_m = float(np.mean([block.size_m for block in self.keys.blocks.values()]))
-                parameter = parameter.at(mean_size_m, self.keys.gravity_m_s2 or 0.0)
+            parameter = parameter.at(size_m, gravity)
             low, high = parameter.low, parameter.high
         return min(float(low), value), max(float(high), value)

@@ -51,6 +51,13 @@ class FittedNumber(Part):
     value: FittedFloat = Field(description="Fitted value")
     ci95: Interval
 
+    @model_validator(mode="after")
+    def _in_order(self) -> FittedNumber:
+        low, high = self.ci95
+        if not low <= self.value <= high:
+            raise mistake(f"expected an interval that holds the value {self.value:g}", "ci95")
+        return self
+
 
 class OfBlock(FittedNumber):
     """A parameter of one block."""
@@ -70,13 +77,6 @@ class FittedParameter(FittedNumber):
     by_block: dict[str, OfBlock] | None = Field(
         default=None, description="Block to its own value, where each has one; the value is then their mean"
     )
-
-    @model_validator(mode="after")
-    def _in_order(self) -> FittedParameter:
-        low, high = self.ci95
-        if not low <= self.value <= high:
-            raise mistake(f"expected an interval that holds the value {self.value:g}", "ci95")
-        return self
 
 
 Parameters = Annotated[dict[str, FittedParameter], Field(description="Parameter name to value, 95 % interval and unit")]

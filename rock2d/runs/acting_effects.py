@@ -96,7 +96,7 @@ class ActingEffects:
         from rock2d.effects.columns import widened
 
         before = self._world(self.blocks, rows)
-        after = catalogue()[name].apply(before, self.model.values(name))
+        after = self._with_effect(name, before)
         blocks = any(
             (block.air or None) != (after.blocks[key].air or None)
             or block.inertia_kg_m2 != after.blocks[key].inertia_kg_m2
@@ -113,8 +113,14 @@ class ActingEffects:
     def _with_effects(self, blocks: Mapping[str, Block], rows: Array) -> World:
         world = self._world(blocks, rows)
         for name in self.acting:
-            world = catalogue()[name].apply(world, self.model.values(name))
+            world = self._with_effect(name, world)
         return world
+
+    def _with_effect(self, name: str, world: World) -> World:
+        """The world with one effect, whose values may differ between blocks."""
+        effect, shared = catalogue()[name], self.model.values(name)
+        own = {block: values for block in world.blocks if (values := self.model.values(name, block)) != shared}
+        return effect.on_blocks(effect.apply(world, shared), own)
 
 
 def centre_of_mass_states(block: Block, states: Array) -> Array:

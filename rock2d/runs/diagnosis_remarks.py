@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.effects import catalogue
-from rock2d.files.diagnosed_model import DiagnosedModel
+from rock2d.files.diagnosed_model import NOT_FITTED, DiagnosedModel
 from rock2d.runs.acting_effects import ROUGHNESS, ActingEffects
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.scene.blocks import Block
 
+NOT_FITTED_WARNING = f"warning: the contact law of this diagnosis is {NOT_FITTED}"
 FARTHEST_SCALE = 2.0  # largest factor of mass or size to which a diagnosis is applied without a warning
 
 
@@ -49,7 +50,11 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
     remarks = [
         f"diagnosis {diagnosed.given} (experiment {diagnosed.experiment}): verdict {diagnosed.verdict}; soil {soil}"
     ]
+    if not diagnosed.fitted:
+        remarks.append(NOT_FITTED_WARNING)
     remarks += _verdict_remarks(diagnosed)
+    if diagnosed.unused:
+        remarks.append(f"these causes are possible, too, and do not act: {'; '.join(diagnosed.unused)}")
     if diagnosed.learnt:
         remarks.append(
             f"warning: this run is without the changes learnt from the film: {diagnosed.learnt}. They hold for the "
@@ -66,16 +71,14 @@ def _verdict_remarks(diagnosed: DiagnosedModel) -> list[str]:
     if diagnosed.undecided:
         named = ", ".join(f"{'/'.join(model.effects)} ({model.p:.2f})" for model in diagnosed.alternatives)
         return [
-            f"the data cannot tell these effects apart: {named}. The releases use the refitted soil alone; "
+            f"the data cannot tell these effects apart: {named}. The releases use {diagnosed.soil_in_words}, alone; "
             "before_after.csv shows each effect, and with the key uncertainty each possible site has one of them"
         ]
     if diagnosed.model.effects:
         return []
-    if diagnosed.verdict == "unknown":
-        return ["no effect explains the gap: only the refitted soil is used"]
-    if diagnosed.verdict != "none":
-        return ["no cause is more likely than not: only the refitted soil is used"]
-    return ["no effect was found: only the refitted soil is used"]
+    why = {"unknown": "no effect explains the gap", "none": "no effect was found"}
+    found = why.get(diagnosed.verdict, "no cause is more likely than not")
+    return [f"{found}: only {diagnosed.soil_in_words} is used"]
 
 
 def _effect_remark(name: str, acting: ActingEffects) -> str:
@@ -83,9 +86,10 @@ def _effect_remark(name: str, acting: ActingEffects) -> str:
     if effect.camera:
         return f"{name} does not act: it is an error of the film, not a property of block or ground"
     numbers = ", ".join(
-        f"{q.name} = {values[q.name].value:.4g} [{values[q.name].low95:.4g}, {values[q.name].high95:.4g}]"
-        + ("" if q.unit == "1" else f" {q.unit}")
+        f"{key} = {value.value:.4g} [{value.low95:.4g}, {value.high95:.4g}]" + ("" if q.unit == "1" else f" {q.unit}")
         for q in effect.parameters
+        for key, value in values.items()
+        if key.startswith(f"{q.name}.") or (key == q.name and not all(f"{key}.{b}" in values for b in acting.blocks))
     )
     if name == ROUGHNESS:
         return f"{name} acts as ground with slopes that vary, sd {numbers}: {_pieces(acting)}"

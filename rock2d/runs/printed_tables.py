@@ -49,8 +49,8 @@ def _audit_text(energy: pd.DataFrame) -> str:
 
 
 def table_note(scenario: Scenario | None) -> str:
-    """Note on the changes of a diagnosis that the tables of a run leave out; may be empty."""
-    return scenario.diagnosed.left_out if scenario is not None and scenario.diagnosed is not None else ""
+    """Note on what the tables of a run do not have of a diagnosis, or it of the film; may be empty."""
+    return scenario.diagnosed.note if scenario is not None and scenario.diagnosed is not None else ""
 
 
 def stops_text(stops: pd.DataFrame, note: str = "") -> str:

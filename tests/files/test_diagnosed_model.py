@@ -9,11 +9,14 @@ from scipy import stats
 from rock2d.errors import InputError
 from rock2d.files.diagnosed_model import CauseDraw, FittedValue
 from rock2d.files.scenario_variants import variant
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from tests.diagnosed_files import GAIN, JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 from tests.programs import refusal
 
 AIR = effect(drag_per_mass_1_m=(0.01, 0.004, 0.016))
 SPIN = effect(base=SOIL, rate_1_s=(0.1, 0.05, 0.15))
+LIFT = {"lift_per_mass": {"value": 0.01, "ci95": [0.0, 0.02], "unit": "1"}}
+NO_SHARE = {"closes": None, "closes_ci95": None}
 UNCERTAIN = "uncertainty: {sites: 4, releases: 20}"
 SHARES = (np.arange(4000) + 0.5) / 4000
 
@@ -77,12 +80,45 @@ def test_a_group_is_a_choice_of_models(tmp_path):
 
 def test_several_causes_act_if_they_are_likely(tmp_path):
     causes = [
-        {"effect": name, "p": p, "parameters": own["parameters"], "closes": None, "closes_ci95": None}
+        {"effect": name, "p": p, "parameters": own["parameters"], **NO_SHARE}
         for name, p, own in (("air_drag", 0.9, AIR), ("flight_damping", 0.4, SPIN))
     ]
     scenario = diagnosed(tmp_path, content("air_drag", {"air_drag": AIR}, schema=2, causes=causes))
     assert list(scenario.diagnosed.model.effects) == ["air_drag"]
     assert scenario.diagnosed.model.soil.k_ul_N_m == JOINT["k_ul_N_m"]
+
+
+def joint(p: dict[str, float], soil: dict[str, float] = JOINT, **more):
+    """A diagnosis whose joint model has air_drag and flight_damping, with causes of these probabilities."""
+    sizes = {"air_drag": AIR["parameters"], "flight_damping": SPIN["parameters"]}
+    rivals = {"air_drag": [], "flight_damping": ["magnus_lift"]}
+    causes = [
+        {"effect": name, "p": own, "parameters": sizes.get(name, LIFT), "group": rivals.get(name, []), **NO_SHARE}
+        for name, own in p.items()
+    ]
+    alone = {"air_drag": AIR, "flight_damping": SPIN}
+    fits = {"model": {"base": soil, "parameters": sizes}, "causes": causes}
+    return content("air_drag", alone, **{"schema": 3, **fits, **more})
+
+
+@pytest.mark.parametrize(
+    "p", [{"air_drag": 0.9, "flight_damping": 0.4, "magnus_lift": 0.4}, {"air_drag": 0.4, "flight_damping": 0.4}]
+)
+def test_all_causes_of_the_joint_model_act_with_its_soil_however_probable(tmp_path, p):
+    scenario = diagnosed(tmp_path, joint(p, soil={**SOIL, "k_l_N_m": 3.0e6}))
+    own = scenario.diagnosed
+    assert not own.undecided and own.model.soil.k_l_N_m == 3.0e6
+    assert own.model.values("air_drag") == (0.01,) and own.model.values("flight_damping") == (0.1,)
+    said = [line for line in diagnosis_remarks(scenario) if "do not act" in line]
+    assert len(said) == 1 and "magnus_lift (" in said[0] and "cannot tell it from flight_damping" in said[0]
+    assert ("probability 0.40" in said[0]) == ("magnus_lift" in p)
+
+
+def test_a_single_cause_that_shares_its_name_with_an_equal_rival_is_an_alternative(tmp_path):
+    given = joint({"air_drag": 0.45, "flight_damping": 0.45}, group=["air_drag", "flight_damping"])
+    given["model"]["parameters"] = {"air_drag": AIR["parameters"]}
+    own = diagnosed(tmp_path, given).diagnosed
+    assert own.undecided and not own.model.effects and len(own.alternatives) == 2
 
 
 def test_what_was_found_beside_the_verdict_acts_too(tmp_path):

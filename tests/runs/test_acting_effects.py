@@ -11,15 +11,16 @@ import rock2d
 from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
-from rock2d.design.report_tables import model_text
+from rock2d.design.report_tables import model_text, parameter_tables
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
+from rock2d.files.scenario_variants import variant
 from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables
+from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -56,6 +57,25 @@ def test_air_drag_slows_a_fall_to_its_closed_form(tmp_path, engine):
         scenario.with_diagnosed(scenario.diagnosed.using(scenario.diagnosed.before)), releases=1, workers=1
     )
     assert before.to_pandas("impacts")["vy_m_s"][0] == pytest.approx(-np.sqrt(2 * g * height), rel=1e-6)
+
+
+def test_each_block_has_its_own_drag(tmp_path):
+    given = drag(0.101)
+    each = {name: {"value": v, "ci95": [0.9 * v, 1.1 * v]} for name, v in (("ball", 0.2), ("cone", 0.1), ("box", 2e-3))}
+    given["effects"]["air_drag"]["parameters"]["drag_per_mass_1_m"]["by_block"] = each
+    scenario = diagnosed(tmp_path, given, more="uncertainty: {sites: 4, releases: 20}")
+    own = {met.block.name: max(met.block.air) / met.block.mass_kg for met in Conditions(scenario, "batch", 1).common}
+    assert own == pytest.approx({"ball": 0.2, "box": 0.002})
+    places = [f"diagnosis.air_drag.drag_per_mass_1_m.{name}" for name in ("ball", "box")]
+    assert list(scenario.unknown()) == places
+    met = Conditions(variant(scenario, {places[1]: 0.003}), "batch", 1).common
+    assert [max(one.block.air) / one.block.mass_kg for one in met] == pytest.approx([0.2, 0.003])
+    said = " ".join(diagnosis_remarks(scenario))
+    assert "acts: drag_per_mass_1_m.ball = 0.2 [0.18, 0.22] 1/m, drag_per_mass_1_m.box = 0.002 [0.0018, 0.0022]" in said
+    del each["box"]
+    scenario = diagnosed(tmp_path, given, more="uncertainty: {sites: 4, releases: 20}")
+    own = {met.block.name: max(met.block.air) / met.block.mass_kg for met in Conditions(scenario, "batch", 1).common}
+    assert own == pytest.approx({"ball": 0.2, "box": 0.101}) and len(scenario.unknown()) == 2
 
 
 def test_the_camera_does_not_change_a_bit(tmp_path):
@@ -201,6 +221,17 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     assert page.count(note) >= 5 and "flight of height (closes 93 %" in page
 
 
+def test_a_run_says_that_the_soil_of_flights_alone_was_not_fitted(tmp_path):
+    scenario = diagnosed(tmp_path, content("none", law={"fitted": False}))
+    said = diagnosis_remarks(scenario)
+    assert any(line.startswith("warning") and "not fitted" in line for line in said)
+    assert "no effect was found: only the paper's soil" in " ".join(said) and "refitted" not in " ".join(said)
+    assert table_note(scenario) == "with the unfitted soil of d.json where the scenario states none"
+    assert all("not fitted" in table.note for table in parameter_tables(scenario, "batch"))
+    fitted = diagnosed(tmp_path, content("none"))
+    assert not table_note(fitted) and not any(table.note for table in parameter_tables(fitted, "batch"))
+
+
 def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):
     diagnosed(tmp_path, drag(0.01))
     target = Target("facing_1_3", 0.9, 0.5)
@@ -242,8 +273,6 @@ def test_another_scale_is_warned_of(tmp_path, blocks, said):
 
 
 def test_a_possible_site_has_its_own_effect(tmp_path):
-    from rock2d.files.scenario_variants import variant
-
     scenario = diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
     site = variant(scenario, {"diagnosis.air_drag.drag_per_mass_1_m": 0.07})
     met = Conditions(site, "batch", 1).common[0]

@@ -15,7 +15,7 @@ import pytest
 
 import rock2d
 from rock2d.errors import CODES, InputError
-from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.files.scenario import scenario_file
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.programs import ROOT, printed, refusal
 from tests.scenarios_of_tests import small_site

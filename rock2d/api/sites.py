@@ -72,7 +72,7 @@ def run(
     Examples
     --------
     >>> import rock2d
-    >>> from rock2d.files.shipped_scenarios import scenario_file
+    >>> from rock2d.files.scenario import scenario_file
     >>> scenario = rock2d.load_scenario(scenario_file("flat_floor.yaml"))
     >>> result = rock2d.run(scenario, engine="point_mass", releases=2)
     >>> len(result.tracks), list(result.blocks)

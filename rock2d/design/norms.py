@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_keys import OnrKeys, UniKeys
-from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
+from rock2d.runs.indicators.passing import LINE_QUANTITIES
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line, number_of_line
 from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 

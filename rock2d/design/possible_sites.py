@@ -22,8 +22,7 @@ from rock2d.files.scenario_variants import variant
 from rock2d.processes import Processes
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
-from rock2d.runs.indicators.passing import arrivals
-from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
+from rock2d.runs.indicators.passing import LINE_QUANTITIES, arrivals
 
 EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # quantiles that count as extreme
 IN_THIS_PROCESS: JobRunner = Processes(1).as_finished

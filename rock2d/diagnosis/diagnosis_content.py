@@ -18,8 +18,9 @@ from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.significance import SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
-from rock2d.effects import air_drag, catalogue
+from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
+from rock2d.effects.flight import AIR_DRAG, drag_coefficient
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
 LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
@@ -67,8 +68,8 @@ def _mean_and_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, A
     }
     value = float(np.mean([entry["value"] for entry in each.values()]))
     half = float(np.linalg.norm([0.5 * np.ptp(entry["ci95"]) for entry in each.values()])) / len(each)
-    for name, entry in each.items() if effect.name == air_drag.EFFECT.name else ():
-        factor = air_drag.coefficient(model.setup.blocks[name], 1.0)
+    for name, entry in each.items() if effect.name == AIR_DRAG.name else ():
+        factor = drag_coefficient(model.setup.blocks[name], 1.0)
         entry["drag_coefficient"] = {"value": factor * entry["value"], "ci95": [factor * end for end in entry["ci95"]]}
     return {"value": value, "ci95": [value - half, value + half], "unit": entries[0]["unit"], "by_block": each}
 

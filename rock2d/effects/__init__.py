@@ -1,7 +1,7 @@
-"""The catalogue of effects: every module of this folder that defines `EFFECT`.
+"""The catalogue of effects: what the modules of this folder define as `EFFECT`, or as `EFFECTS` by origin.
 
-An effect is one file with its parameters, its change of the world, and, if the engines need it, its compiled law (see
-`rock2d.effects.forces`). A new file in this folder is found, gets its columns, and is compiled into the engines."""
+An effect has parameters, a change of the world, and, if the engines need it, a compiled law (see
+`rock2d.effects.forces`). A new one is found, gets its columns, and is compiled into the engines."""
 
 from __future__ import annotations
 

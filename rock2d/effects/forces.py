@@ -10,7 +10,7 @@ columns, in the order of `Effect.columns`. The engines call a law only if one of
 - tangential(columns, depth, slip, force_n): force in N against the slip, in addition to the tangential spring;
   `force_n` is the whole normal force
 - flight(columns, vx, vy, omega, mass, inertia): accelerations (m/s², m/s², rad/s²), in flight and in contact
-- recoil(columns): 1 / mass in 1/kg of ground that yields horizontally as a body, see `effects/embankment_yield.py`
+- recoil(columns): 1 / mass in 1/kg of ground that yields horizontally as a body, see `effects/ground.py`
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity

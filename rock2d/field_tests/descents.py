@@ -18,9 +18,8 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
-from rock2d.scene.blocks import Block
+from rock2d.scene.blocks import Block, touching_height_m
 from rock2d.scene.cross_section import CrossSection
-from rock2d.scene.placing import touching_height_m
 from rock2d.scene.rough_ground import roughened
 
 NOT_STARTED_M = 10.0  # a block that stops before counts as not started

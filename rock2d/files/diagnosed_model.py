@@ -346,7 +346,7 @@ class _Reader:
             out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value, mean_size_m))
             for name, q in own.items():
                 bounds = self._bounds(parameter, q.value, sizes_m.get(name))
-                out[f"{parameter.name}.{name}"] = FittedValue(q.value, *q.ci95, *bounds)
+                out[f"{parameter.name}.{name}"] = FittedValue(q.value, q.ci95[0], q.ci95[1], *bounds)
         return out
 
     def _bounds(self, parameter: Parameter, value: float, size_m: float | None) -> tuple[float, float]:

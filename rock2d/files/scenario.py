@@ -30,9 +30,8 @@ from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs, Project
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Ditches, DitchKeys, EmbankmentKeys, Embankments, Name
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.cross_section import CrossSection, site_time_limit_s
 from rock2d.scene.earthworks import with_earthworks, with_numbered_earthworks
-from rock2d.scene.time_limit import site_time_limit_s
 
 if TYPE_CHECKING:
     from rock2d.files.surveys.terrain_sections import TerrainSections
@@ -309,6 +308,13 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None, loaded: E
             message = f"block {shown(name)} of the experiment is missing"
             raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
+
+
+def scenario_file(name: str) -> Path:
+    """Path of the shipped scenario file `name`: inside the package if it is installed, beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "scenarios" / name
+    return installed if installed.exists() else package.parent / "scenarios" / name
 
 
 def _load_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:

@@ -26,7 +26,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     Examples
     --------
     >>> import rock2d
-    >>> from rock2d.files.shipped_scenarios import scenario_file
+    >>> from rock2d.files.scenario import scenario_file
     >>> site = rock2d.load_scenario(scenario_file("design_site.yaml"))
     >>> rock2d.variant(site, {"embankment.height_m": 5.0}).embankment.height_m
     5.0"""

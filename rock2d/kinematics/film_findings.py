@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.effects.air_drag import coefficient
+from rock2d.effects.flight import drag_coefficient
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.errors import comma_list, counted
 from rock2d.files.experiment import FromGravity
@@ -332,7 +332,7 @@ def film_findings(
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
     # expected drag over mass, c / m in 1/m
     drag_of = [
-        DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
+        DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / drag_coefficient(block, 1.0)
         for block in world.blocks.values()
     ]
     drag, air, spin = np.array(drag_of)[flights.block], (0.0, 0.0), 0.0

@@ -37,9 +37,8 @@ from rock2d.runs.incident_states import (
     drawn_states,
     measured_states,
 )
-from rock2d.scene.blocks import Block
+from rock2d.scene.blocks import Block, touching_height_m
 from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
-from rock2d.scene.placing import touching_height_m
 from rock2d.scene.rough_ground import Roughness, roughened
 
 

@@ -19,9 +19,8 @@ from rock2d.runs.incident_states import IncidentState, drawn_seeds
 from rock2d.runs.indicators import indicators
 from rock2d.runs.recording import Recording, trajectories_table
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.cross_section import CrossSection, site_time_limit_s
 from rock2d.scene.plausibility import contact_doubts, highest_speed_m_s
-from rock2d.scene.time_limit import site_time_limit_s
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -163,7 +162,7 @@ def simulate(
     gravity_m_s2 : float
     time_limit_s : float, optional
         A release ends after this time at the latest. The default follows from the size of the cross-section, see
-        `rock2d.scene.time_limit.site_time_limit_s`.
+        `rock2d.scene.cross_section.site_time_limit_s`.
     seed : int
         Seed of the random numbers of the rebound law.
 

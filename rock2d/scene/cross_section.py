@@ -24,6 +24,7 @@ LEAST_EMBANKMENT_RELIEF = 0.02  # share of the relief of the cross-section: lowe
 LEVEL_GROUND_SHARE = 0.05  # share of the height of an embankment: ground that rises less is ditch or run-out
 FACING_ZONE, CREST_ZONE, BACK_ZONE = "uphill_face", "crest", "downhill_face"
 SHORTEST_FACET = 1e-9  # share of the cross-section's extent
+TIME_LIMIT_FREE_FALLS = 10.0  # in √(2 L / g); the slowest of 1000 balls on a field slope took a third of it
 
 
 class CrossSectionError(ValueError):
@@ -281,6 +282,16 @@ def ditch_before(cross_section: CrossSection, bank: Embankment) -> slice:
 def facet_zones(cross_section: CrossSection, facets: Array) -> Array:
     """(zones,) bool: the zones all of whose facets are in `facets` (n,) bool."""
     return ~np.isin(np.arange(len(cross_section.zone_names)), cross_section.zone_ids[~facets])
+
+
+def site_time_limit_s(cross_section: CrossSection, gravity_m_s2: float) -> float:
+    """Default time limit in s: 10 √(2 L / g), with the length L of the surface.
+
+    √(2 L / g) is the time of a free fall over L. Raises ValueError without gravity."""
+    if gravity_m_s2 <= 0.0:
+        raise ValueError("without gravity there is no default time limit")
+    length = float(np.hypot(*np.diff(cross_section.points_m, axis=0).T).sum())
+    return float(TIME_LIMIT_FREE_FALLS * np.sqrt(2.0 * length / gravity_m_s2))
 
 
 class Embankment(NamedTuple):

@@ -17,8 +17,8 @@ from rock2d.diagnosis.fitting import CONVERGED_GAIN, Convergence, Fit, extended,
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
-from rock2d.effects.mirrored_axis import MIRROR_THETA
-from rock2d.effects.zone_contrast import FACE
+from rock2d.effects.camera import MIRROR_THETA
+from rock2d.effects.ground import FACE
 from rock2d.kinematics.setup_world import base_start
 from rock2d.processes import Processes
 from tests.kinematics.synthetic_films import base_fit, data_of, effects, film, series_order, with_causes, world

@@ -11,7 +11,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import diagnosed_world
 from rock2d.effects import catalogue
-from rock2d.effects.air_drag import coefficient
+from rock2d.effects.flight import drag_coefficient as coefficient
 from rock2d.files.diagnosis import diagnosis_text, read_fitted_diagnosis
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.setup_world import setup_world

@@ -12,7 +12,7 @@ import pytest
 
 import rock2d
 from rock2d.effects.columns import FIRST_EFFECT_COLUMN, N_COLUMNS, widened
-from rock2d.effects.geometry_error import as_built
+from rock2d.effects.ground import as_built
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import K_L, K_UL, contact_table

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from rock2d.effects.adhesion import ONSET_SHARE
 from rock2d.effects.columns import column
+from rock2d.effects.impact_law import ONSET_SHARE
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
 from rock2d.records.columns import E_DISSIPATED, EFFECTS

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
-from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.files.scenario import scenario_file
 
 
 def test_saved_arrays_come_back(tmp_path):

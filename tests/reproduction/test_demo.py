@@ -4,8 +4,7 @@ import pandas as pd
 from rock2d_figures import demo
 from rock2d_figures.demo import findings, table_text
 
-from rock2d.files.scenario import load_scenario
-from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.files.scenario import load_scenario, scenario_file
 from rock2d.reproduction.paper_setup import side_by_side
 from tests.programs import commanded
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.cross_section import CrossSection, site_time_limit_s
 
 OVERHANG = [[0, 0], [2, 0], [1.5, 1], [3, 1], [3, 0], [4, 0]]
 
@@ -60,3 +60,12 @@ def test_a_cross_section_does_not_change_with_the_array_that_it_was_made_of():
     ground = CrossSection(points, ["slope", "ditch"])
     points[0, 1] = 7.0
     assert ground.points_m[0, 1] == 0.5
+
+
+def test_the_time_limit_is_similar_for_similar_sites():
+    """Times of similar motions under gravity go with the square root of the size."""
+    site, small = (CrossSection([[0, 40 * k], [60 * k, 0], [110 * k, 0]], ["slope", "ditch"]) for k in (1.0, 0.04))
+    assert site_time_limit_s(site, 9.81) == pytest.approx(5.0 * site_time_limit_s(small, 9.81))
+    assert site_time_limit_s(site, 9.81) == pytest.approx(site_time_limit_s(small, 9.81 / 25.0))
+    with pytest.raises(ValueError, match="gravity"):
+        site_time_limit_s(site, 0.0)

@@ -10,9 +10,12 @@ LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strengt
 
 
 def causes_in(package: str, folder: Path) -> dict[str, Cause]:
-    """The causes of a package, name of the file -> cause, in draw order."""
-    names = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    found: dict[str, Cause] = {name: import_module(f"{package}.{name}").CAUSE for name in names}
+    """The causes of a package, name -> cause, in draw order: the `CAUSES` of its modules, or `CAUSE` by the name of the
+    file."""
+    found: dict[str, Cause] = {}
+    for name in {path.stem for path in folder.glob("*.py")} - {"__init__"}:
+        module = import_module(f"{package}.{name}")
+        found |= module.CAUSES if hasattr(module, "CAUSES") else {name: module.CAUSE}
     return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
 
 

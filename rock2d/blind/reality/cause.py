@@ -1,4 +1,4 @@
-"""What a file in `known/` or `outside/` needs to describe a cause that a blind trial can hide."""
+"""What `known/` and `outside/` need to describe a cause that a blind trial can hide."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

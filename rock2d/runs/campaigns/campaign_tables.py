@@ -16,8 +16,13 @@ from rock2d.runs.campaigns.chunks import add_counts, chunk_path
 from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.campaigns.order_statistics import OrderStatistics, find_order_statistics
-from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
-from rock2d.runs.indicators.percentiles import LINE_QUANTITIES, PERCENTILE_COLUMNS, PERCENTILES
+from rock2d.runs.indicators.passing import (
+    LINE_QUANTITIES,
+    PASSING_COLUMNS,
+    PERCENTILE_COLUMNS,
+    PERCENTILES,
+    passing_rows,
+)
 from rock2d.statistics import percentile_estimate, percentile_ranks
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from rock2d.runs.engines import ENGINES
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_rows
 from rock2d.runs.indicators.passing import left_source
-from rock2d.runs.indicators.stops import STOP_COLUMNS
+from rock2d.runs.indicators.releases import STOP_COLUMNS
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.nearest_facet import nearest_facets
 

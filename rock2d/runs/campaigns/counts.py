@@ -12,8 +12,7 @@ from rock2d.records.columns import STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.campaigns.order_statistics import DIGITS, leading_digits
 from rock2d.runs.indicators.crossings import CROSSING_VALUES
-from rock2d.runs.indicators.passing import PassingCounts
-from rock2d.runs.indicators.percentiles import LINE_QUANTITIES
+from rock2d.runs.indicators.passing import LINE_QUANTITIES, PassingCounts
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,37 @@
-"""Indicators: tables that are computed from the tracks of a run. Every module of this folder that defines `INDICATOR`.
+"""Indicators: what the modules of this folder define as `INDICATOR`, or as `INDICATORS`.
 
-To add an indicator, add a file: `rock2d run` writes its table, and `RunResult.to_pandas` returns it."""
+An indicator is a table that is computed from the tracks of a run. `rock2d run` writes it, and `RunResult.to_pandas`
+returns it."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rock2d.registry import registered
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
-    from rock2d.runs.indicators.indicator import Indicator
+    import pandas as pd
+
+    from rock2d.runs.simulation import Simulation
+
+
+class Indicator(NamedTuple):
+    """A table of a run.
+
+    Attributes
+    ----------
+    name : name of the table and of its CSV file
+    columns : names of the columns with units; a table may have further columns after them
+    table : computes the table
+    applies : whether these releases have such a table"""
+
+    name: str
+    columns: tuple[str, ...]
+    table: Callable[[Simulation], pd.DataFrame]
+    applies: Callable[[Simulation], bool] = lambda run: True
 
 
 @cache

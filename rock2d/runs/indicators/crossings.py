@@ -12,7 +12,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.compiled import njit
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators import Indicator
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:

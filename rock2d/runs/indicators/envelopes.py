@@ -10,7 +10,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators import Indicator
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import least_count, percentile_estimate

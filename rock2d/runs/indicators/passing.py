@@ -1,4 +1,5 @@
-"""Passing frequencies: shares of the released and of the arriving blocks that pass a measure line.
+"""Passing frequencies: shares of the released and of the arriving blocks that pass a measure line; percentiles of those
+that passed.
 
 A block *leaves its source* if the horizontal distance from its start to its end is more than LEAVING_SIZES of its
 sizes. It *arrives* if it passes the arrival line or a line behind it. Each embankment has its own arrival line: at the
@@ -14,10 +15,10 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.records.columns import UNRESOLVED_STOPS
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators import Indicator
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
-from rock2d.statistics import wilson_interval
+from rock2d.statistics import percentile_estimate, wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +30,9 @@ PASSING_COLUMNS = (
     "per_arriving", "per_arriving_low95", "per_arriving_high95",
 )  # fmt: skip
 LEAVING_SIZES = 5.0
+PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
+LINE_QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
+PERCENTILES = (95.0, 99.0)
 
 
 class PassingCounts(NamedTuple):
@@ -123,4 +127,23 @@ def passing_table(run: Simulation) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(PASSING_COLUMNS))
 
 
-INDICATOR = Indicator("passing", PASSING_COLUMNS, passing_table)
+def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
+    """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
+
+    Percentiles and intervals are those of `statistics.percentile_estimate`: NaN if too few blocks passed."""
+    import pandas as pd
+
+    rows = []
+    for (block, line), group in crossings.groupby(["block", "line"], sort=False):
+        for quantity in LINE_QUANTITIES:
+            ranked = np.sort(group[quantity].to_numpy(float))
+            for percentile in PERCENTILES:
+                estimate = percentile_estimate(ranked, len(ranked), percentile)
+                rows.append((block, line, quantity, percentile, len(ranked), *estimate))
+    return pd.DataFrame(rows, columns=list(PERCENTILE_COLUMNS))
+
+
+INDICATORS = (
+    Indicator("passing", PASSING_COLUMNS, passing_table),
+    Indicator("percentiles", PERCENTILE_COLUMNS, lambda run: percentile_table(run.to_pandas("crossings"))),
+)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.runs.indicators.indicator import Indicator
+from rock2d.runs.indicators import Indicator
 from rock2d.runs.indicators.passing import left_source
 from rock2d.statistics import percentile_estimate
 

@@ -1,6 +1,6 @@
-"""Shapes of blocks: every module of this folder that defines `SHAPE`.
+"""Shapes of blocks: what the modules of this folder define as `SHAPE`, or as `SHAPES`.
 
-To add a shape, add a file: its sizes become keys of files and arguments of `make_block`."""
+The sizes of a shape become keys of files and arguments of `make_block`."""
 
 from collections.abc import Mapping
 from functools import cache

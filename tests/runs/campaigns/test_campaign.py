@@ -24,9 +24,8 @@ from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_rele
 from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
-from rock2d.runs.indicators.impacts import impacts_table
-from rock2d.runs.indicators.percentiles import percentile_table
-from rock2d.runs.indicators.stops import stops_table
+from rock2d.runs.indicators.passing import percentile_table
+from rock2d.runs.indicators.releases import impacts_table, stops_table
 from rock2d.runs.run import run
 from rock2d.statistics import least_count, percentile_estimate, percentile_ranks
 from tests.programs import commanded

@@ -6,9 +6,8 @@ import pytest
 from rock2d.records.track import Track
 from rock2d.runs.indicators import indicators
 from rock2d.runs.indicators.crossings import crossings_table
-from rock2d.runs.indicators.passing import passing_table
-from rock2d.runs.indicators.percentiles import percentile_table
-from rock2d.runs.indicators.stops import stops_table
+from rock2d.runs.indicators.passing import passing_table, percentile_table
+from rock2d.runs.indicators.releases import stops_table
 from rock2d.runs.release_remarks import source_remarks
 from rock2d.runs.simulation import Simulation
 from rock2d.scene.blocks import make_block

@@ -1,1 +1,1 @@
-"""Causes outside the catalogue of effects, one file each."""
+"""Causes outside the catalogue of effects."""

@@ -1,0 +1,263 @@
+"""The known effects in the reality engine, in forms that differ from those of the toolkit."""
+
+import numpy as np
+
+from rock2d.blind.reality import parameters
+from rock2d.blind.reality.cause import IMPACT_SPEED, Array, Cause, Rng, Scale, Values, View, random_sign
+
+
+def air_drag(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Air drag: quadratic in the speed, or with the power 1.7."""
+    power = (2.0, 1.7)[form]
+    per_length = 0.012 / scale.size
+    return {"drag": share * per_length * (IMPACT_SPEED * scale.speed) ** (2.0 - power), "power": power}
+
+
+def flight_damping(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Damping in flight: the spin decays at the same rate as the velocity, or at 0.7 of it."""
+    rate = 0.1 * share * np.sqrt(scale.gravity / scale.size)
+    return {"rate_1_s": rate, "spin_rate_1_s": (1.0, 0.7)[form] * rate}
+
+
+def magnus_lift(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Magnus lift: linear in the spin, or saturating with the ratio of rim speed to block speed."""
+    return {"lift": random_sign(rng) * (0.03, 0.04)[form] * share, "arm_m": (0.0, 0.5 * scale.size)[form]}
+
+
+def mass_eccentricity(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Eccentric mass: the centre of mass is displaced along the x axis of the block, or diagonally."""
+    offset = 0.15 * share * scale.size * random_sign(rng)
+    return {"x_m": offset, "y_m": 0.0} if form == 0 else {"x_m": 0.7 * offset, "y_m": 0.7 * random_sign(rng) * offset}
+
+
+def inertia_error(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Wrong inertia: the same factor for all blocks, or a different one for each."""
+    whole = random_sign(rng) * np.log(2.0) * share
+    shares = np.ones(scale.n_blocks) if form == 0 else rng.uniform(0.2, 1.0, scale.n_blocks)
+    return {f"factor_{i}": float(np.exp(whole * part)) for i, part in enumerate(shares)}
+
+
+def rounded_edges(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Rounded edges: corners are circular, or cut off; `share` is relative to half the width of the block."""
+    return {"share": (0.9, 0.7)[form] * share}
+
+
+def geometry_error(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Wrong geometry: the facing is turned about its foot, or the ditch is raised."""
+    return {"turn_rad": 0.2 * share * random_sign(rng)} if form == 0 else {"rise": 0.15 * share * random_sign(rng)}
+
+
+def surface_roughness(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Rough surface: each impact draws a slope, or the ground has a rough or a hilly profile, the same for all
+    releases."""
+    if form == 0:
+        return {"sd_rad": 0.2 * share}
+    profile = float(rng.integers(1 << 30))
+    if form == 1:
+        return {"sd_rad": 0.2 * share, "spacing_m": 1.5 * scale.size, "profile": profile}
+    # the root mean square of one wave with an amplitude of a tenth of a block
+    return {"height_m": 0.07 * share * scale.size, "wavelength_m": 4.0 * scale.size, "profile": profile}
+
+
+def zone_contrast(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Contrast between zones: loading stiffness of the facing, or stiffness and friction of the whole embankment."""
+    stiffness = float(np.exp(random_sign(rng) * np.log(5.0) * share))
+    if form == 0:
+        return {"k_l": stiffness, "k_ul": 1.0, "mu": 1.0}
+    return {"k_l": stiffness, "k_ul": stiffness, "mu": float(np.exp(random_sign(rng) * np.log(2.2) * share))}
+
+
+def soil_compaction(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Compaction: the stiffness grows with the blows and saturates, or grows with the logarithm of their number."""
+    return {"growth": 3.0 * share, "blows": 12.0} if form == 0 else {"growth": 1.0 * share, "blows": 0.0}
+
+
+def embankment_yield(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Yielding embankment: it slides on a base with friction, or moves on a spring with a dashpot."""
+    mass = scale.mass / (0.6 * share)
+    if form == 0:
+        return {"mass_kg": mass, "spring_1_s2": 0.0, "dashpot_1_s": 0.0, "grip_m_s2": 0.5 * scale.gravity}
+    rate = 0.25 * scale.spring
+    return {"mass_kg": mass, "spring_1_s2": rate**2, "dashpot_1_s": 0.6 * rate, "grip_m_s2": 0.0}
+
+
+def viscous_damping(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Viscous damping: a dashpot parallel to the spring, or one that grows with the depth (Hunt and Crossley)."""
+    dashpot = 0.9 * share * scale.mass * scale.spring
+    depth = IMPACT_SPEED * scale.speed / scale.spring
+    return {"dashpot": dashpot, "hunt": 0.0} if form == 0 else {"dashpot": 0.0, "hunt": 1.6 * dashpot / depth}
+
+
+def adhesion(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Adhesion: tension during unloading, constant, or fading with the rise."""
+    pull = (12.0, 18.0)[form] * share * scale.mass * scale.gravity
+    return {"pull_N": pull, "fades": float(form), "onset_m_s": 0.05 * scale.speed}
+
+
+def ploughing_drag(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Ploughing: a resistance proportional to depth × slip, or to depth × slip²."""
+    linear = 6.0 * share * scale.spring * scale.mass / scale.size
+    speed = IMPACT_SPEED * scale.speed
+    return {"linear": linear, "square": 0.0} if form == 0 else {"linear": 0.0, "square": 1.5 * linear / speed}
+
+
+def slip_dependent_friction(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Friction that changes with the slip velocity, by an exponential or a hyperbola."""
+    change = 1.5 * share if rng.random() < 0.5 else -0.8 * share
+    return {"change": change, "speed_m_s": 2.0 * scale.speed, "hyperbolic": float(form)}
+
+
+def out_of_plane(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Motion out of the plane: each impact takes a share of the horizontal speed, random or constant."""
+    return {"share": (0.3, 0.45)[form] * share, "random": float(form == 0)}
+
+
+def camera_tilt(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Tilted camera: the image is turned about its centre, or about another point with a small keystone."""
+    turn = 0.12 * share * random_sign(rng)
+    if form == 0:
+        return {"turn_rad": turn, "off_x": 0.0, "off_y": 0.0, "keystone": 0.0}
+    off_x, off_y = rng.uniform(-0.2, 0.2, 2)
+    return {"turn_rad": turn, "off_x": off_x, "off_y": off_y, "keystone": 0.02 * share * random_sign(rng)}
+
+
+def camera_tilt_recorded(poses: Array, view: View, values: Values) -> Array:
+    pivot = view.centre_m + view.extent_m * np.array([values["off_x"], values["off_y"]])
+    c, s = np.cos(values["turn_rad"]), np.sin(values["turn_rad"])
+    turned = (poses[..., :2] - pivot) @ np.array([[c, s], [-s, c]])
+    out = poses.copy()
+    out[..., :2] = pivot + turned / (1.0 + values["keystone"] * turned[..., 1:] / view.extent_m)
+    out[..., 2] += values["turn_rad"]
+    return out
+
+
+def scale_error(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Wrong scale: the same in x and y, or with a difference of a tenth of the error between them."""
+    error = 0.14 * share * random_sign(rng)
+    uneven = 0.05 * error if form == 1 else 0.0
+    return {"x": 1.0 + error + uneven, "y": 1.0 + error - uneven}
+
+
+def scale_error_recorded(poses: Array, view: View, values: Values) -> Array:
+    out = poses.copy()
+    out[..., :2] = view.centre_m + (poses[..., :2] - view.centre_m) * np.array([values["x"], values["y"]])
+    return out
+
+
+def frame_rate_error(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Wrong frame rate; in the second form the frames also come early or late by random times."""
+    factor = float(np.exp(0.14 * share * random_sign(rng)))
+    return {"factor": factor, "jitter": 0.0 if form == 0 else 0.5 * share}
+
+
+def lens_distortion(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Lens distortion: r (1 + k r²), or r / (1 - k r²); r over the extent of the image."""
+    return {"k": 0.05 * share * random_sign(rng), "division": float(form)}
+
+
+def lens_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
+    offset = poses[..., :2] - view.centre_m
+    square = np.sum((offset / view.extent_m) ** 2, axis=-1, keepdims=True)
+    distortion = values["k"] * square
+    divided = values["division"] > 0.0
+    out = poses.copy()
+    out[..., :2] = view.centre_m + offset * (1.0 / np.maximum(1.0 - distortion, 0.2) if divided else 1.0 + distortion)
+    return out
+
+
+def angle_offset(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Offset of the angle: constant, or varying by a tenth from release to release."""
+    offset = 0.4 * share * random_sign(rng)
+    return {"offset_rad": offset, "jitter_rad": 0.1 * abs(offset) if form == 1 else 0.0}
+
+
+def angle_offset_recorded(poses: Array, view: View, values: Values) -> Array:
+    jitter = np.random.default_rng([view.seed, 12]).normal(0.0, 1.0, len(poses))
+    out = poses.copy()
+    out[..., 2] += values["offset_rad"] + values["jitter_rad"] * jitter[:, None]
+    return out
+
+
+def mirrored_axis(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Mirrored axis: x is recorded with the wrong sign, or the angle. There is no size."""
+    return {"x": -1.0, "theta": 1.0} if form == 0 else {"x": 1.0, "theta": -1.0}
+
+
+def mirrored_axis_recorded(poses: Array, view: View, values: Values) -> Array:
+    out = poses.copy()
+    out[..., 0] *= values["x"]
+    out[..., 2] *= values["theta"]
+    return out
+
+
+CAUSES = {
+    "air_drag": Cause(
+        air_drag, forms=2, columns={"drag": parameters.DRAG, "power": parameters.DRAG_POWER}, draw_order=0
+    ),
+    "flight_damping": Cause(
+        flight_damping,
+        forms=2,
+        columns={"rate_1_s": parameters.VELOCITY_DECAY, "spin_rate_1_s": parameters.SPIN_DECAY},
+        draw_order=1,
+    ),
+    "magnus_lift": Cause(
+        magnus_lift, forms=2, columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM}, draw_order=2
+    ),
+    "mass_eccentricity": Cause(mass_eccentricity, forms=2, draw_order=3),
+    "inertia_error": Cause(inertia_error, forms=2, draw_order=4),
+    "rounded_edges": Cause(rounded_edges, forms=2, draw_order=5),
+    "geometry_error": Cause(geometry_error, forms=2, draw_order=6),
+    "surface_roughness": Cause(surface_roughness, forms=3, draw_order=7),
+    "zone_contrast": Cause(zone_contrast, forms=2, draw_order=8),
+    "soil_compaction": Cause(soil_compaction, forms=2, draw_order=9),
+    "embankment_yield": Cause(
+        embankment_yield,
+        forms=2,
+        columns={
+            "mass_kg": parameters.RECOIL_MASS,
+            "spring_1_s2": parameters.RECOIL_SPRING,
+            "dashpot_1_s": parameters.RECOIL_DASHPOT,
+            "grip_m_s2": parameters.RECOIL_FRICTION,
+        },
+        draw_order=10,
+    ),
+    "viscous_damping": Cause(
+        viscous_damping,
+        forms=2,
+        columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT},
+        draw_order=11,
+    ),
+    "adhesion": Cause(
+        adhesion,
+        forms=2,
+        columns={
+            "pull_N": parameters.TENSION,
+            "fades": parameters.TENSION_FADES,
+            "onset_m_s": parameters.TENSION_SPEED,
+        },
+        draw_order=12,
+    ),
+    "ploughing_drag": Cause(
+        ploughing_drag,
+        forms=2,
+        columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE},
+        draw_order=13,
+    ),
+    "slip_dependent_friction": Cause(
+        slip_dependent_friction,
+        forms=2,
+        columns={
+            "change": parameters.SLIP_CHANGE,
+            "speed_m_s": parameters.SLIP_SPEED,
+            "hyperbolic": parameters.SLIP_HYPERBOLIC,
+        },
+        draw_order=14,
+    ),
+    "out_of_plane": Cause(out_of_plane, forms=2, switches=(parameters.SPEED_LOSS,), draw_order=15),
+    "camera_tilt": Cause(camera_tilt, forms=2, recorded=camera_tilt_recorded, draw_order=16),
+    "scale_error": Cause(scale_error, forms=2, recorded=scale_error_recorded, draw_order=17),
+    "frame_rate_error": Cause(frame_rate_error, forms=2, draw_order=18),
+    "lens_distortion": Cause(lens_distortion, forms=2, recorded=lens_distortion_recorded, draw_order=19),
+    "angle_offset": Cause(angle_offset, forms=2, recorded=angle_offset_recorded, draw_order=20),
+    "mirrored_axis": Cause(mirrored_axis, forms=2, recorded=mirrored_axis_recorded, draw_order=21),
+}

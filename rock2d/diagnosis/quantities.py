@@ -160,11 +160,12 @@ class Basis:
         higher, lower = (self.features({curve.quantity: values + side}) for side in (step, -step))
         return np.asarray((higher - lower) / (2.0 * step))
 
-    def content(self, world: World) -> dict[str, Any]:
-        """The basis as in the key `changes` of diagnosis.json; blocks and zones of the `world` with their names."""
+    def content(self, world: World | None = None) -> dict[str, Any]:
+        """The basis as in the key `changes` of diagnosis.json; blocks and zones of a `world` with their names."""
         curves = [asdict(curve) for curve in self.curves]
+        names = {} if world is None else kind_names(world)
         for curve in curves:
-            if known := kind_names(world).get(curve["quantity"]):
+            if known := names.get(curve["quantity"]):
                 curve["names"] = [known[int(i)] for i in curve["numbers"]]
         return {"depends_on": self.name, "curves": curves}
 

@@ -1,15 +1,30 @@
 """Signal handlers of the command line for Ctrl-C and SIGTERM."""
 
+import os
 import signal
+import sys
+import threading
 
 
 class _Interrupt(KeyboardInterrupt):
     """Ctrl-C. If a plain KeyboardInterrupt leaves exec("..."), which imports call, Python later ends with a signal
     instead of the exit code; it does not do so for a subclass."""
 
+    number: int  # of the signal
+
 
 def _interrupt(number: int, frame: object) -> None:
-    raise _Interrupt
+    error = _Interrupt()
+    error.number = number
+    raise error
+
+
+def _again(lost: "sys.UnraisableHookArgs") -> None:
+    """Python drops an exception in a destructor or a callback: interrupt again, a little later."""
+    if isinstance(lost.exc_value, _Interrupt):
+        threading.Timer(0.05, os.kill, (os.getpid(), lost.exc_value.number)).start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def answer_signals() -> list[int]:
@@ -21,8 +36,9 @@ def answer_signals() -> list[int]:
         received.append(number)
         interrupt = signal.getsignal(signal.SIGINT)
         # not callable if Ctrl-C is ignored, as in a background job of a shell
-        (interrupt if callable(interrupt) else _interrupt)(signal.SIGINT, None)
+        (interrupt if callable(interrupt) else _interrupt)(number, None)
 
+    sys.unraisablehook = _again
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, end)

@@ -23,6 +23,16 @@ def wait():
 def wait_in_exec():  # as imports do: a dataclass or a named tuple is made by exec
     exec("print(flush=True); time.sleep(60)")
 
+class Slow:
+    def __del__(self):
+        print(flush=True)
+        time.sleep(60)
+
+@cli.cli.command()
+def wait_in_destructor():
+    Slow()
+    time.sleep(60)
+
 @cli.cli.command()
 def bar():
     from rock2d.progress import Bars
@@ -53,8 +63,9 @@ def started(command: str, ctrl_c: signal.Handlers, how: tuple[str, str] = ("-c",
 
 
 @pytest.mark.parametrize("ctrl_c", [signal.SIG_DFL, signal.SIG_IGN])  # ignored: a shell's background job
-def test_a_request_to_end_is_answered_with_one_line(ctrl_c):
-    with started("wait", ctrl_c) as process:
+@pytest.mark.parametrize("command", ["wait", "wait-in-destructor"])  # Python drops an exception in a destructor
+def test_a_request_to_end_is_answered_with_one_line(command, ctrl_c):
+    with started(command, ctrl_c) as process:
         assert process.stdout is not None and process.stdout.readline()
         process.terminate()
         _, errors = process.communicate(timeout=30)

@@ -6,7 +6,7 @@ release of a scenario counts as the first of its series."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
-from rock2d.records.columns import OMEGA, THETA, VX, VY
+from rock2d.records.columns import N_POSE, OMEGA, STATE_NAMES, THETA, VX, VY
 from rock2d.scene.blocks import Block, poses_at
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.rough_ground import Roughness
@@ -23,6 +23,7 @@ from rock2d.scene.world import World
 
 if TYPE_CHECKING:
     from rock2d.files.diagnosed_model import FittedModel
+    from rock2d.files.experiment import Experiment
     from rock2d.files.scenario import Scenario
 
 ROUGHNESS = "surface_roughness"
@@ -121,6 +122,36 @@ class ActingEffects:
         effect, shared = catalogue()[name], self.model.values(name)
         own = {block: values for block in world.blocks if (values := self.model.values(name, block)) != shared}
         return effect.on_blocks(effect.apply(world, shared), own)
+
+
+def camera_errors(scenario: Scenario) -> list[str]:
+    """Errors of the camera that the diagnosis of a scenario found."""
+    found = scenario.diagnosed.model.effects if scenario.diagnosed is not None else {}
+    return [name for name in found if catalogue()[name].camera]
+
+
+def corrects_film(scenario: Scenario) -> bool:
+    """Whether the diagnosis of a scenario is about the film whose releases restart."""
+    film, diagnosed = scenario.experiment, scenario.diagnosed
+    return film is not None and diagnosed is not None and film.name == diagnosed.experiment
+
+
+def true_film(scenario: Scenario) -> Experiment:
+    """The film whose releases restart, without the errors of the camera that its own diagnosis found: true poses at
+    true instants."""
+    film, diagnosed = scenario.experiment, scenario.diagnosed
+    assert film is not None
+    errors = camera_errors(scenario)
+    if film.trajectories is None or diagnosed is None or not errors or not corrects_film(scenario):
+        return film
+    world = World(film.blocks, film.cross_section, np.empty((1, 0, 0)), film.gravity_m_s2)
+    for name in errors:
+        world = catalogue()[name].apply(world, diagnosed.model.values(name))
+    view, rows, poses = world.view, film.trajectories, list(STATE_NAMES[:N_POSE])
+    pose = view.true(rows[poses].to_numpy(float))
+    true = rows.assign(t_s=rows["t_s"] * view.time_scale, **dict(zip(poses, pose.T, strict=True)))
+    noise_m = film.position_noise_m / float(view.scales.mean())
+    return replace(film, trajectories=true, fps=film.fps / view.time_scale, position_noise_m=noise_m)
 
 
 def centre_of_mass_states(block: Block, states: Array) -> Array:

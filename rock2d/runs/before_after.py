@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rock2d.effects import catalogue
 from rock2d.files.scenario import Scenario
 from rock2d.runs.acting_effects import ActingEffects
 from rock2d.runs.campaigns.job import crossings_job
@@ -51,7 +52,8 @@ def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
     models = [diagnosed.before]
     for found in diagnosed.alternatives:
         if ActingEffects.of(found, scenario).any_acts and found.soil != diagnosed.before.soil:
-            models.append(found._replace(name=found.name.replace("after", "soil"), effects={}))
+            camera = {name: own for name, own in found.effects.items() if catalogue()[name].camera}
+            models.append(found._replace(name=found.name.replace("after", "soil"), effects=camera))
         models.append(found)
     return [Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p) for found in models]
 

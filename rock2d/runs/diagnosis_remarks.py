@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.effects import catalogue
 from rock2d.files.diagnosed_model import NOT_FITTED, DiagnosedModel
-from rock2d.runs.acting_effects import ROUGHNESS, ActingEffects
+from rock2d.runs.acting_effects import ROUGHNESS, ActingEffects, camera_errors, corrects_film
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -63,6 +63,7 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
     for model in diagnosed.alternatives:
         acting = ActingEffects.of(model, scenario)
         remarks += [_effect_remark(name, acting) for name in model.effects]
+    remarks += _film_remarks(scenario, diagnosed)
     remarks += _interval_remarks(scenario, diagnosed)
     return remarks + scale_remarks(diagnosed.blocks, scenario.make_blocks())
 
@@ -106,6 +107,18 @@ def _effect_remark(name: str, acting: ActingEffects) -> str:
         "mass_eccentricity": "; crossings, stops and impacts are those of the centre of mass",
     }.get(name, "")
     return f"{name} acts: {numbers}{more}"
+
+
+def _film_remarks(scenario: Scenario, diagnosed: DiagnosedModel) -> list[str]:
+    errors = ", ".join(camera_errors(scenario))
+    if scenario.experiment is None or not errors:
+        return []
+    if corrects_film(scenario):
+        return [f"the frames are corrected for {errors} before the starts are fitted to them and compared with"]
+    return [
+        f"warning: the starts are fitted to the frames of {scenario.experiment.name} as they were recorded: the "
+        f"diagnosis found {errors} in another film, {diagnosed.experiment}"
+    ]
 
 
 def _pieces(acting: ActingEffects) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.files.experiment import seen_frames
+from rock2d.runs.acting_effects import true_film
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -70,8 +71,7 @@ def drawn_in_groups(
 
 def measured_states(scenario: Scenario, seed: int, releases: int | None = None) -> list[IncidentState]:
     """Incident states of the first `releases` filmed releases of each block, fitted to their first frames."""
-    experiment = scenario.experiment
-    assert experiment is not None and experiment.trajectories is not None
+    experiment = true_film(scenario)
     source = scenario.incident["default"].from_experiment
     assert source is not None
     blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()

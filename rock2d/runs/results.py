@@ -14,6 +14,7 @@ from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
 from rock2d.records.columns import STATE_NAMES
+from rock2d.runs.acting_effects import true_film
 from rock2d.runs.comparison import write_comparison
 from rock2d.runs.diagnosis_remarks import diagnosis_entry
 from rock2d.runs.incident_states import IncidentState
@@ -115,7 +116,7 @@ class RunResult(Simulation):
                 bar.step("trajectories")
             if scenario.experiment is not None:
                 tables |= write_comparison(
-                    scenario.experiment, simulated, self.tracks, partial,
+                    true_film(scenario), simulated, self.tracks, partial,
                     slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=bars.shown,
                     figures=figures,
                 )  # fmt: skip

@@ -12,6 +12,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.processes import as_finished
 from rock2d.progress import Bars
 from rock2d.records.track import Track
+from rock2d.runs.acting_effects import true_film
 from rock2d.runs.conditions import Condition, Conditions, starts
 from rock2d.runs.engines import ENGINES, engine_named
 from rock2d.runs.incident_states import IncidentState
@@ -72,18 +73,17 @@ def run_bars(scenario: Scenario, engine: str, shown: bool, workers: int | None =
 
 def _recording(scenario: Scenario, seed: int) -> Recording:
     """Recording at the instants of the film if releases are restarted, else at the frame rate of the outputs."""
-    outputs, film = scenario.outputs, scenario.experiment
-    times = {}
-    if film is not None and film.trajectories is not None:
-        times = {int(str(k)): v.to_numpy(float) for k, v in film.trajectories.groupby("release")["t_s"]}
+    outputs, times = scenario.outputs, {}
+    if scenario.experiment is not None and (rows := true_film(scenario).trajectories) is not None:
+        times = {int(str(k)): v.to_numpy(float) for k, v in rows.groupby("release")["t_s"]}
     return Recording(outputs.fps, outputs.position_noise_m, outputs.angle_noise_rad, times, seed)
 
 
 def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]:
     """Time limits in s: a restarted release runs as long as its film, others as long as the scenario says."""
-    if scenario.experiment is None or scenario.experiment.trajectories is None:
+    if scenario.experiment is None or (rows := true_film(scenario).trajectories) is None:
         return [scenario.longest_release_s()] * len(states)
-    last = scenario.experiment.trajectories.groupby("release")["t_s"].max()
+    last = rows.groupby("release")["t_s"].max()
     longest = scenario.longest_release_s()
     return [min(longest, float(last[s.release]) - s.t_s + FRAME_MARGIN_S) for s in states]
 

@@ -15,14 +15,18 @@ from rock2d.design.report_tables import model_text, parameter_tables
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
+from rock2d.files.experiment import write_experiment
 from rock2d.files.scenario_variants import variant
+from rock2d.graphics.figure_files import NoFigures
 from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
 from rock2d.scene.cross_section import embankment_facets
-from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
+from rock2d.scene.world import View
+from tests.diagnosed_files import BLOCKS, JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
+from tests.scenarios_of_tests import scenario_file
 
 TILT = effect(tilt_rad=(0.03, 0.02, 0.04), centre_right=(0.0, -0.1, 0.1), centre_up=(0.0, -0.1, 0.1))
 SHORT = "time_limit_s: 1.6"  # long enough for the first impact
@@ -89,6 +93,35 @@ def test_no_effect_is_the_base_law_bit_for_bit(tmp_path, engine):
     found = knots(diagnosed(tmp_path, content("none"), engine=engine, more=SHORT), releases=2, workers=1)
     by_hand = undiagnosed(tmp_path, numbers(SOIL), engine, more=SHORT)
     assert same(found, knots(by_hand, releases=2, workers=1))
+
+
+@pytest.mark.parametrize("name, corrected", [("bench", True), ("other", False)])
+def test_restarted_releases_start_from_true_poses_at_true_instants(tmp_path, name, corrected):
+    made = rock2d.run(undiagnosed(tmp_path, numbers(SOIL), more=SHORT), releases=2, workers=1)
+    film, poses = made.experiment(), ["x_m", "y_m", "theta_rad"]
+    seen = View(theta_offset_rad=0.1, mirror=(-1.0, 1.0, 1.0)).record(film.trajectories[poses].to_numpy())
+    recorded = film.trajectories.assign(t_s=film.trajectories["t_s"] / 1.1, **dict(zip(poses, seen.T, strict=True)))
+    write_experiment(tmp_path / "film", replace(film, name=name, trajectories=recorded, fps=film.fps * 1.1))
+    fitted = {
+        "mirrored_axis": effect(axis=(1.0, 1.0, 1.0)), "angle_offset": effect(offset_rad=(0.1, 0.1, 0.1)),
+        "frame_rate_error": effect(time_scale=(1.1, 1.1, 1.1)),
+    }  # fmt: skip
+    sizes = {cause: own["parameters"] for cause, own in fitted.items()}
+    given = content("angle_offset", fitted, model={"base": SOIL, "parameters": sizes})
+    (tmp_path / "d.json").write_text(json.dumps(given))
+    start = "from_experiment: {folder: film}"
+    file = scenario_file(
+        tmp_path, "again", releases=2, blocks=BLOCKS, model="{diagnosis: d.json}", incident=start, more=SHORT
+    )
+    scenario = rock2d.load_scenario(file, tmp_path)
+    result = rock2d.run(scenario, workers=1)
+    first = [np.append(track.knots[0, 0], track.knots[0, 1:7]) for track in made.tracks]
+    found = [np.append(start.t_s, start.state) for start in result.incident_states]
+    assert np.allclose(found, first, rtol=1e-3, atol=1e-3) == corrected
+    said = " ".join(diagnosis_remarks(scenario))
+    assert ("the frames are corrected for" in said) == corrected != ("as they were recorded" in said)
+    residuals = result.write(tmp_path / "out", figures=NoFigures())["residuals"]
+    assert (residuals[["dx_m", "dy_m"]].abs().to_numpy().max() < 0.01) == corrected
 
 
 def test_the_reading_of_the_rolling_resistance_comes_along(tmp_path):

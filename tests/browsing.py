@@ -4,6 +4,7 @@ import base64
 import hashlib
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,17 +67,27 @@ def assert_only_its_own_script_may_run(text: str) -> None:
     assert text.count("<script") == 2 and text.count("<script type=") == 1
 
 
-def assert_nothing_else_was_run_or_loaded(page: Any, seen: list[str], path: Path) -> None:
-    """No complaint, no address but the page's own; a script that comes later does not run."""
-    assert {text.split("#")[0] for text in seen} == {path.as_uri()}
+@contextmanager
+def on_a_phone(page: Any) -> Iterator[None]:
+    """The page on a narrow screen, where nothing may be scrolled sideways."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    yield
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    page.set_viewport_size({"width": 1280, "height": 1000})
+
+
+def assert_nothing_else_was_run_or_loaded(page: Any, seen: list[str], *own: Path) -> None:
+    """No complaint, no address but those of the page and its files; a script that comes later does not run."""
+    assert page.url.split("#")[0] in (addresses := {text.split("#")[0] for text in seen})
+    assert addresses <= {path.as_uri() for path in own}
     other = "() => { const own = document.createElement('script'); own.textContent = 'window.other = 1';"
     assert page.evaluate(f"{other} document.body.append(own); return window.other }}") is None
 
 
-def assert_not_printed_and_all_named(page: Any) -> None:
-    """Every control of the live view has a name, and the view is not printed."""
+def assert_not_printed_and_all_named(page: Any, fewest: int = 13) -> None:
+    """The live view has so many controls, each has a name, and the view is not printed."""
     named = "all => all.every(c => c.labels?.[0]?.textContent.trim() || c.textContent.trim())"
-    assert page.locator(CONTROLS).count() > 12 and page.eval_on_selector_all(CONTROLS, named)
+    assert page.locator(CONTROLS).count() >= fewest and page.eval_on_selector_all(CONTROLS, named)
     page.emulate_media(media="print")
     assert page.locator("#live").is_hidden() and page.locator("h1").is_visible()
     page.emulate_media(media="screen")

@@ -24,6 +24,7 @@ from tests.browsing import (
     ask_for_release,
     assert_not_printed_and_all_named,
     assert_nothing_else_was_run_or_loaded,
+    on_a_phone,
     opened,
     picture,
     until,
@@ -425,11 +426,9 @@ def test_an_address_that_is_wrong_shows_the_page_as_it_opens(browser, report, pa
 
 
 def test_a_phone_shows_it_without_scrolling_sideways(page):
-    page.set_viewport_size({"width": 390, "height": 844})
-    page.locator("#live-item").select_option(index=1)
-    until(page, lambda: page.locator(SECTION).first.get_attribute("width") == "362")
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    page.set_viewport_size({"width": 1280, "height": 1000})
+    with on_a_phone(page):
+        page.locator("#live-item").select_option(index=1)
+        until(page, lambda: page.locator(SECTION).first.get_attribute("width") == "362")
 
 
 def test_it_is_not_printed_and_every_control_has_a_name(page):

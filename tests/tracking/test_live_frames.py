@@ -13,7 +13,15 @@ from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.files.experiment import load_experiment
-from tests.browsing import CONTROLS, assert_only_its_own_script_may_run, opened, until
+from tests.browsing import (
+    CONTROLS,
+    assert_not_printed_and_all_named,
+    assert_nothing_else_was_run_or_loaded,
+    assert_only_its_own_script_may_run,
+    on_a_phone,
+    opened,
+    until,
+)
 from tests.docs.sources import DOCS
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
 from tests.tracking.test_command import tracked
@@ -217,13 +225,6 @@ def test_a_release_is_chosen(page, frames):
     assert len(page.get_attribute("#live-near polygon", "points").split()) == 4
 
 
-def test_no_table_of_a_name_and_a_value_is_cut_on_a_phone(page):
-    page.set_viewport_size({"width": 390, "height": 844})
-    cut = page.eval_on_selector_all(".scroll", "all => all.filter(s => s.scrollWidth > s.clientWidth).length")
-    page.set_viewport_size({"width": 1280, "height": 1000})
-    assert cut == 0
-
-
 def test_the_address_holds_release_and_frame(page, browser, folder):
     page.get_by_role("button", name="next lost frame").click()
     until(page, lambda: page.url.endswith(f"#release=1&frame={COVERED[0]}"))
@@ -234,18 +235,14 @@ def test_the_address_holds_release_and_frame(page, browser, folder):
     other.close()
 
 
-def test_a_phone_shows_it_without_scrolling_sideways(page):
-    page.set_viewport_size({"width": 390, "height": 844})
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    page.set_viewport_size({"width": 1280, "height": 1000})
+def test_a_phone_shows_it_without_scrolling_sideways_and_cuts_no_table(page):
+    with on_a_phone(page):
+        assert page.eval_on_selector_all(".scroll", "all => all.every(s => s.scrollWidth <= s.clientWidth)")
 
 
 def test_without_a_script_or_on_paper_the_page_is_as_before(page, browser, folder):
-    named = "all => all.every(c => c.labels?.[0]?.textContent.trim() || c.textContent.trim())"
-    assert page.locator(CONTROLS).count() == 10 and page.eval_on_selector_all(CONTROLS, named)
-    page.emulate_media(media="print")
-    assert page.locator("#live").is_hidden() and page.locator("h1").is_visible()
-    page.emulate_media(media="screen")
+    assert page.locator(CONTROLS).count() == 10
+    assert_not_printed_and_all_named(page, 10)
     plain = browser.new_context(java_script_enabled=False).new_page()
     plain.goto((folder / "tracking.html").as_uri())
     assert plain.locator("#live").is_hidden() and plain.locator("figure img").count() == 5
@@ -255,11 +252,8 @@ def test_without_a_script_or_on_paper_the_page_is_as_before(page, browser, folde
 def test_only_its_own_script_runs_and_nothing_is_loaded_but_the_overlay(watched, folder):  # after all others
     page, seen = watched
     assert_only_its_own_script_may_run((folder / "tracking.html").read_text(encoding="utf-8"))
-    addresses = {(folder / name).as_uri() for name in ("tracking.html", "overlay.webm")}
-    assert {text.split("#")[0] for text in seen} <= addresses
     assert page.evaluate("document.querySelector('video').error") is None
-    other = "() => { const own = document.createElement('script'); own.textContent = 'window.other = 1';"
-    assert page.evaluate(f"{other} document.body.append(own); return window.other }}") is None
+    assert_nothing_else_was_run_or_loaded(page, seen, folder / "tracking.html", folder / "overlay.webm")
 
 
 def test_pictures_that_do_not_fit_are_left_out_but_not_the_important_ones():

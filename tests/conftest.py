@@ -45,16 +45,18 @@ def one_thread() -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def coarse_pictures() -> Iterator[None]:
-    """Figures have few pixels, and are drawn without a process of their own; videos have few frames: to draw them takes
-    longer than most of what tests ask for. Tests of graphics see pictures as users do."""
+    """Figures have few pixels and margins that do not fit their texts, and are drawn without a process of their own;
+    videos have few frames: to draw them takes longer than most of what tests ask for. Tests of graphics see pictures as
+    users do."""
     from rock2d.commands import run
     from rock2d.diagnosis.report import side_by_side
-    from rock2d.graphics import figure_style, pages
+    from rock2d.graphics import figure_style, pages, plain_figure
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure_style, "FILE_DPI", COARSE_DPI)
         patch.setattr(figure_style.save_figure, "__defaults__", (COARSE_DPI,))
         patch.setattr(pages, "PAGE_FIGURE_DPI", COARSE_DPI)
+        patch.setattr(plain_figure.PlainFigure, "get_layout_engine", lambda figure: None)
         patch.setattr(run, "FEWEST_FOR_PROCESS", float("inf"))
         patch.setattr(side_by_side, "VIDEO_S", 0.5)
         patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))

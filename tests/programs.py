@@ -44,6 +44,15 @@ def commanded(*words: object) -> Result:
     return CliRunner().invoke(cli, [str(word) for word in words])
 
 
+def cluster(workers: int) -> Any:
+    """A Dask scheduler and its workers in this process; what they do is seen, and patches hold."""
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    )
+
+
 def refusal(function: Callable[..., Any], *given: Any, said: str = "", **options: Any) -> InputError:
     """The error with which a function refuses what it is given; its text matches `said`."""
     with pytest.raises(InputError, match=said or None) as caught:

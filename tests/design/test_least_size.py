@@ -16,6 +16,7 @@ from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from tests.diagnosed_files import content, undiagnosed
+from tests.programs import cluster
 from tests.scenarios_of_tests import UNKNOWN, small_site
 
 PLACE = "embankment.height_m"
@@ -174,8 +175,6 @@ def check_slider(page: str, answer) -> None:
 def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeypatch, engine, processes):
     """Processes, which hold the shared descents of `batch` between the sizes; not the page, which this process draws
     from the answer."""
-    from distributed import LocalCluster
-
     monkeypatch.setattr(command, "_write_page", lambda *of: [])
     small_site(tmp_path, engine=engine)
 
@@ -187,13 +186,11 @@ def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeyp
     here = written("threads")
     assert here.keys() == {"design.csv", "design.json", "least.yaml", "rock2d_result.json"}
     assert written("processes", workers=Workers(processes)) == here
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
-    ) as cluster:
-        assert written("scheduler", workers=Workers(scheduler=cluster.scheduler_address)) == here
+    with cluster(2) as dask:
+        assert written("scheduler", workers=Workers(scheduler=dask.scheduler_address)) == here
         answer = json.loads(here["design.json"])
         sizes, sites = len(answer["judgements"]), answer["sites"]
-        assert sum(own.state.executed_count for own in cluster.workers.values()) == sizes * sites
+        assert sum(own.state.executed_count for own in dask.workers.values()) == sizes * sites
 
 
 def test_a_search_whose_scheduler_does_not_answer_is_refused(tmp_path, monkeypatch):

@@ -102,12 +102,17 @@ def test_result_does_not_depend_on_the_number_of_processes(plain):
     assert one == diagnosis_json(diagnose(experiment, effects=tried, workers=2))
 
 
-def test_a_better_law_found_with_an_effect_becomes_the_base():
-    """With a poor base any effect would look good, because its fit finds the better law."""
-    experiment = film(world(), 12, seed=2)
-    data, proper = base_fit(experiment, base_start(experiment))
+@pytest.fixture(scope="module")
+def stuck():
+    """A film, the law fitted to it, and a fit that stopped at once at another law."""
+    data, proper = base_fit(film(world(), 12, seed=2))
     off = proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0])
-    stuck = fit(proper.model, data, off, convergence=Convergence(np.inf))
+    return data, proper, fit(proper.model, data, off, convergence=Convergence(np.inf))
+
+
+def test_a_better_law_found_with_an_effect_becomes_the_base(stuck):
+    """With a poor base any effect would look good, because its fit finds the better law."""
+    data, proper, stuck = stuck
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, effects("angle_offset", "air_drag"))
     assert found.base.fit.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
@@ -132,12 +137,10 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     assert law.law(found.final.fit.p)[4] == pytest.approx(LAW.k_r_Nm_rad, rel=0.05)
 
 
-def test_a_grid_that_leads_back_to_a_fit_gives_no_other():
+def test_a_grid_that_leads_back_to_a_fit_gives_no_other(stuck):
     """From a law that is stuck, it leads to a better fit."""
-    data, proper = base_fit(film(world(), 12, seed=2))
+    data, proper, stuck = stuck
     assert proper.free and fit_from_grid(proper.model, data, Processes(1, (data,)), known=proper) is None
-    off = proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0])
-    stuck = fit(proper.model, data, off, convergence=Convergence(np.inf))
     found = fit_from_grid(proper.model, data, Processes(1, (data,)), known=stuck)
     assert found is not None and found.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
 

@@ -18,7 +18,7 @@ from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.cross_section import CrossSection
 from tests.diagnosed_files import with_learnt
-from tests.kinematics.synthetic_films import SOIL, effects, film, world, yielded
+from tests.kinematics.synthetic_films import SOIL, coarse_fits, effects, film, world, yielded
 from tests.programs import commanded, refusal
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
@@ -26,7 +26,8 @@ TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def content():
-    found = diagnose(film(TILTED, 8, seed=1), effects=effects("camera_tilt", "angle_offset"))
+    with coarse_fits():
+        found = diagnose(film(TILTED, 8, seed=1), effects=effects("camera_tilt", "angle_offset"))
     return json.loads(json.dumps(diagnosis_json(found)))
 
 

@@ -14,7 +14,6 @@ import pandas as pd
 import pytest
 
 import rock2d
-from rock2d.diagnosis import exploring, fitting
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
@@ -32,7 +31,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import move_freely
 from rock2d.progress import Bars
 from tests.browsing import assert_only_its_own_script_may_run
-from tests.kinematics.synthetic_films import effects, film, series_order, world
+from tests.kinematics.synthetic_films import coarse_fits, effects, film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
 RELEASES = 6  # per block: as few as can be diagnosed
@@ -73,11 +72,8 @@ class Page(HTMLParser):
 
 
 def quick(experiment: Experiment, **tried: Effect) -> Diagnosis:
-    """A diagnosis with coarse fits that do not fit the scatter of the soil: enough to test the page."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
-        patch.setattr(exploring, "SCAN_VALUES", 3)
-        patch.setattr(exploring, "MOST_RESCANS", 0)
+    """A diagnosis with coarse fits: enough to test the page."""
+    with coarse_fits():
         return diagnose(experiment, effects=tried)
 
 

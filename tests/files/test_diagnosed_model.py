@@ -198,17 +198,11 @@ def test_text_that_is_no_json_is_refused_in_its_file(tmp_path):
     assert refusal(undiagnosed, tmp_path, "{diagnosis: d.json}").file.name == "d.json"
 
 
-def test_a_diagnosis_is_found_under_the_data_root(tmp_path, monkeypatch):
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "d.json").write_text(json.dumps(content()))
-    monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
-    assert undiagnosed(tmp_path, "{diagnosis: d.json}").diagnosed.verdict == "none"
-
-
-def test_the_folder_of_a_diagnosis_stands_for_its_file(tmp_path):
-    (tmp_path / "found").mkdir()
-    (tmp_path / "found" / "diagnosis.json").write_text(json.dumps(content()))
-    assert undiagnosed(tmp_path, "{diagnosis: found}").diagnosed.verdict == "none"
+@pytest.mark.parametrize(("file", "given"), [("data/d.json", "d.json"), ("found/diagnosis.json", "found")])
+def test_a_diagnosis_is_found_under_the_data_root_and_its_folder_stands_for_its_file(put, monkeypatch, file, given):
+    folder = put(json.dumps(content()), file).parent.parent
+    monkeypatch.setenv("ROCK2D_DATA", str(folder / "data"))
+    assert undiagnosed(folder, f"{{diagnosis: {given}}}").diagnosed.verdict == "none"
 
 
 def test_uncertainty_needs_something_uncertain(tmp_path):

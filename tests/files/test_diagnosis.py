@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rock2d.diagnosis.command import run_comparison
 from rock2d.diagnosis.levers import DEPENDENCES, FRAME, LEVER_SIZES, LEVERS
 from rock2d.diagnosis.predict import diagnosed_world, learnt_changes, read_for_prediction
-from rock2d.diagnosis.quantities import bases, quantities_of, waves
+from rock2d.diagnosis.quantities import Basis, bases, quantities_of, waves
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, ParameterError
 from rock2d.files.diagnosis import diagnosis_text
@@ -35,10 +35,10 @@ def read_by_all(folder: Path, given: dict[str, Any]) -> dict[str, Any]:
     return read_for_prediction(folder / "d.json")
 
 
-def learnt(lever: str, basis, coefficients: np.ndarray) -> dict[str, Any]:
-    """A diagnosis with one learnt change."""
-    change = basis.content() | {"lever": lever, "coefficients": coefficients.tolist()} | GAIN
-    return content("unknown", schema=2, model=with_learnt(SOIL, change))
+def learnt(lever: str, *found: tuple[Basis, np.ndarray]) -> dict[str, Any]:
+    """A diagnosis with learnt changes: bases and coefficients."""
+    changes = (basis.content() | {"lever": lever, "coefficients": own.tolist()} | GAIN for basis, own in found)
+    return content("unknown", schema=2, model=with_learnt(SOIL, *changes))
 
 
 def test_why_nothing_can_be_predicted_is_told(tmp_path):
@@ -56,20 +56,18 @@ def test_all_read_every_change_that_can_be_learnt(tmp_path, lever):
     own = list(bases(dependences, measured).values())
     assert len(own) == len(dependences)
     own += waves(np.linspace(0.0, 1.0, 50), 0.1)[:1] if lever == FRAME else []
-    for basis in own:
-        width = basis.features({**measured, "time_s": np.zeros(1)}).shape[1]
-        for size in LEVER_SIZES[lever]:
-            given = learnt(lever, basis, rng.normal(size=(size, width)))
-            SCHEMA.validate(json.loads(diagnosis_text(given)))
-            (change,) = learnt_changes(read_by_all(tmp_path, given))
-            assert change.basis == basis
+    widths = [basis.features({**measured, "time_s": np.zeros(1)}).shape[1] for basis in own]
+    for size in LEVER_SIZES[lever]:
+        given = learnt(lever, *((basis, rng.normal(size=(size, k))) for basis, k in zip(own, widths, strict=True)))
+        SCHEMA.validate(json.loads(diagnosis_text(given)))
+        assert [change.basis for change in learnt_changes(read_by_all(tmp_path, given))] == own
 
 
 def test_a_change_that_its_lever_cannot_follow_is_refused_with_its_place(tmp_path):
     (constant,) = bases({"nothing": ()}, {}).values()
     height = {"quantity": "height_above_ground_m", "kind": "line", "numbers": [1.0]}
     for change, place in (({"curves": [height]}, "quantity"), ({"coefficients": [[1.0]]}, "coefficients")):
-        given = learnt("law", constant, np.zeros((5, 1)))
+        given = learnt("law", (constant, np.zeros((5, 1))))
         given["model"]["learnt"]["changes"][0] |= change
         (tmp_path / "d.json").write_text(json.dumps(given, indent=1))
         error = refusal(read_for_prediction, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: ")

@@ -1,11 +1,14 @@
 """Films of a known world, made with the batch engine: what a diagnosis must find in them is known."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
+from rock2d.diagnosis import exploring, fitting, residual_regression
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import Model
@@ -99,6 +102,18 @@ def base_fit(experiment: Experiment, start: np.ndarray = START) -> tuple[FilmDat
     """A film as a diagnosis reads it, and the base law fitted to it."""
     setup, data = data_of(experiment)
     return data, fit(Model(setup, start), data)
+
+
+@contextmanager
+def coarse_fits() -> Iterator[None]:
+    """Diagnoses look at few values, do not fit the scatter of the soil and grow few trees, where no statement asks how
+    well they fit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
+        patch.setattr(exploring, "SCAN_VALUES", 3)
+        patch.setattr(exploring, "MOST_RESCANS", 0)
+        patch.setattr(residual_regression, "TREES", 5)
+        yield
 
 
 def effects(*names: str) -> dict[str, Effect]:

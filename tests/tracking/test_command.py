@@ -160,8 +160,8 @@ def test_a_set_up_file_that_names_a_picture_is_used_again_from_the_results(filme
     text, stated = (filmed / "setup.yaml").read_text(), "{metres_per_pixel: 0.0006}"
     assert stated in text
     (tmp_path / "setup.yaml").write_text(text.replace(stated, scale))
-    tracked(filmed / "film.avi", tmp_path / "setup.yaml", tmp_path / "out")
-    tracked(filmed / "film.avi", tmp_path / "out" / "setup.yaml", tmp_path / "again")
+    for setup, out in (("setup.yaml", "out"), ("out/setup.yaml", "again")):  # the first release is enough
+        tracked(filmed / "film.avi", tmp_path / setup, tmp_path / out, "--frames", 180)
     first, again = ((tmp_path / name / "frames.csv").read_text() for name in ("out", "again"))
     assert first == again
 

@@ -28,7 +28,7 @@ from rock2d.runs.indicators.passing import percentile_table
 from rock2d.runs.indicators.releases import impacts_table, stops_table
 from rock2d.runs.run import run
 from rock2d.statistics import least_count, percentile_estimate, percentile_ranks
-from tests.programs import commanded
+from tests.programs import cluster, commanded
 from tests.scenarios_of_tests import SHIPPED
 from tests.test_processes import heed_interrupts
 
@@ -126,13 +126,9 @@ def test_a_worker_writes_the_same_bytes_and_needs_no_dask(tmp_path, monkeypatch)
 
 
 def test_the_workers_of_a_scheduler_write_the_same_bytes(tmp_path):
-    from distributed import LocalCluster
-
     campaign(tmp_path / "threads")
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
-    ) as cluster:
-        campaign(tmp_path / "scheduler", workers=Workers(scheduler=cluster.scheduler_address))
+    with cluster(2) as dask:
+        campaign(tmp_path / "scheduler", workers=Workers(scheduler=dask.scheduler_address))
     assert digest(tmp_path / "scheduler") == digest(tmp_path / "threads")
 
 

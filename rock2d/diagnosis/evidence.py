@@ -41,8 +41,8 @@ LEAST_CHANCE = 1e-6  # smallest p value
 LARGEST_LUCK = 10.0  # log likelihood that a fit may gain by luck, beyond what a linear model expects of it
 SURE_GAIN = 40.0  # log likelihood from which on luck does not matter
 # Gain over the gain of what is learnt in its place at which the probability of an effect is 0.5. True causes mostly
-# have 0.9 or more, imitators 0.8 or less.
-EVEN_RATIO = 0.75
+# have 0.9 or more (0.75 where something else acts), imitators 0.55 to 0.8.
+EVEN_RATIO = 0.65
 # The same for an effect that widens the scatter, relative to a free scatter: the law of a true effect says which
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
@@ -265,7 +265,7 @@ def only_gravity_is_turned(fit: Fit) -> bool:
 
 def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
     """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where they will
-    not gain as much as the effect, `own_gain`: its probability is then more than 0.9."""
+    not gain as much as the effect, `own_gain`: its probability is then more than 0.95."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
     return held_out_gain(data, learn(without, data, levers, own_gain), without)
 

@@ -22,7 +22,7 @@ def damping(c):
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    size = world.mean_size_m
+    size = world.fitted_size_m
     return with_column(world, "ploughing_Ns_m2", values[0] * mean_mass_kg(world) / size)
 
 

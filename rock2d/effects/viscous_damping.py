@@ -23,7 +23,7 @@ def damping(c, h):
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    size = world.mean_size_m
+    size = world.fitted_size_m
     mass = mean_mass_kg(world)
     world = with_column(world, "viscous_Ns_m", values[0] * mass)
     return with_column(world, "viscous_Ns_m2", values[1] * mass / size)

@@ -55,8 +55,8 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     columns = [K_L, K_UL, K_T, MU, K_R, ROLLING_IN_INDENTATION]
     reading = content.get("law", {}).get("rolling_in_indentation", False)
     rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
-    blocks = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
-    world = replace(setup, contact=rows, order=order, fitted_scale=fitted_scale(blocks))
+    filmed = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
+    world = replace(setup, contact=rows, order=order, fitted_scale=fitted_scale(filmed))
     for name, parameters in effects.items():
         if not known[name].scatter:  # a scatter does not shift means
             values = [

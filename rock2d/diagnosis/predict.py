@@ -21,6 +21,7 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown
 from rock2d.files.diagnosis import no_fitted_law, read_fitted_diagnosis
+from rock2d.files.diagnosis_keys import BlockScale, fitted_scale
 from rock2d.files.experiment import Experiment
 from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
@@ -56,7 +57,8 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     columns = [K_L, K_UL, K_T, MU, K_R, ROLLING_IN_INDENTATION]
     reading = content.get("law", {}).get("rolling_in_indentation", False)
     rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
-    world = replace(setup, contact=rows, order=order)
+    filmed = {name: BlockScale.model_validate(scale) for name, scale in content.get("blocks", {}).items()}
+    world = replace(setup, contact=rows, order=order, fitted_scale=fitted_scale(filmed))
     for name, parameters in effects.items():
         if not known[name].scatter:  # a scatter does not shift means
             values = [

@@ -19,7 +19,7 @@ def with_mass_eccentricity(world: World, values: Sequence[float]) -> World:
 
     The stated moment of inertia is about the centroid; a density gradient does not change it. About the centre of mass
     it is smaller by m r_c² (Steiner)."""
-    size = world.mean_size_m
+    size = world.fitted_size_m
     offset = (values[0] * size, values[1] * size)
 
     def displaced(block: Block) -> Block:

@@ -21,8 +21,8 @@ AIM_PARAMETERS = (
 
 
 def mean_mass_kg(world: World) -> float:
-    """Mean mass of the world's blocks; it scales forces from the laboratory to the slope."""
-    return float(np.mean([block.mass_kg for block in world.blocks.values()]))
+    """Mean mass of the blocks to which effects were fitted; it scales forces from the laboratory to the slope."""
+    return world.fitted_mass_kg
 
 
 def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], float]:

@@ -31,7 +31,7 @@ def with_geometry_error(world: World, values: Sequence[float]) -> World:
     blocks' size."""
     if not any(values):
         return world
-    size = world.mean_size_m
+    size = world.fitted_size_m
     return replace(world, cross_section=as_built(world.cross_section, float(values[0]), float(values[1]), size))
 
 

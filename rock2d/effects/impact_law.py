@@ -25,7 +25,7 @@ def dashpot_damping(c, h):
 
 
 def with_viscous_damping(world: World, values: Sequence[float]) -> World:
-    size = world.mean_size_m
+    size = world.fitted_size_m
     mass = mean_mass_kg(world)
     world = with_column(world, "viscous_Ns_m", values[0] * mass)
     return with_column(world, "viscous_Ns_m2", values[1] * mass / size)
@@ -131,7 +131,7 @@ def ploughing_damping(c):
 
 
 def with_ploughing_drag(world: World, values: Sequence[float]) -> World:
-    size = world.mean_size_m
+    size = world.fitted_size_m
     return with_column(world, "ploughing_Ns_m2", values[0] * mean_mass_kg(world) / size)
 
 

@@ -345,8 +345,9 @@ class _Reader:
                 low = high = value  # no block has the mean: it is not drawn
             out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value, mean_size_m))
             for name, q in own.items():
+                low, high = q.ci95
                 bounds = self._bounds(parameter, q.value, sizes_m.get(name))
-                out[f"{parameter.name}.{name}"] = FittedValue(q.value, q.ci95[0], q.ci95[1], *bounds)
+                out[f"{parameter.name}.{name}"] = FittedValue(q.value, low, high, *bounds)
         return out
 
     def _bounds(self, parameter: Parameter, value: float, size_m: float | None) -> tuple[float, float]:

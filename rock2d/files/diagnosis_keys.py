@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from rock2d.files.checked_yaml import key_shown, mistake
@@ -166,6 +167,14 @@ class BlockScale(Part):
     mass_kg: float = Field(gt=0, le=1.0e12, description="Mass in kg")
     size_m: float = Field(gt=0, le=1.0e6, description="Diameter of the circle of equal area in m")
     shape: str | None = Field(default=None, description="Name of its shape")
+
+
+def fitted_scale(blocks: Mapping[str, BlockScale]) -> tuple[float, float] | None:
+    """Mean size in m and mean mass in kg of the blocks of a diagnosis, as in `World`; None without blocks."""
+    if not blocks:
+        return None
+    sizes_m, masses_kg = zip(*((block.size_m, block.mass_kg) for block in blocks.values()), strict=True)
+    return float(np.mean(sizes_m)), float(np.mean(masses_kg))
 
 
 class FrameRate(Part):
@@ -342,7 +351,9 @@ class DiagnosisFile(Part):
     )
     series: dict[str, Count] = Field(default={}, description="Number of filmed releases of each block")
     blocks: dict[str, BlockScale] = Field(
-        default={}, description="The blocks of the experiment: the scale at which the parameters hold"
+        default={},
+        description="The blocks of the experiment: the scale at which the parameters hold. Their mean size and mass "
+        "are the units of parameters over the blocks' size or mass",
     )
     cross_section: CrossSectionKeys | None = Field(
         default=None, description="The ground of the experiment, without measure lines"

@@ -14,6 +14,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.effects import catalogue
+from rock2d.files.diagnosis_keys import fitted_scale
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
 from rock2d.records.columns import N_POSE, OMEGA, STATE_NAMES, THETA, VX, VY
 from rock2d.scene.blocks import Block, poses_at
@@ -36,18 +37,21 @@ class ActingEffects:
     Attributes
     ----------
     model : soil and effects
-    blocks : blocks of the scenario; their mean mass and size scale the effects
-    cross_section : the cross-section of the scenario, without effects"""
+    blocks : blocks of the scenario
+    cross_section : the cross-section of the scenario, without effects
+    fitted_scale : see `World`"""
 
     model: FittedModel
     blocks: Mapping[str, Block]
     cross_section: CrossSection
     gravity_m_s2: float
+    fitted_scale: tuple[float, float] | None
 
     @classmethod
     def of(cls, model: FittedModel, scenario: Scenario) -> ActingEffects:
         """On the site of a scenario."""
-        return cls(model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2)
+        scale = fitted_scale(scenario.diagnosed.blocks) if scenario.diagnosed is not None else None
+        return cls(model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2, scale)
 
     @cached_property
     def acting(self) -> tuple[str, ...]:
@@ -109,7 +113,7 @@ class ActingEffects:
         return blocks or ground or not np.array_equal(widened(before.contact), widened(after.contact))
 
     def _world(self, blocks: Mapping[str, Block], rows: Array) -> World:
-        return World(blocks, self.cross_section, rows, self.gravity_m_s2)
+        return World(blocks, self.cross_section, rows, self.gravity_m_s2, fitted_scale=self.fitted_scale)
 
     def _with_effects(self, blocks: Mapping[str, Block], rows: Array) -> World:
         world = self._world(blocks, rows)

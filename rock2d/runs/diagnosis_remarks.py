@@ -104,7 +104,8 @@ def _effect_remark(name: str, acting: ActingEffects) -> str:
         return f"{name} changes nothing: {why}"
     more = {
         "geometry_error": "; it was found on the set-up of the film, and changes this cross-section in the same way",
-        "mass_eccentricity": "; crossings, stops and impacts are those of the centre of mass",
+        "mass_eccentricity": ("; the offset in m is that of the blocks of the film" if acting.fitted_scale else "")
+        + "; crossings, stops and impacts are those of the centre of mass",
     }.get(name, "")
     return f"{name} acts: {numbers}{more}"
 

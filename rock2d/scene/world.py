@@ -103,7 +103,8 @@ class World:
     gravity_m_s2 : gravity
     view : the camera
     order : (1 or n,) number of releases of the same block that were filmed before
-    slope_rad : (1 or n,) slope of the ground where a block strikes next minus the slope of the facet"""
+    slope_rad : (1 or n,) slope of the ground where a block strikes next minus the slope of the facet
+    fitted_scale : mean size in m and mean mass in kg of the blocks to which effects were fitted; None: of `blocks`"""
 
     blocks: Mapping[str, Block]
     cross_section: CrossSection
@@ -112,6 +113,7 @@ class World:
     view: View = View()
     order: Array = field(default_factory=lambda: np.zeros(1))
     slope_rad: Array = field(default_factory=lambda: np.zeros(1))
+    fitted_scale: tuple[float, float] | None = None
 
     @property
     def radii_m(self) -> Array:
@@ -122,3 +124,15 @@ class World:
     def mean_size_m(self) -> float:
         """Mean size of the blocks in m, which scales lengths from the laboratory to the slope."""
         return float(np.mean([block.size_m for block in self.blocks.values()]))
+
+    @property
+    def fitted_size_m(self) -> float:
+        """Mean size in m of the blocks to which effects were fitted: the unit of their lengths."""
+        return self.mean_size_m if self.fitted_scale is None else self.fitted_scale[0]
+
+    @property
+    def fitted_mass_kg(self) -> float:
+        """Mean mass in kg of the blocks to which effects were fitted: the unit of their masses."""
+        if self.fitted_scale is not None:
+            return self.fitted_scale[1]
+        return float(np.mean([block.mass_kg for block in self.blocks.values()]))

@@ -12,19 +12,22 @@ from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
 from rock2d.design.report_tables import model_text, parameter_tables
+from rock2d.diagnosis.predict import diagnosed_world
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
 from rock2d.files.scenario_variants import variant
 from rock2d.graphics.figure_files import NoFigures
+from rock2d.laws.contact import ContactParameters, contact_table
+from rock2d.runs.acting_effects import ActingEffects
 from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
-from rock2d.scene.cross_section import embankment_facets
-from rock2d.scene.world import View
+from rock2d.scene.cross_section import CrossSection, embankment_facets
+from rock2d.scene.world import View, World
 from tests.diagnosed_files import BLOCKS, JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 from tests.scenarios_of_tests import scenario_file
 
@@ -303,6 +306,41 @@ def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
 def test_another_scale_is_warned_of(tmp_path, blocks, said):
     warned = [r for r in diagnosis_remarks(diagnosed(tmp_path, content(blocks=blocks))) if r.startswith("warning")]
     assert bool(warned) == bool(said) and all(said in line for line in warned)
+
+
+TWO_SMALL = {"a": {"mass_kg": 0.02, "size_m": 0.01}, "b": {"mass_kg": 0.04, "size_m": 0.03}}
+
+
+@pytest.mark.parametrize("blocks", [{}, TWO_SMALL])
+def test_what_ground_and_soil_have_keeps_its_size_with_other_blocks(tmp_path, blocks):
+    fitted = {
+        "embankment_yield": effect(mass_ratio=(0.1, 0.1, 0.1)),
+        "adhesion": effect(pull_per_weight=(0.5, 0.5, 0.5)),
+        "ploughing_drag": effect(rate_1_s=(40.0, 40.0, 40.0)),
+        "viscous_damping": effect(rate_1_s=(10.0, 10.0, 10.0), deep_rate_1_s=(20.0, 20.0, 20.0)),
+        "mass_eccentricity": effect(along=(0.1, 0.1, 0.1), across=(0.0, 0.0, 0.0)),
+        "geometry_error": effect(facing_rad=(0.0, 0.0, 0.0), ditch_level=(0.1, 0.1, 0.1)),
+    }
+    sizes = {cause: own["parameters"] for cause, own in fitted.items()}
+    given = content("adhesion", fitted, model={"base": SOIL, "parameters": sizes}, blocks=blocks)
+    scenario = diagnosed(tmp_path, given)
+    own = scenario.make_blocks().values()
+    size_m = 0.02 if blocks else np.mean([block.size_m for block in own])
+    mass_kg = 0.03 if blocks else np.mean([block.mass_kg for block in own])
+    bare = CrossSection([[0.0, 1.0], [9.0, 1.0]], ["floor"])
+    acting = replace(ActingEffects.of(scenario.diagnosed.model, scenario), cross_section=bare)
+    table = contact_table(ContactParameters(), bare.zone_names)[None]
+    world = diagnosed_world(given, World(acting.blocks, bare, table), np.zeros(1), base_only=False)
+    for ground in (acting.ground(), world.cross_section):
+        assert ground.points_m[:, 1] == pytest.approx(1.0 + 0.1 * size_m)
+    met = Conditions(scenario, "batch", 1).common[0]
+    assert met.block.centre_of_mass_m == world.blocks["ball"].centre_of_mass_m == pytest.approx((0.1 * size_m, 0.0))
+    assert met.parameters[:, column("recoil_1_kg")].max() == pytest.approx(0.1 / mass_kg)
+    for row in (met.parameters[0], world.contact[0, 0]):
+        assert row[column("adhesion_N")] == pytest.approx(0.5 * mass_kg * 9.80665)
+        assert row[column("ploughing_Ns_m2")] == pytest.approx(40.0 * mass_kg / size_m)
+        assert row[column("viscous_Ns_m")] == pytest.approx(10.0 * mass_kg)
+        assert row[column("viscous_Ns_m2")] == pytest.approx(20.0 * mass_kg / size_m)
 
 
 def test_a_possible_site_has_its_own_effect(tmp_path):

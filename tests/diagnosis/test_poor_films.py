@@ -63,12 +63,17 @@ def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
     write_experiment(tmp_path / "film", tossed())
     law = {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03}
     (tmp_path / "d.json").write_text(json.dumps(none_found(base=law)), encoding="utf-8")
-    files, options = ((tmp_path / "d.json", tmp_path / "p.csv"), {"base_only": False, "report": lambda line: None})
+    lines = list[str]()
+    files, options = ((tmp_path / "d.json", tmp_path / "p.csv"), {"base_only": False, "report": lines.append})
     said = "no block touches the ground after a flight"
     refusal(run_prediction, tmp_path / "film", *files, **options, said=said)
     assert not (tmp_path / "p.csv").exists()
     write_experiment(tmp_path / "few", without_angles(film(world(), 2, seed=3), "sphere"))
     run_prediction(tmp_path / "few", *files, **options)
+    assert not any("not fitted" in line for line in lines)
+    (tmp_path / "d.json").write_text(json.dumps(none_found(base=law, law={"fitted": False})), encoding="utf-8")
+    run_prediction(tmp_path / "few", *files, **options)
+    assert sum("not fitted" in line for line in lines) == 1
     predicted = pd.read_csv(tmp_path / "p.csv").groupby("block")
     assert predicted["theta_rad"].count()["sphere"] == 0 and predicted["theta_rad"].count()["cube"] > 0
     assert np.isfinite(predicted.get_group("sphere")["x_m"]).all()

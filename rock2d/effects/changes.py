@@ -20,11 +20,6 @@ AIM_PARAMETERS = (
 )
 
 
-def mean_mass_kg(world: World) -> float:
-    """Mean mass of the blocks to which effects were fitted; it scales forces from the laboratory to the slope."""
-    return world.fitted_mass_kg
-
-
 def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
     """Default aim (x, y) of a camera and width of its subject, in m: middle and width of the bounding box of embankment
     and ditch, or of the whole cross-section if there is no embankment."""

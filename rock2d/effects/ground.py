@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.effects.changes import mean_mass_kg, with_column, with_scaled_columns
+from rock2d.effects.changes import with_column, with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.laws.contact import K_L, K_UL, MU
@@ -252,12 +252,12 @@ def embankment_recoil(per_mass):
 
 def with_embankment_yield(world: World, values: Sequence[float]) -> World:
     zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
-    return with_column(world, "recoil_1_kg", values[0] / mean_mass_kg(world), zones)
+    return with_column(world, "recoil_1_kg", values[0] / world.fitted_mass_kg, zones)
 
 
 def embankment_yield_remedy(fitted: FittedEffect) -> str:
     """Check whether the embankment slides, with the mass that moves."""
-    moving = mean_mass_kg(fitted.setup) / max(fitted.values["mass_ratio"], 1e-9)
+    moving = fitted.setup.fitted_mass_kg / max(fitted.values["mass_ratio"], 1e-9)
     return (
         f"Look whether the embankment slides: film a mark on its crest. A moving mass of {number(moving)} kg is "
         "expected. Fix the embankment to its base and film again, or weigh it and state that it moves."

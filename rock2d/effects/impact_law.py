@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.effects.changes import mean_mass_kg, with_column
+from rock2d.effects.changes import with_column
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
 from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
@@ -26,15 +26,15 @@ def dashpot_damping(c, h):
 
 def with_viscous_damping(world: World, values: Sequence[float]) -> World:
     size = world.fitted_size_m
-    mass = mean_mass_kg(world)
+    mass = world.fitted_mass_kg
     world = with_column(world, "viscous_Ns_m", values[0] * mass)
     return with_column(world, "viscous_Ns_m2", values[1] * mass / size)
 
 
 def viscous_damping_remedy(fitted: FittedEffect) -> str:
     """Compare light and heavy blocks, which the same dashpots brake less."""
-    constant = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup)
-    deep = fitted.values["deep_rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
+    constant = fitted.values["rate_1_s"] * fitted.setup.fitted_mass_kg
+    deep = fitted.values["deep_rate_1_s"] * fitted.setup.fitted_mass_kg / fitted.setup.mean_size_m
     return (
         "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
         "one should rebound less. If so, add a dashpot parallel to the normal spring: F = (c + h δ) dδ/dt with c = "
@@ -91,12 +91,12 @@ def adhesion_damping(pull):
 
 
 def with_adhesion(world: World, values: Sequence[float]) -> World:
-    return with_column(world, "adhesion_N", values[0] * mean_mass_kg(world) * STANDARD_GRAVITY_M_S2)
+    return with_column(world, "adhesion_N", values[0] * world.fitted_mass_kg * STANDARD_GRAVITY_M_S2)
 
 
 def adhesion_remedy(fitted: FittedEffect) -> str:
     """Measure the pull in N."""
-    pull = fitted.number("pull_per_weight", mean_mass_kg(fitted.setup) * STANDARD_GRAVITY_M_S2)
+    pull = fitted.number("pull_per_weight", fitted.setup.fitted_mass_kg * STANDARD_GRAVITY_M_S2)
     return (
         "Press a block into the soil and lift it with a spring balance: in addition to its weight a pull of "
         f"{pull} N is expected. Dry the soil or clean the blocks and film again, or add "
@@ -132,12 +132,12 @@ def ploughing_damping(c):
 
 def with_ploughing_drag(world: World, values: Sequence[float]) -> World:
     size = world.fitted_size_m
-    return with_column(world, "ploughing_Ns_m2", values[0] * mean_mass_kg(world) / size)
+    return with_column(world, "ploughing_Ns_m2", values[0] * world.fitted_mass_kg / size)
 
 
 def ploughing_drag_remedy(fitted: FittedEffect) -> str:
     """Measure the grooves, or add the drag to the contact law."""
-    drag = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
+    drag = fitted.values["rate_1_s"] * fitted.setup.fitted_mass_kg / fitted.setup.mean_size_m
     return (
         "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "
         f"Then add a tangential force F = c δ u against the slip u, with c = {number(drag)} N s/m² and the "

@@ -1,5 +1,7 @@
 """Causes are found by their files, new ones after the published ones."""
 
+import pytest
+
 from rock2d.blind import reality
 from rock2d.blind.reality.catalogue import KNOWN, OUTSIDE_CAUSES, causes_in
 
@@ -24,3 +26,13 @@ def test_published_trials_keep_their_order():
     for causes in (KNOWN, OUTSIDE_CAUSES):
         places = [cause.draw_order for cause in causes.values()]
         assert places == sorted(places)
+
+
+def test_two_causes_of_one_name_are_refused(tmp_path, monkeypatch):
+    folder = tmp_path / "doubled_causes"
+    folder.mkdir()
+    for name in ("__init__", "first", "second"):
+        (folder / f"{name}.py").write_text("" if name == "__init__" else "CAUSES = {'wind': None}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ValueError, match="two causes of doubled_causes are named wind"):
+        causes_in("doubled_causes", folder)

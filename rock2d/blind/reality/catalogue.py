@@ -11,11 +11,14 @@ LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strengt
 
 def causes_in(package: str, folder: Path) -> dict[str, Cause]:
     """The causes of a package, name -> cause, in draw order: the `CAUSES` of its modules, or `CAUSE` by the name of the
-    file."""
+    file. Raises ValueError if two share a name."""
     found: dict[str, Cause] = {}
     for name in {path.stem for path in folder.glob("*.py")} - {"__init__"}:
         module = import_module(f"{package}.{name}")
-        found |= module.CAUSES if hasattr(module, "CAUSES") else {name: module.CAUSE}
+        own = module.CAUSES if hasattr(module, "CAUSES") else {name: module.CAUSE}
+        if twice := found.keys() & own.keys():
+            raise ValueError(f"two causes of {package} are named {min(twice)}")
+        found |= own
     return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
 
 

@@ -14,6 +14,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cached_property, lru_cache, partial
@@ -33,7 +34,7 @@ from rock2d import compiling
 _PACKAGE = Path(__file__).resolve().parent
 _parts = count()
 PARTS_PER_THREAD = 16  # many parts of the work per thread, so that no thread waits long for the slowest part
-_KEPT = 4  # older caches are removed, newest first
+_KEPT, _KEPT_S = 4, 86_400  # newest caches that are kept, and the time since its last use for which any other is
 
 
 def _digest() -> str:
@@ -55,7 +56,8 @@ def _cache_folder(root: Path) -> Path:
             part.chmod(0o700)
     os.utime(folder)
     for old in sorted(root.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[_KEPT:]:
-        shutil.rmtree(old, ignore_errors=True)
+        if time.time() - old.stat().st_mtime > _KEPT_S:
+            shutil.rmtree(old, ignore_errors=True)
     return folder
 
 

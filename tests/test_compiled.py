@@ -1,6 +1,7 @@
 """Compiled code is loaded only from folders that no other user can write; each set of types is compiled once."""
 
 import os
+import time
 
 import pytest
 
@@ -54,6 +55,15 @@ def test_a_folder_of_another_user_is_not_used(root, capsys):
     os.chown(compiled.numba.config.CACHE_DIR, 1234, 1234)
     compiled._choose_cache()
     assert not compiled.numba.config.CACHE_DIR.startswith(str(root))
+
+
+def test_old_caches_are_removed_but_not_those_of_other_versions_in_use(root):
+    days = [0.0, 0.1, 0.2, 0.3, 0.4, 2.0, 3.0]
+    for days_ago in days:
+        (root / f"{days_ago}").mkdir(parents=True)
+        os.utime(root / f"{days_ago}", (time.time() - 86_400 * days_ago,) * 2)
+    compiled._choose_cache()
+    assert {f"{days_ago}" for days_ago in days if days_ago < 1.0} == {p.name for p in root.iterdir() if "." in p.name}
 
 
 def test_constants_in_calls_do_not_compile_a_part_again():

@@ -6,10 +6,10 @@ that may be the same in every release is tested together with what is learnt of 
 - Chance: what would the best of all effects gain if no effect acted? The residuals of each release get a random
   sign. That keeps their sizes and their correlations within a release, and removes what is systematic.
 - Imitation: what do smooth changes gain that are learnt in its place? An effect that only imitates an unknown cause
-  explains a part of what they explain. They hardly gain more than a true cause.
+  explains a part of what they explain. They hardly gain more than a true cause. No change of a contact law explains
+  how blocks lie at rest.
 - Rivals: which effects gain as much in its place? They share its probability."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +19,7 @@ from scipy.special import ndtr  # scipy.stats takes over a second to import
 from rock2d.arrays import Array
 from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
 from rock2d.diagnosis.cause_sets import TWINS, Reduction, Search
-from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_gain
+from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_gain, rests_z
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
@@ -29,15 +29,19 @@ from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_
 from rock2d.diagnosis.linear_model import LinearModel, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import Gain, SummedGain
+from rock2d.diagnosis.significance import (
+    Gain,
+    SummedGain,
+    chance_p_value,
+    largest_bayes_factor,
+    probability_from_p_value,
+)
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 from rock2d.records.columns import RATES
 
-PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
-LEAST_CHANCE = 1e-6  # smallest p value
 LARGEST_LUCK = 10.0  # log likelihood that a fit may gain by luck, beyond what a linear model expects of it
 SURE_GAIN = 40.0  # log likelihood from which on luck does not matter
 # Gain over the gain of what is learnt in its place at which the probability of an effect is 0.5. True causes mostly
@@ -97,6 +101,7 @@ class Evidence:
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : share of `others_gain` that may only correct the forms of the other laws
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
+    rests_z : standard errors by which blocks at rest prefer the set to what is learnt in place of the member
     p_no_closure : probability that the member closes no part of the gap
     negligible : whether it is too small to matter
     out_of_range : whether its size lies at the end of the plausible range"""
@@ -108,6 +113,7 @@ class Evidence:
     rival_z: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
+    rests_z: float = 0.0
     p_no_closure: float = 0.0
     negligible: bool = False
     out_of_range: bool = False
@@ -123,10 +129,11 @@ class Evidence:
         if not self.possible:
             return 0.0
         gain = max(self.own_gain.total, 1e-9)
-        imitates = _logistic(gain / max(self.replacement_gain.total, 1e-9) / self.even_ratio, RATIO_STEEPNESS)
+        ratio = gain / max(self.replacement_gain.total, 1e-9) / self.even_ratio
+        true = _logistic(ratio, RATIO_STEEPNESS, largest_bayes_factor(float(ndtr(-self.rests_z))))
         beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
         closes = probability_from_p_value(max(self.p_chance, self.p_no_closure))
-        return closes * imitates * beyond_form
+        return closes * true * beyond_form
 
     @property
     def p_acts(self) -> float:
@@ -149,28 +156,9 @@ class Evidence:
         return sum(probabilities[effect] for effect in (name, *self.group)) >= NAMED_PROBABILITY
 
 
-def _logistic(ratio: float, steepness: float) -> float:
-    odds = min(ratio, 1e3) ** steepness
+def _logistic(ratio: float, steepness: float, bayes_factor: float = 1.0) -> float:
+    odds = bayes_factor * min(ratio, 1e3) ** steepness
     return odds / (1.0 + odds)
-
-
-def probability_from_p_value(p: float) -> float:
-    """Probability of a cause from the p value of its gain.
-
-    Prior odds times the largest Bayes factor that a p value allows, -1 / (e p ln p): Sellke, Bayarri and Berger (2001,
-    The American Statistician 55(1), 62-71)."""
-    p = min(max(p, LEAST_CHANCE), np.exp(-1.0))
-    odds = PRIOR_ODDS / (-math.e * p * np.log(p))
-    return float(odds / (1.0 + odds))
-
-
-def chance_p_value(gain: float, draws: Array) -> float:
-    """Share of the chance gains `draws` (draws,) that reach `gain`; beyond the draws, by an exponential tail fitted to
-    their upper half."""
-    middle = float(np.median(draws))
-    tail = float(np.mean(draws[draws > middle] - middle)) if (draws > middle).any() else 1.0
-    share = float(np.mean(draws >= gain))
-    return share if share > 0.05 else min(0.5 * float(np.exp(-(gain - middle) / max(tail, 1e-9))), 0.05)
 
 
 def evidence_of_members(
@@ -182,7 +170,7 @@ def evidence_of_members(
     member, see `PERMANENT`, mostly none; `known`: evidence from larger sets, whose `replacement_gain` is reused where
     the gain of the member has changed little."""
     best, data, contained = search.best, search.data, {CONTAINED[change.lever] for change in permanent.changes}
-    evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, Validated](), set[str]()
+    evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, tuple[Validated, Validated]](), set[str]()
     for name in sorted(best.names):
         others_gain = _gain_of_others(search, learnt, name)
         before = known.get(name)
@@ -214,16 +202,16 @@ def evidence_of_members(
                 or not before.replacement_gain.gain.any()
                 or abs(evidence.own_gain.total - before.own_gain.total) >= RELEARN_CHANGE * before.own_gain.total
             ):
-                to_relearn[name] = without
+                to_relearn[name] = permanent if name in doubted else learnt, without
                 continue
-            evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain)
+            evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain, rests_z=before.rests_z)
         bar.step(name)
     jobs = [
-        (without, search.effects[name].phase, evidence_of[name].own_gain.total) for name, without in to_relearn.items()
+        (*models, search.effects[name].phase, evidence_of[name].own_gain.total) for name, models in to_relearn.items()
     ]
-    for k, gain in search.processes.as_finished(_replacement_gain, jobs):
+    for k, (gain, z) in search.processes.as_finished(_replacement, jobs):
         name = list(to_relearn)[k]
-        evidence_of[name] = replace(evidence_of[name], replacement_gain=gain)
+        evidence_of[name] = replace(evidence_of[name], replacement_gain=gain, rests_z=z)
         bar.step(name)
     for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects):
         evidence_of |= beside_twin(search, name, evidence_of)
@@ -263,11 +251,13 @@ def only_gravity_is_turned(fit: Fit) -> bool:
     return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))
 
 
-def _replacement_gain(data: Data, without: Validated, phase: str, own_gain: float) -> Gain:
-    """Gain of changes that are learnt in the place of an effect of this phase. Learning ends where they will
-    not gain as much as the effect, `own_gain`: its probability is then more than 0.95."""
+def _replacement(data: Data, whole: Validated, without: Validated, phase: str, own_gain: float) -> tuple[Gain, float]:
+    """Gain of changes that are learnt in the place of an effect of this phase, and `Evidence.rests_z` of the `whole`
+    model. Learning ends where they will not gain as much as the effect, `own_gain`: its probability is then more than
+    0.95."""
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(phase, {*LEVERS})
-    return held_out_gain(data, learn(without, data, levers, own_gain), without)
+    learnt = learn(without, data, levers, own_gain)
+    return held_out_gain(data, learnt, without), rests_z(data, whole, learnt)
 
 
 def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:

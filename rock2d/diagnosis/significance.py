@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from rock2d.statistics import student
 LARGEST_GAIN = 4.0
 SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
 LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, of a significant gain
+PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
+LEAST_CHANCE = 1e-6  # smallest p value
 
 
 class SummedGain:
@@ -75,3 +78,25 @@ def significance(per_release: Array) -> float:
 def standard_error(per_release: Array) -> float:
     """Standard error of a sum over releases."""
     return float(per_release.std() * np.sqrt(len(per_release)))
+
+
+def largest_bayes_factor(p: float) -> float:
+    """The largest Bayes factor that a p value allows, -1 / (e p ln p): Sellke, Bayarri and Berger (2001, The American
+    Statistician 55(1), 62-71)."""
+    p = min(max(p, LEAST_CHANCE), np.exp(-1.0))
+    return float(-1.0 / (math.e * p * np.log(p)))
+
+
+def probability_from_p_value(p: float) -> float:
+    """Probability of a cause from the p value of its gain, with `PRIOR_ODDS`."""
+    odds = PRIOR_ODDS * largest_bayes_factor(p)
+    return odds / (1.0 + odds)
+
+
+def chance_p_value(gain: float, draws: Array) -> float:
+    """Share of the chance gains `draws` (draws,) that reach `gain`; beyond the draws, by an exponential tail fitted to
+    their upper half."""
+    middle = float(np.median(draws))
+    tail = float(np.mean(draws[draws > middle] - middle)) if (draws > middle).any() else 1.0
+    share = float(np.mean(draws >= gain))
+    return share if share > 0.05 else min(0.5 * float(np.exp(-(gain - middle) / max(tail, 1e-9))), 0.05)

@@ -12,15 +12,13 @@ from rock2d.diagnosis.evidence import (
     Evidence,
     beside_twin,
     beyond_other_law,
-    chance_p_value,
     only_gravity_is_turned,
     outside_probability,
-    probability_from_p_value,
     relative_size,
     size_faults,
 )
 from rock2d.diagnosis.model import Model, to_scale
-from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
 from rock2d.effects import catalogue
 from tests.effects.worlds import FLOOR, with_effect, world
 from tests.laboratory import SETUP
@@ -55,6 +53,14 @@ def test_the_tail_of_chance_is_exponential_beyond_its_draws():
 @pytest.mark.parametrize(("ratio", "named"), [(2.0, True), (0.8, True), (0.35, False), (0.1, False)])
 def test_what_is_learnt_in_its_place_must_not_explain_much_more(ratio, named):
     assert found(own_gain=100.0 * ratio, replacement_gain=100.0).named("adhesion") == named
+
+
+def test_what_blocks_at_rest_show_is_no_imitation_of_a_law():
+    """A curve over the state before an impact may imitate an offset of the angle, but no block lies otherwise by it."""
+    imitator = found(own_gain=50.0, replacement_gain=100.0)
+    assert not imitator.named("angle_offset") and not replace(imitator, rests_z=2.0).named("angle_offset")
+    assert replace(imitator, rests_z=4.0).p > 0.9
+    assert replace(imitator, rests_z=-4.0).p == imitator.p
 
 
 @pytest.mark.parametrize(("own_gain", "named"), [(40.0, False), (150.0, False), (450.0, True)])

@@ -65,7 +65,11 @@ def page(watched):
 
 
 def go(page, release: int, frame: int) -> None:
-    page.evaluate(f"() => {{ location.hash = `#release={release}&frame={frame}&visit=${{performance.now()}}` }}")
+    there = f"`#release={release}&frame={frame}&visit=${{performance.now()}}`"  # the page listens before this promise
+    page.evaluate(
+        f"() => new Promise(done => {{ addEventListener('hashchange', () => done(), {{ once: true }}); "
+        f"location.hash = {there} }})"
+    )
     until(page, lambda: page.input_value("#live-release") == str(release) and shown(page) >= frame)
 
 

@@ -131,7 +131,7 @@ def heights_and_angles(world: World, block: Array, pose: Array) -> Array:
         own = block == b
         turn = true[own, THETA] - np.arctan2(along[own, Y], along[own, X])
         if shape.smooth:
-            found[own, 0] = distance[own] - shape.lowest_reach(turn)
+            found[own, 0] = distance[own] - shape.height_above_lowest_point_m(turn)
         else:
             reach, angle = _lowest_side(shape, turn)
             found[own] = np.column_stack([distance[own] - reach, angle])

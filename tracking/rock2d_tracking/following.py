@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d_tracking.background import Background
-from rock2d_tracking.film_reading import EVEN, Clock
+from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import FEWEST_BLOCK_FRAMES, SEEN_TO_START, frames_with_blocks, learned_looks
 from rock2d_tracking.looks import BlockFrame, Looks, best_channel_mix
@@ -36,7 +36,7 @@ STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where
 OnProgress = Callable[[int, Array, FollowedRelease | None], None]
 
 
-def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
+def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = CONSTANT_RATE) -> Motion:
     """The motion in a film with a set-up."""
     metres = setup.scale.metres_per_pixel
     outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
@@ -73,7 +73,7 @@ class Follower:
         self.setup, self.motion = setup, motion
         self.background = Background([self.mix(s) for s in samples])
         camera = setup.pixel_map(size_px)
-        self.fall_px = setup.fall_px
+        self.g_px_frame2 = setup.g_px_frame2
         visible = above_ground(setup.cross_section, camera, size_px)
         self.fitter = Fitter(self.background, visible, setup.keys.detection.least_seen)
         self.looks = {
@@ -191,7 +191,7 @@ class Follower:
                 judged = copy.deepcopy(self.release)
                 for sight in judged.sights:
                     sight.when = float(self.motion.clock(sight.frame))
-                self._named += len(moving_releases([judged], self.fall_px))
+                self._named += len(moving_releases([judged], self.g_px_frame2))
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
@@ -225,7 +225,7 @@ class Follower:
         return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
-        own = self.release is not None and shows_release(self.release, self.fall_px)
+        own = self.release is not None and shows_release(self.release, self.g_px_frame2)
         return self.setup.block_of(self._named + own)
 
     def _learn(self, frame: Array) -> None:
@@ -326,7 +326,7 @@ class Follower:
         since, ahead = self._time(first.frame, last.frame), self._time(last.frame, number)
         pace = (last.pose - first.pose) / since
         expected = last.pose + pace * ahead
-        g = self.fall_px
+        g = self.g_px_frame2
         if abs(g) > FAST_FALL_PX:
             # the pace belongs to the middle of its frames
             expected[1] += 0.5 * g * ahead * (ahead + since)

@@ -53,7 +53,7 @@ class LiveFrames:
     notes: Sequence[str]
 
 
-def belonging(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
+def flight_and_impact_rows(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
     """(n,) row of the flight of each frame, and of the impact between whose flights the frame is; -1 for none."""
     release, t = frames["release"].to_numpy(), frames["t_s"].to_numpy(float)
     flight, impact = np.full(len(frames), -1), np.full(len(frames), -1)
@@ -92,7 +92,7 @@ def live_frames(
     numbers : (n,) of each row of `film.frames` in the file
     still : (height, width) the first picture"""
     table, fps = film.frames.iloc[:MOST_FRAMES], film.experiment.fps
-    flight, impact = belonging(table, film.flights, film.impacts)
+    flight, impact = flight_and_impact_rows(table, film.flights, film.impacts)
     names = list(dict.fromkeys(table["block"]))
     pictures = frame_pictures(
         frames, numbers[: len(table)], _places(table),

@@ -342,7 +342,7 @@ def _write_page(
 def _views(sample: RunResult, request: RunRequest) -> list[View]:
     """The run, and some releases of each model with which it is compared."""
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
-    from rock2d.design.model_range import BASE, other_models
+    from rock2d.design.model_range import AS_IN_FILE, other_models
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
     if scenario.diagnosed is not None:
@@ -356,5 +356,5 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
         run(model.scenario, engine=compiled_engine(model.engine).name, seed=sample.seed, releases=first)
         for model in models
     )
-    names = [BASE, *(model.name for model in models)]
+    names = [AS_IN_FILE, *(model.name for model in models)]
     return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]

@@ -217,7 +217,7 @@ def demand_tiles(
     content: ReportContent, ranges: Mapping[tuple[str, str], str] = MappingProxyType({})
 ) -> list[tuple[str, str, str]]:
     """Tiles of what each embankment must withstand: label, largest value of all blocks with its interval, and the block
-    with the range over the models. `ranges`: (line, key of `model_range.SHOWN`) -> words."""
+    with the range over the models. `ranges`: (line, key of `model_range.SHOWN_VALUES`) -> words."""
     if "percentiles" not in content.tables:
         return []
     words = {

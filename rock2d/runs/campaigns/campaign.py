@@ -40,7 +40,7 @@ TABLES_SHARE = 0.02  # time for the tables over the time for the releases
 MANIFEST = "campaign.json"
 OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
 # keys of a scenario that change no chunk file and no table, or that stand elsewhere in the manifest
-NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values"}
+KEYS_WITHOUT_INFLUENCE = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values"}
 
 
 def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
@@ -160,7 +160,7 @@ def _job_and_manifest(scenario: Scenario, folder: Path, options: CampaignOptions
     seed = scenario.seed if options.seed is None else options.seed
     fps = scenario.outputs.fps
     determined_by = {
-        "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),
+        "scenario": scenario.model_dump(mode="json", exclude=KEYS_WITHOUT_INFLUENCE),
         "engine": engine.name,
         "seed": seed,
         "releases": options.releases or scenario.releases,

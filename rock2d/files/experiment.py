@@ -36,8 +36,8 @@ REQUIRED_IMPACT_COLUMNS = (
     "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
 )  # fmt: skip
 EXPERIMENT = "experiment.yaml"
-MOST_NAMED = 5  # folders that a message names
-LARGEST = 1.0e9  # no measured number is larger
+MOST_FOLDERS = 5  # folders that a message names
+LARGEST_NUMBER = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 
 
@@ -204,8 +204,10 @@ def _no_experiment(folder: Path) -> str:
     below = [shown(str(file.parent.relative_to(folder))) for file in found]
     if not below:
         return f"there is no {EXPERIMENT} in this folder or below it"
-    more = f" and {len(below) - MOST_NAMED} more" if len(below) > MOST_NAMED else ""
-    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_NAMED])}{more}"
+    more = f" and {len(below) - MOST_FOLDERS} more" if len(below) > MOST_FOLDERS else ""
+    return (
+        f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_FOLDERS])}{more}"
+    )
 
 
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:
@@ -408,6 +410,6 @@ def _finite_number(cell: str) -> float:
         return math.nan  # a frame that was lost
     value = float(cell)
     # float() also takes nan, infinity and 1_000
-    if not abs(value) <= LARGEST or "_" in cell or not cell.isascii():
+    if not abs(value) <= LARGEST_NUMBER or "_" in cell or not cell.isascii():
         raise ValueError
     return value

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d.files.experiment import LARGEST
+from rock2d.files.experiment import LARGEST_NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,6 +74,6 @@ def number(cell: str, path: Path, line: int, column: str) -> float:
     except ValueError:
         value = math.nan
     # float() also takes infinity, 1_000 and digits of other scripts
-    if not abs(value) <= LARGEST or "_" in cell or not cell.isascii():
+    if not abs(value) <= LARGEST_NUMBER or "_" in cell or not cell.isascii():
         raise InputError(f"column {column}: expected a number, found {shown(cell)}", path, line)
     return value

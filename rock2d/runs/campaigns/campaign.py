@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
+from rock2d.cluster import SCALE_EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
 from rock2d.errors import InputError, require
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
@@ -199,7 +199,7 @@ def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], c
         )
     if keep == ("crossings",) and not cross_section.measure_lines:
         raise InputError("only crossings are kept, but the cross-section has no measure lines", code="wrong_kind")
-    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}")
+    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {SCALE_EXTRA}")
 
 
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:

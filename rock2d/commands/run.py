@@ -76,7 +76,7 @@ class RunRequest:
         """The engines that run a scenario."""
         return self.engines or [scenario.engine]
 
-    def studies(self, scenario: Scenario) -> bool:
+    def is_study(self, scenario: Scenario) -> bool:
         """Whether a scenario is a study of its field test."""
         return scenario.field_test is not None and self.options.releases is None and not self.engines
 
@@ -93,7 +93,7 @@ class RunRequest:
         if self.video and campaign:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
-        if not self.draw and self.studies(scenario):
+        if not self.draw and self.is_study(scenario):
             message = "--no-figures is for runs: the study of a field test always draws its figures"
             raise InputError(message, code="wrong_kind", option="no-figures")
         asks = {
@@ -149,7 +149,7 @@ def run_scenarios(
 
 def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     """Run a scenario with every engine, or study its field test. Returns whether the releases are resolved."""
-    if request.studies(scenario):
+    if request.is_study(scenario):
         from rock2d.field_tests.command import run_field_test
 
         run_field_test(

@@ -13,7 +13,7 @@ from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import incident_distributions
-from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
+from rock2d.reproduction.outcomes import FACING_ID, Outcome
 from rock2d_figures.style import STYLES, finish_with_legend
 
 STATEMENT_COLOUR = "#cfcfcf"
@@ -34,7 +34,7 @@ def arrivals_figure(results: ArrivalResults) -> Figure:
     values, drop_m_s = results.values, float(np.sqrt(2.0 * published.GRAVITY_M_S2 * published.DROP_M))
     for row, (block, outcome) in enumerate(zip(published.BLOCKS, results.predicted, strict=True)):
         mean = incident_distributions(values, published.SETUP_BLOCKS[block]).mean
-        on_facing = outcome.first_zone == FACING_ZONE
+        on_facing = outcome.first_zone == FACING_ID
         _statement(axes[0], row, *STATED_ON_FACING[block])
         _interval(axes[0], row, 100.0 * on_facing.mean(axis=1))
         if block == "parallelepiped":

@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
-from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
+from rock2d.graphics.live_data import MOST_BYTES, STEPS, compact, in_page, live_scene, packed
 from rock2d.graphics.palette import block_colours
 from rock2d.graphics.thinned_paths import thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
@@ -30,7 +30,6 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import Estimate, least_count, percentile_estimate
 from rock2d.wording import energy_unit, listed, spoken, with_interval
 
-MOST_BYTES = 1_900_000  # largest size of the data in a page
 # for up to FEW_PATHS paths, the tolerance is the width of the view over FINE_PARTS, else over COARSE_PARTS
 FEW_PATHS, FINE_PARTS, COARSE_PARTS = 2000, 1000, 250
 SHOWN_SHARE = 0.5  # share of these bytes for the paths of the run that is shown first, if there are several

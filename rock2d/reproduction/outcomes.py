@@ -27,9 +27,9 @@ from rock2d.scene.world import World
 RELEASES_PER_CALL = 40_000  # of the batch engine
 TIME_LIMIT_S = 3.0
 SHARE_PAST_SLOPE = 0.5  # least share of the releases of a hypothesis that must not touch the slope again
-SLOPE_ZONE = ZONES.index("slope")
-FACING_ZONE = ZONES.index("uphill_face")
-DITCH_ZONE = ZONES.index("ditch")
+SLOPE_ID = ZONES.index("slope")
+FACING_ID = ZONES.index("uphill_face")
+DITCH_ID = ZONES.index("ditch")
 
 WorldChange = Callable[[World, int], World]  # world of hypothesis i -> the world to simulate
 
@@ -198,7 +198,7 @@ def _chunks(hypotheses: Array, releases: int) -> list[Array]:
 
 def _past_slope(zones: Array, n: int) -> Array:
     """(k,) whether at least SHARE_PAST_SLOPE of the n releases of each hypothesis do not touch the slope first."""
-    return np.asarray((zones.reshape(-1, n) == SLOPE_ZONE).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
+    return np.asarray((zones.reshape(-1, n) == SLOPE_ID).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
 
 
 def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:

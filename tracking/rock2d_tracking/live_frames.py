@@ -14,14 +14,13 @@ import pandas as pd
 
 from rock2d.arrays import Array
 from rock2d.errors import counted
-from rock2d.graphics.live_data import in_page
+from rock2d.graphics.live_data import MOST_BYTES, in_page
 from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import Outline
 from rock2d_tracking.sights import REASONS
 from rock2d_tracking.tracked_film import LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII, TrackedFilm
 
-MOST_BYTES = 1_900_000  # of data in a page
 MOST_FRAMES = 10_000  # in the view; each takes FRAME_BYTES in addition to its picture
 FRAME_BYTES, TEXT_OF_BYTES = 120, 4 / 3  # of a frame without its picture; of base64 over what it holds
 ELLIPSE_POINTS = 48

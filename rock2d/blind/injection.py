@@ -26,7 +26,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_
 from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, move_freely
 from rock2d.kinematics.turned_ground import approach_s, run_on_turned_ground
-from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE
+from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, POSE_NAMES
 from rock2d.runs.run import FRAME_MARGIN_S
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
@@ -97,7 +97,7 @@ def injected(
 
         change, kept = _pose_changes(data, stretches, worlds)
         true, table["release"] = true + change, release
-    table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
+    table[list(POSE_NAMES)] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
     table["t_s"] /= faster
     changed = replace(experiment, trajectories=table[kept].reset_index(drop=True), fps=experiment.fps * faster)

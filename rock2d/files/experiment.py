@@ -23,18 +23,15 @@ from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys, warn_of_impossible_blocks
 from rock2d.files.text_files import DECIMAL_COMMA, read_text
-from rock2d.records.columns import IMPACT_COLUMNS
+from rock2d.records.columns import IMPACT_COLUMNS, POSE_NAMES, RATES, STATE_NAMES, after
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TRAJECTORY_COLUMNS = ("release", "block", "t_s", "x_m", "y_m", "theta_rad")
-REQUIRED_IMPACT_COLUMNS = (
-    "release", "block", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s",
-    "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
-)  # fmt: skip
+TRAJECTORY_COLUMNS = ("release", "block", "t_s", *POSE_NAMES)
+REQUIRED_IMPACT_COLUMNS = ("release", "block", *STATE_NAMES, *map(after, STATE_NAMES[RATES]))
 EXPERIMENT = "experiment.yaml"
 MOST_FOLDERS = 5  # folders that a message names
 LARGEST_NUMBER = 1.0e9  # no measured number is larger
@@ -215,8 +212,7 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     import pandas as pd
 
     lines, table = _read_table(path, TRAJECTORY_COLUMNS, ())
-    measured = ("x_m", "y_m", "theta_rad")
-    frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
+    frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=POSE_NAMES))
     if frame[["x_m", "y_m"]].isna().any(axis=1).all():
         raise InputError("every frame is lost: no row has x_m and y_m", path, code="empty")
     release, t = frame["release"].to_numpy(), frame["t_s"].to_numpy()

@@ -17,6 +17,7 @@ from rock2d.files.folders import atomic_folder, write_whole
 from rock2d.kinematics.film_findings import write_film_findings
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.camera import STRONGEST_BARREL
 from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, proposed, why_not_tracked, write_explanation
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
@@ -32,7 +33,7 @@ from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_file import LARGEST_DISTORTION, Setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.stabilisation import camera_shifts
-from rock2d_tracking.tracked_film import POSE_NAMES, TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
+from rock2d_tracking.tracked_film import TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
 
 PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()
@@ -84,7 +85,7 @@ class FilmTrack:
             write_experiment_files(partial, film.experiment)
             write_film_findings(partial, film.findings)
             self._write_metadata(partial / "track.json")
-            frames = film.frames.drop(columns=POSE_NAMES)
+            frames = film.frames.drop(columns=list(POSE_NAMES))
             tables = {"frames": frames, "flights": film.flights, "measured_impacts": film.impacts}
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")

@@ -29,7 +29,7 @@ SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
 LONGEST_LOSS_S = 0.25  # longest time without the block within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
 FAR_FROM_ARC_REACHES = 1.0  # largest distance of a fit from its arc; farther away it is another object
-FAST_FALL_PX = 0.5  # per frame squared, from which a block falls visibly within a few frames
+FAST_G_PX_FRAME2 = 0.5  # from which a block falls visibly within a few frames
 USUAL_SIZE_ERROR = 0.05  # relative error of a stated size
 STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
 
@@ -327,7 +327,7 @@ class Follower:
         pace = (last.pose - first.pose) / since
         expected = last.pose + pace * ahead
         g = self.g_px_frame2
-        if abs(g) > FAST_FALL_PX:
+        if abs(g) > FAST_G_PX_FRAME2:
             # the pace belongs to the middle of its frames
             expected[1] += 0.5 * g * ahead * (ahead + since)
         elif number > last.frame + 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:

@@ -14,13 +14,12 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, load_film
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.records.columns import POSE, STATE_NAMES
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, set_errors, shows_release
 
-POSE_NAMES = list(STATE_NAMES[POSE])
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
 LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side with which a step is compared
@@ -193,7 +192,7 @@ def _measured(
     if not setup.keys.detection.marks:
         theta[[setup.blocks[name].shape == "circle" for name in frames["block"][trusted]]] = np.nan
     frames = frames.assign(x_m=np.nan, y_m=np.nan, theta_rad=np.nan)
-    frames.loc[trusted, POSE_NAMES] = np.column_stack([place, theta])
+    frames.loc[trusted, list(POSE_NAMES)] = np.column_stack([place, theta])
     errors = frames[["u_error_px", "v_error_px", "angle_error_rad"]].to_numpy(float)[trusted]
     position = float(np.nanmedian(errors[:, :2])) * setup.metres_per_pixel
     angle = float(np.nanmedian(errors[:, 2])) if np.isfinite(errors[:, 2]).any() else 0.0

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from rock2d.arrays import Array
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
+from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import incident_distributions
@@ -41,8 +42,8 @@ def arrivals_figure(results: ArrivalResults) -> Figure:
             _statement(axes[1], row, 0.0, published.OFF_NORMAL_DEG)
         _interval(axes[1], row, _mean_angle(outcome, on_facing))
         axes[2].axvline(drop_m_s, color=STATEMENT_COLOUR, lw=2, zorder=1)
-        _interval(axes[2], row, np.hypot(mean[:, 3], mean[:, 4]))
-        _interval(axes[3], row, np.abs(mean[:, 5]))
+        _interval(axes[2], row, np.hypot(mean[:, VX], mean[:, VY]))
+        _interval(axes[3], row, np.abs(mean[:, OMEGA]))
     titles = (
         "first impacts\non facing (%)", "angle to the\nfacing's normal (°)",
         "speed off\nthe slope (m/s)", "spin (rad/s)",

@@ -22,6 +22,7 @@ from rock2d.reproduction.hypotheses import (
     table_4,
 )
 from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
+from rock2d.runs.campaigns.ensembles import distinct
 from rock2d.scene.world import World
 
 RELEASES_PER_CALL = 40_000  # of the batch engine
@@ -145,9 +146,7 @@ def _worlds(values: Values, hypotheses: Array, change: WorldChange | None) -> li
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
     """Simulate releases `states` (k, n, 6) of one block, n in each of k worlds."""
-    blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
-    of_world = {id(b): i for i, b in enumerate(blocks)}
-    block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
+    blocks, block_ids = distinct([world.blocks[block] for world in worlds])
     ids = np.repeat(np.arange(len(worlds)), states.shape[1])
     ensemble = Ensemble(blocks, [world.cross_section for world in worlds], [world.contact[0] for world in worlds])
     return run_batch(

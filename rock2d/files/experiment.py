@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 TRAJECTORY_COLUMNS = ("release", "block", "t_s", *POSE_NAMES)
 REQUIRED_IMPACT_COLUMNS = ("release", "block", *STATE_NAMES, *map(after, STATE_NAMES[RATES]))
 EXPERIMENT = "experiment.yaml"
-MOST_FOLDERS = 5  # folders that a message names
+MOST_BELOW = 5  # folders below that a message names
 LARGEST_NUMBER = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 
@@ -201,10 +201,8 @@ def _no_experiment(folder: Path) -> str:
     below = [shown(str(file.parent.relative_to(folder))) for file in found]
     if not below:
         return f"there is no {EXPERIMENT} in this folder or below it"
-    more = f" and {len(below) - MOST_FOLDERS} more" if len(below) > MOST_FOLDERS else ""
-    return (
-        f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_FOLDERS])}{more}"
-    )
+    more = f" and {len(below) - MOST_BELOW} more" if len(below) > MOST_BELOW else ""
+    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_BELOW])}{more}"
 
 
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:

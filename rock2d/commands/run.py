@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers
 from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
-from rock2d.files.folders import check_output_folder, write_whole
+from rock2d.files.folders import check_output_folder, write_tables
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
@@ -292,9 +292,8 @@ class Findings:
 
     def write(self, folder: Path, figures: Figures) -> None:
         """Write the tables and figures into a folder."""
-        for name, table in (("before_after", self.before_after), ("models", self.models)):
-            if table is not None:
-                write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        tables = {"before_after": self.before_after, "models": self.models}
+        write_tables(folder, {name: table for name, table in tables.items() if table is not None})
         if self.models is not None:
             from rock2d.design.model_range import range_figure
 

@@ -366,7 +366,7 @@ def _typed(
         elif name == "release":
             columns[name] = np.array(_numbers(path, lines, name, cells, _release_number), np.int64)
         else:
-            columns[name] = np.array(_numbers(path, lines, name, cells, _finite_number), float)
+            columns[name] = np.array(_numbers(path, lines, name, cells, finite_number), float)
     block_of: dict[int, str] = {}
     for line, release, block in zip(lines, map(int, table["release"]), table["block"], strict=True):
         before = block_of.setdefault(release, block)
@@ -399,7 +399,8 @@ def _release_number(cell: str) -> int:
     return int(cell)
 
 
-def _finite_number(cell: str) -> float:
+def finite_number(cell: str) -> float:
+    """A number that can be measured, nan for an empty cell. Raises ValueError."""
     if not cell:
         return math.nan  # a frame that was lost
     value = float(cell)

@@ -62,13 +62,10 @@ def _document(path: Path) -> tuple[Any, bool]:
 
     logging.getLogger("ezdxf").setLevel(logging.ERROR)
     try:
-        return ezdxf.readfile(path), False
-    except (ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError):
-        pass
-    except OSError as error:
-        raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
-    try:
-        return recover.readfile(path)[0], True
+        try:
+            return ezdxf.readfile(path), False
+        except (ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError):
+            return recover.readfile(path)[0], True
     except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError) as error:
         raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
 

@@ -88,7 +88,7 @@ def run_campaign(
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
     holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
     for example of a full disk, and of KeyboardInterrupt say how many chunks are done."""
-    from rock2d.files.folders import write_whole
+    from rock2d.files.folders import write_tables
     from rock2d.progress import Bars
     from rock2d.runs.campaigns.campaign_tables import all_counts, campaign_tables
     from rock2d.runs.campaigns.chunks import is_done
@@ -111,8 +111,7 @@ def run_campaign(
         counts = all_counts(job, chunks)
         with bars.stage("tables", len(chunks) * len(READ_OUTPUTS & set(job.keep)), "files") as bar:
             tables = campaign_tables(job, chunks, counts, bar.update)
-        for name, table in tables.items():
-            write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        write_tables(folder, tables)
         if unclosed := sum(int(of_block.unclosed) for of_block in counts):
             report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:

@@ -80,12 +80,11 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
         )
         yield Doubt(text, key, not POSSIBLE_DENSITY_KG_M3[0] <= density <= POSSIBLE_DENSITY_KG_M3[1])
     extent = float(np.ptp(ground.points_m, axis=0).max())
+    text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m; usual:"
     if block.size_m > LARGEST_BLOCK_SHARE * extent:
-        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
-        yield Doubt(f"{text}; usual: less than a fifth", key, impossible=block.size_m > extent)
+        yield Doubt(f"{text} less than a fifth", key, impossible=block.size_m > extent)
     elif block.size_m < SMALLEST_BLOCK_SHARE * extent:
-        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
-        yield Doubt(f"{text}; usual: more than {SMALLEST_BLOCK_SHARE:g} of it. Is its size in m?", key)
+        yield Doubt(f"{text} more than {SMALLEST_BLOCK_SHARE:g} of it. Is its size in m?", key)
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:

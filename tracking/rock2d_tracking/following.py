@@ -15,7 +15,7 @@ from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import FEWEST_BLOCK_FRAMES, SEEN_TO_START, frames_with_blocks, learned_looks
 from rock2d_tracking.looks import BlockFrame, Looks, best_channel_mix
-from rock2d_tracking.marks import Marks
+from rock2d_tracking.marks import Marks, nearest_angle
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
@@ -395,7 +395,7 @@ class Follower:
         for sight, own in taken:
             before = self.release.sights[-1].pose[2] if self.release.sights else sight.pose[2]
             if outline.symmetry_rad > 0.0:
-                sight.pose[2] = _nearest_angle(sight.pose[2], before, outline.symmetry_rad)
+                sight.pose[2] = nearest_angle(sight.pose[2], before, outline.symmetry_rad)
             elif self.setup.keys.detection.marks:
                 self._with_angle_of_marks(own, sight, before, outline)
             self.release.sights.append(sight)
@@ -447,11 +447,6 @@ class Follower:
         """First and last u, first and last v around the block that is followed or expected."""
         name = self.release.block if self.release is not None else self._next_block()
         return self.fitter.window(pose, reaches, self.looks[name].outline)
-
-
-def _nearest_angle(angle: float, near: float, symmetry: float) -> float:
-    """The angle nearest to `near` among those at which the block looks the same."""
-    return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
 
 
 def releases_shown(areas_px2: Sequence[float], stated_px2: Sequence[float]) -> list[int]:

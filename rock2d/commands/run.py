@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers
 from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
-from rock2d.files.folders import check_output_folder, write_tables
+from rock2d.files.csv_tables import write_tables
+from rock2d.files.folders import check_output_folder
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process

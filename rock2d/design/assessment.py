@@ -11,7 +11,8 @@ import numpy as np
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import FREQUENCY, SHARES, sensitivity_table, uncertain_table
 from rock2d.errors import comma_list, counted
-from rock2d.files.folders import write_tables, write_whole
+from rock2d.files.csv_tables import write_tables
+from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.wording import with_interval
 

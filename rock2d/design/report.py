@@ -18,7 +18,8 @@ from rock2d.design.model_range import short_ranges
 from rock2d.design.norms import demands, design_table
 from rock2d.design.report_sections import numbered_embankments, report_sections
 from rock2d.design.report_tables import quantity_text
-from rock2d.files.folders import write_tables, write_whole
+from rock2d.files.csv_tables import write_tables
+from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text

@@ -1,7 +1,5 @@
 """Output files and folders, which are written completely or not at all, and paths that must stay inside a folder."""
 
-from __future__ import annotations
-
 import errno
 import glob
 import json
@@ -9,17 +7,14 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rock2d.compiling import cache_root
 from rock2d.errors import InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MACHINE_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be replaced
@@ -203,12 +198,6 @@ def write_whole(path: Path, text: str) -> None:
     """Write a text file completely or not at all; see `atomic_file`."""
     with atomic_file(path) as partial:
         partial.write_text(text, encoding="utf-8")
-
-
-def write_tables(folder: Path, tables: Mapping[str, pd.DataFrame]) -> None:
-    """Write each table as a CSV file of its name, completely or not at all."""
-    for name, table in tables.items():
-        write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
 
 
 def unwritable(error: OSError, path: str | Path) -> InputError | OSError:

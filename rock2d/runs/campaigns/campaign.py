@@ -88,7 +88,7 @@ def run_campaign(
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
     holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
     for example of a full disk, and of KeyboardInterrupt say how many chunks are done."""
-    from rock2d.files.folders import write_tables
+    from rock2d.files.csv_tables import write_tables
     from rock2d.progress import Bars
     from rock2d.runs.campaigns.campaign_tables import all_counts, campaign_tables
     from rock2d.runs.campaigns.chunks import is_done

@@ -11,7 +11,7 @@ from rock2d_tracking import FROM_GRAVITY
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
-from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
+from rock2d.commands.click_commands import ON_SCHEDULER, QUIET, SITE_COMMANDS
 from rock2d.compiling import COMPILING, listening
 from rock2d.files.text_files import DECIMAL_COMMA
 from rock2d.interrupts import answer_signals, ignore_signals
@@ -57,6 +57,10 @@ class NumberOrGravity(click.ParamType):
         return FROM_GRAVITY if value == FROM_GRAVITY else self._number.convert(value, param, ctx)
 
 
+WORKERS = click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+SCHEDULER = click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="rock2d")
 def cli() -> None:
@@ -70,7 +74,7 @@ for command in SITE_COMMANDS:
 @cli.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True,
               help="Folder for the page, figures, tables and the video.")  # fmt: skip
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@QUIET
 def demo(out, quiet) -> None:
     """The paper's three blocks with both models: Table 2 side by side with the paper, figures and a short video, on
     one page.
@@ -90,7 +94,7 @@ def demo(out, quiet) -> None:
               help="Hypotheses of each calibration.")  # fmt: skip
 @click.option("--releases", type=click.IntRange(8), default=64, show_default=True,
               help="Releases of each block that test a hypothesis.")  # fmt: skip
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@QUIET
 def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     """Make the paper's Tables 2 to 4 and Figures 1 to 3, and say where this project agrees better or worse with the
     experiment than the paper's models.
@@ -118,7 +122,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
 @click.option("--limits", is_flag=False, flag_value="", type=click.Path(path_type=Path), metavar="[FOLDER]",
               help="Say which sizes of each effect would have been seen: from the study of rock2d blind inject in "
               "FOLDER, or as a linear model expects.")  # fmt: skip
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@QUIET
 def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
     """Say where the simulation of EXPERIMENT (a folder) is wrong, which effect is missing, how far the gap shrinks.
 
@@ -173,8 +177,8 @@ def blind() -> None:
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the trial.")
 @click.option("--base", "bases", type=click.Path(path_type=Path), multiple=True, metavar="EXPERIMENT",
               help="A real film that is the base of a share of the cases; may be given more than once.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@WORKERS
+@QUIET
 def blind_make(cases, seed, out, bases, workers, quiet) -> None:
     """Make sealed cases: films with up to four hidden effects, or with a cause from outside the catalogue.
 
@@ -186,9 +190,9 @@ def blind_make(cases, seed, out, bases, workers, quiet) -> None:
 
 @blind.command("run")
 @click.argument("trial", type=click.Path(path_type=Path))
-@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
-@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@WORKERS
+@SCHEDULER
+@QUIET
 def blind_run(trial, workers, scheduler, quiet) -> None:
     """Diagnose every case of TRIAL without its labels. The same command continues after an interruption.
 
@@ -220,9 +224,9 @@ def blind_score(trial) -> None:
               help="Sizes to put in: seen50, seen90, or multiples such as 2*seen90.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
               help="Of the order of the effects, and of what varies from impact to impact.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
-@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@WORKERS
+@SCHEDULER
+@QUIET
 def blind_inject(experiment, out, effects, cases, sizes, seed, workers, scheduler, quiet) -> None:
     """Put known causes into the film of EXPERIMENT: from which size on would the diagnosis see them?
 
@@ -251,7 +255,7 @@ def blind_inject(experiment, out, effects, cases, sizes, seed, workers, schedule
 @click.option("--explain", is_flag=True,
               help="Also write what moves in the film, and which keys to try. A film that cannot be tracked "
               "leaves this in any case.")  # fmt: skip
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@QUIET
 def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> None:
     """Track the blocks in a VIDEO and write an experiment folder with overlay video and page.
 
@@ -280,7 +284,7 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
               help="Noise, blur, dust, shadow, burial, lost frames, compression ...")  # fmt: skip
 @click.option("--releases", type=click.IntRange(1), help="Only the first ones.")
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the faults.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@QUIET
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file.
 

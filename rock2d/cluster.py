@@ -21,7 +21,7 @@ from rock2d.processes import Processes, numba_threads
 if TYPE_CHECKING:
     from distributed import Client
 
-EXTRA = "pip install 'rock2d[scale]'"
+SCALE_EXTRA = "pip install 'rock2d[scale]'"
 IN_FLIGHT = 2  # tasks with the scheduler for each thread of the workers
 CONNECT_S = 10
 
@@ -104,7 +104,7 @@ def as_finished_on_cluster(
 
 def require_dask() -> None:
     """Raise InputError if Dask is not installed."""
-    require("distributed", f"--scheduler needs Dask, which is missing: {EXTRA}")
+    require("distributed", f"--scheduler needs Dask, which is missing: {SCALE_EXTRA}")
 
 
 def versions() -> dict[str, str]:

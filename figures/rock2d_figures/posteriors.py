@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 
 from rock2d.arrays import Array
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, handle
+from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.reproduction import published
 from rock2d.reproduction.arrival_results import ArrivalResults
 from rock2d.reproduction.hypotheses import incident_distributions
-from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
+from rock2d.reproduction.outcomes import FACING_ID, Outcome
 from rock2d_figures.style import STYLES, finish_with_legend
 
 STATEMENT_COLOUR = "#cfcfcf"
@@ -34,15 +35,15 @@ def arrivals_figure(results: ArrivalResults) -> Figure:
     values, drop_m_s = results.values, float(np.sqrt(2.0 * published.GRAVITY_M_S2 * published.DROP_M))
     for row, (block, outcome) in enumerate(zip(published.BLOCKS, results.predicted, strict=True)):
         mean = incident_distributions(values, published.SETUP_BLOCKS[block]).mean
-        on_facing = outcome.first_zone == FACING_ZONE
+        on_facing = outcome.first_zone == FACING_ID
         _statement(axes[0], row, *STATED_ON_FACING[block])
         _interval(axes[0], row, 100.0 * on_facing.mean(axis=1))
         if block == "parallelepiped":
             _statement(axes[1], row, 0.0, published.OFF_NORMAL_DEG)
         _interval(axes[1], row, _mean_angle(outcome, on_facing))
         axes[2].axvline(drop_m_s, color=STATEMENT_COLOUR, lw=2, zorder=1)
-        _interval(axes[2], row, np.hypot(mean[:, 3], mean[:, 4]))
-        _interval(axes[3], row, np.abs(mean[:, 5]))
+        _interval(axes[2], row, np.hypot(mean[:, VX], mean[:, VY]))
+        _interval(axes[3], row, np.abs(mean[:, OMEGA]))
     titles = (
         "first impacts\non facing (%)", "angle to the\nfacing's normal (°)",
         "speed off\nthe slope (m/s)", "spin (rad/s)",

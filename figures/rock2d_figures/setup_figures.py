@@ -7,6 +7,7 @@ from rock2d.arrays import Array
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.figure_style import TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.trajectories import draw_cross_section, positions_of
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import hypothesis_cross_section
 from rock2d.reproduction.outcomes import Outcome
@@ -95,7 +96,7 @@ def figure_3(runs: dict[str, RunResult]) -> Figure:
 
 def _at_line_2(outcome: Outcome, mass_kg: float, inertia_kg_m2: float) -> dict[str, Array]:
     """label -> (k, n) values at line 2, NaN if not passed; incidence: the velocity's angle above the horizontal."""
-    vx, vy, omega = outcome.at_line_2[..., 4], outcome.at_line_2[..., 5], outcome.at_line_2[..., 6]
+    vx, vy, omega = (outcome.at_line_2[..., column] for column in (INSTANT_VX, INSTANT_VY, INSTANT_OMEGA))
     return {
         "velocity (m/s)": np.hypot(vx, vy),
         "incidence angle (°)": np.degrees(np.arctan2(vy, vx)),

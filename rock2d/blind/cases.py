@@ -116,7 +116,7 @@ def draw_case(causes: tuple[str, ...], seed: np.random.SeedSequence, smallest: b
     size = PAPER_BLOCK_SIZE_M * rng.uniform(0.8, 1.3) * (rng.uniform(30.0, 60.0) if kind == "field" else 1.0)
     blocks, shapes = _blocks(size, rng)
     law = _law(size, blocks, rng)
-    setup = _flat(size, rng) if kind == "flat" else _embankment_setup(size, rng)
+    setup = _floor_setup(size, rng) if kind == "flat" else _embankment_setup(size, rng)
     world = reality.World(setup, law, blocks, GRAVITY_M_S2)
     block_ids, order, heldout = _releases(len(blocks), smallest, rng)
     time_scale = math.sqrt(size / GRAVITY_M_S2)
@@ -232,7 +232,7 @@ def _embankment_setup(size: float, rng: np.random.Generator) -> reality.Setup:
     return reality.Setup(points, zones, face=(2, 3), embankment=(2, 5), ditch=(1, 2))
 
 
-def _flat(size: float, rng: np.random.Generator) -> reality.Setup:
+def _floor_setup(size: float, rng: np.random.Generator) -> reality.Setup:
     points = np.array([[-60.0 * size, 0.0], [60.0 * size, 0.0]])
     return reality.Setup(points, ("floor",), face=None, embankment=None, ditch=None)
 

@@ -26,14 +26,14 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_
 from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, move_freely
 from rock2d.kinematics.turned_ground import approach_s, run_on_turned_ground
-from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE
+from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, POSE_NAMES
+from rock2d.runs.run import FRAME_MARGIN_S
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
 Worlds = Callable[[Array], tuple[World, World]]
 
 COUNTED_IMPACTS = 16  # largest number of impacts of a stretch whose instants are compared
-END_MARGIN_S = 1e-9  # so that the simulation includes the last frame
 # Frames by which an impact of the model, with or without the cause, may lie inside a flight of the record. It looks
 # like a longer contact if no flight could be seen in between.
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
@@ -97,7 +97,7 @@ def injected(
 
         change, kept = _pose_changes(data, stretches, worlds)
         true, table["release"] = true + change, release
-    table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
+    table[list(POSE_NAMES)] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
     table["t_s"] /= faster
     changed = replace(experiment, trajectories=table[kept].reset_index(drop=True), fps=experiment.fps * faster)
@@ -162,7 +162,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
         times = (
             np.where(in_stretch, film.t_s[np.where(in_stretch, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
         )
-        until = np.where(last[rows], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)])
+        until = np.where(last[rows], film.t_s[end - 1] + FRAME_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)])
         limit = (until - film.t_s[begin]) * scale
         without_cause = _simulated(old, block, state, times, limit)
         with_cause = _simulated(new, block, state + off[piece], times, limit)

@@ -27,7 +27,7 @@ WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first i
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
 SOIL_DRAWS = 8  # draws of the soil from which the scatter is estimated
 SHRINKAGE = 0.3  # share by which the covariance of the few draws is shrunk toward its diagonal
-LARGEST_DEVIATION = 30.0  # limit of a statistic in standard deviations, beyond which the linear model fails
+LARGEST_STATISTIC_SDS = 30.0  # limit of a statistic in standard deviations, beyond which the linear model fails
 LAW_PARAMETERS = ("k_l", "k_ul", "k_t", "mu", "k_r")
 
 
@@ -165,7 +165,7 @@ class _Whitening:
 
     def whitened(self, statistics: Array, others: Array) -> Array:
         """Differences between statistics, in standard errors."""
-        z = np.clip((statistics - others) / self.sd, -LARGEST_DEVIATION, LARGEST_DEVIATION)
+        z = np.clip((statistics - others) / self.sd, -LARGEST_STATISTIC_SDS, LARGEST_STATISTIC_SDS)
         return np.asarray((self.inverse_root @ z[..., None])[..., 0])
 
 

@@ -162,8 +162,7 @@ def posterior(
             gain = step * ll
         weight = np.exp(gain - gain.max())
         evidence += float(gain.max()) + float(np.log(weight.mean()))
-        at = (rng.random() + np.arange(moving)) / moving
-        known.keep(np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1))
+        known.keep(resampled(weight, moving, rng))
         rounds = []
         for move in range(moves.count):
             known.move(moves, move, power, rng)
@@ -173,6 +172,12 @@ def posterior(
         if on_progress is not None:
             on_progress(power)
     return Sample(known.u, known.total, evidence)
+
+
+def resampled(weight: Array, count: int, rng: np.random.Generator) -> Array:
+    """(count,) indices of hypotheses, drawn by their weights (systematic resampling)."""
+    at = (rng.random() + np.arange(count)) / count
+    return np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1)
 
 
 @dataclass

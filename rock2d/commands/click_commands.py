@@ -21,12 +21,15 @@ def command_line() -> str:
 
 
 PDF = click.option("--pdf", is_flag=True, help="Also write the page as report.pdf; needs pip install 'rock2d[pdf]'.")
+SEED = click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
+OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
+QUIET = click.option("--quiet", is_flag=True, help="No progress bar.")
 
 
 @click.command()
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--engine", "engines", multiple=True, type=ENGINE, help="Engine; may be given twice.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
+@SEED
 @click.option("--releases", type=click.IntRange(1), help="Releases of each block instead of the scenario's.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True,
               help="Folder under which each run gets its own.")  # fmt: skip
@@ -52,8 +55,8 @@ PDF = click.option("--pdf", is_flag=True, help="Also write the page as report.pd
 @click.option("--predict", type=click.Path(path_type=Path), metavar="RELEASES.csv",
               help="For a scenario with a field test: forecast the releases of this table; --out is then the table "
               "(CSV) to write.")  # fmt: skip
-@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@OVERWRITE
+@QUIET
 def run(scenarios, engines, out, data, video, report, pdf, compare, precision, predict, overwrite, quiet,
         **options) -> None:  # fmt: skip
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
@@ -134,14 +137,14 @@ def profile(file, out, overwrite, **options) -> None:
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
               help="Tolerance of the least value. Default: 1/50 of the range.")  # fmt: skip
 @click.option("--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
+@SEED
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: this process, on all threads.")
 @click.option("--scheduler", metavar="ADDRESS", help=f"Possible sites {SCHEDULER_WORKERS}.")
 @PDF
-@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@OVERWRITE
+@QUIET
 def design(
     scenario,
     *,

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers
 from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
-from rock2d.files.folders import check_output_folder, write_whole
+from rock2d.files.csv_tables import write_tables
+from rock2d.files.folders import check_output_folder
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
@@ -76,7 +77,7 @@ class RunRequest:
         """The engines that run a scenario."""
         return self.engines or [scenario.engine]
 
-    def studies(self, scenario: Scenario) -> bool:
+    def is_study(self, scenario: Scenario) -> bool:
         """Whether a scenario is a study of its field test."""
         return scenario.field_test is not None and self.options.releases is None and not self.engines
 
@@ -93,7 +94,7 @@ class RunRequest:
         if self.video and campaign:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
-        if not self.draw and self.studies(scenario):
+        if not self.draw and self.is_study(scenario):
             message = "--no-figures is for runs: the study of a field test always draws its figures"
             raise InputError(message, code="wrong_kind", option="no-figures")
         asks = {
@@ -149,7 +150,7 @@ def run_scenarios(
 
 def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     """Run a scenario with every engine, or study its field test. Returns whether the releases are resolved."""
-    if request.studies(scenario):
+    if request.is_study(scenario):
         from rock2d.field_tests.command import run_field_test
 
         run_field_test(
@@ -292,9 +293,8 @@ class Findings:
 
     def write(self, folder: Path, figures: Figures) -> None:
         """Write the tables and figures into a folder."""
-        for name, table in (("before_after", self.before_after), ("models", self.models)):
-            if table is not None:
-                write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        tables = {"before_after": self.before_after, "models": self.models}
+        write_tables(folder, {name: table for name, table in tables.items() if table is not None})
         if self.models is not None:
             from rock2d.design.model_range import range_figure
 
@@ -342,7 +342,7 @@ def _write_page(
 def _views(sample: RunResult, request: RunRequest) -> list[View]:
     """The run, and some releases of each model with which it is compared."""
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
-    from rock2d.design.model_range import BASE, other_models
+    from rock2d.design.model_range import AS_IN_FILE, other_models
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
     if scenario.diagnosed is not None:
@@ -356,5 +356,5 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
         run(model.scenario, engine=compiled_engine(model.engine).name, seed=sample.seed, releases=first)
         for model in models
     )
-    names = [BASE, *(model.name for model in models)]
+    names = [AS_IN_FILE, *(model.name for model in models)]
     return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]

@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import FREQUENCY, SHARES, sensitivity_table, uncertain_table
 from rock2d.errors import comma_list, counted
+from rock2d.files.csv_tables import write_tables
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.wording import with_interval
@@ -45,9 +46,7 @@ class Assessment:
         tornado.png. `figures` determines when it is drawn (default: at once)."""
         from rock2d.graphics.figure_files import Figures
 
-        tables = {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites}
-        for name, table in tables.items():
-            write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        write_tables(folder, {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites})
         if len(self.told_apart):
             (figures or Figures()).save(folder / "tornado.png", Assessment.plot, self)
 

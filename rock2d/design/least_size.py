@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 DEFAULT_RELEASES = 1000  # per block and site, for a scenario without the key `uncertainty`
 STEPS_OF_RANGE = 50  # range over the default tolerance
-LARGEST, SMALLER = "largest size", "smaller sizes"  # stages of a search
+LARGEST_STAGE, SMALLER_STAGE = "largest size", "smaller sizes"  # stages of a search
 TICKS_PERCENT = (0, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 LATER_SHARE = 0.13  # time for a later size over the time for the first one, if they share descents
 
@@ -359,7 +359,7 @@ def work_of_sizes(search: Search, tolerance: float | None = None) -> dict[str, f
     """Work of the stages of `size_bars`, in simulated releases."""
     each = len(search.sites) * search.releases * len(search.scenario.make_blocks())
     later = LATER_SHARE if search.has_shared_descents else 1.0
-    return {LARGEST: each, SMALLER: later * each * (most_sizes(search.bounds, tolerance) - 1)}
+    return {LARGEST_STAGE: each, SMALLER_STAGE: later * each * (most_sizes(search.bounds, tolerance) - 1)}
 
 
 @contextmanager
@@ -368,14 +368,14 @@ def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Ite
     descents, has its own bar."""
     sites = len(search.sites)
     with ExitStack() as stack:
-        first = bar = stack.enter_context(bars.stage(LARGEST, sites, "sites"))
+        first = bar = stack.enter_context(bars.stage(LARGEST_STAGE, sites, "sites"))
 
         def bar_of(size: float) -> Bar:
             nonlocal bar
             if bar is first and size != search.bounds[1]:
                 stack.close()
                 others = most_sizes(search.bounds, tolerance) - 1
-                bar = stack.enter_context(bars.stage(SMALLER, others * sites, "sites"))
+                bar = stack.enter_context(bars.stage(SMALLER_STAGE, others * sites, "sites"))
             bar.set_postfix_str(f"{search.place} = {size:.4g}")
             return bar
 

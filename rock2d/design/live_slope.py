@@ -17,29 +17,28 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.design.report_tables import quantity_text
 from rock2d.graphics.canvas import Limits
-from rock2d.graphics.live_data import STEPS, compact, in_page, live_scene, packed
+from rock2d.graphics.live_data import MOST_BYTES, STEPS, compact, in_page, live_scene, packed
 from rock2d.graphics.palette import block_colours
 from rock2d.graphics.thinned_paths import thinned_paths
 from rock2d.graphics.trajectories import STOP_MARKERS
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_Y, UNRESOLVED_STOPS
 from rock2d.records.track import Track
-from rock2d.runs.indicators.envelopes import PERCENTILES, QUANTITIES, STATIONS, evenly_spaced, passing_values
+from rock2d.runs.indicators.envelopes import ENVELOPE_PERCENTILES, QUANTITIES, STATIONS, evenly_spaced, passing_values
 from rock2d.runs.indicators.passing import passing_share
 from rock2d.runs.simulation import Simulation
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import Estimate, least_count, percentile_estimate
 from rock2d.wording import energy_unit, listed, spoken, with_interval
 
-MOST_BYTES = 1_900_000  # largest size of the data in a page
-# for up to FEW paths, the tolerance is the width of the view over FINE, else over COARSE
-FEW, FINE, COARSE = 2000, 1000, 250
+# for up to FEW_PATHS paths, the tolerance is the width of the view over FINE_PARTS, else over COARSE_PARTS
+FEW_PATHS, FINE_PARTS, COARSE_PARTS = 2000, 1000, 250
 SHOWN_SHARE = 0.5  # share of these bytes for the paths of the run that is shown first, if there are several
 SHOWN_OF_OTHERS = 100  # releases of each block of the other runs
 BINS = 20  # bins of a histogram
 MOST_IMPACTS = 8000  # impacts in the tables of single releases, each about 30 bytes
 BELOW_SHARE, ABOVE_SHARE = 0.1, 0.02  # margins below the lowest and above the highest point, in heights
 WORST_SHARE = 0.01  # share of the releases of each block, those with the largest energies
-BETWEEN = 2  # stations of the collector for each station of the envelopes
+COLLECTOR_STATIONS = 2  # for each station of the envelopes
 AT_LINES = {"height_m": "passing_height_m"}  # quantity of the envelopes -> its name at a measure line
 BYTES_OF_A_RELEASE = 22  # for number, block, stop and energy
 LABELS = {"height_m": "height", "speed_m_s": "speed", "kinetic_J": "energy"}
@@ -103,7 +102,7 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
         "stops": [STOP_MARKERS[stop][1] for stop in stops],
         "blocks": [{"name": spoken(name), "colour": colour} for name, colour in block_colours(names).items()],
         "quantities": [LABELS[name] for name in QUANTITIES],
-        "percentiles": [f"{percentile:g} %" for percentile in PERCENTILES],
+        "percentiles": [f"{percentile:g} %" for percentile in ENVELOPE_PERCENTILES],
         "energy_unit": units["kinetic_J"][1],
         "curve_labels": ["passing frequency (%)", *(f"{LABELS[q]} ({unit})" for q, (_, unit) in units.items())],
     }  # fmt: skip
@@ -124,15 +123,15 @@ def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str 
 
 def _notes(run: Simulation, released: int, views: int) -> list[str]:
     """Notes to the reader that hold for all runs."""
-    counts = ", ".join(map(str, map(least_count, PERCENTILES)))
+    counts = ", ".join(map(str, map(least_count, ENVELOPE_PERCENTILES)))
     few = f"This view shows the first {len(run.tracks)} of {released} releases; the tables below count all."
     same = "Releases with the same number start in the same way in all runs; some runs may have fewer releases."
     return [
         *[few] * (len(run.tracks) < released), *[same] * (views > 1),
-        f"{listed([f'{p:g} %' for p in PERCENTILES])} of the blocks stay below a value; these need {counts} passing "
-        "blocks. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the blocks "
-        "that cross it; elsewhere they count the first passing of a vertical line, in the direction of x. Heights are "
-        "those of the centroid above the ground.",
+        f"{listed([f'{p:g} %' for p in ENVELOPE_PERCENTILES])} of the blocks stay below a value; these need {counts} "
+        "passing blocks. In brackets: 95 % intervals, sampling only. At a measure line the numbers are those of the "
+        "blocks that cross it; elsewhere they count the first passing of a vertical line, in the direction of x. "
+        "Heights are those of the centroid above the ground.",
     ]  # fmt: skip
 
 
@@ -237,7 +236,7 @@ def _paths(
     """The paths that fit into `room` bytes, and a note; `energy` (tracks,): largest energy of each, in the unit of the
     page."""
     tracks, kept = run.tracks, list(range(len(run.tracks)))
-    tolerance_m = width_m / (FINE if len(tracks) <= FEW else COARSE)
+    tolerance_m = width_m / (FINE_PARTS if len(tracks) <= FEW_PATHS else COARSE_PARTS)
     thinned = thinned_paths(tracks, tolerance_m)
     points, scales = thinned.packed()
     size = len(points) + BYTES_OF_A_RELEASE * len(tracks)
@@ -312,9 +311,9 @@ class Passings:
 
     @cached_property
     def estimates(self) -> Mapping[str, list[Estimate]]:
-        """Quantity of the envelopes -> an estimate for each of PERCENTILES; NaN if too few blocks pass."""
+        """Quantity of the envelopes -> an estimate for each of ENVELOPE_PERCENTILES; NaN if too few blocks pass."""
         return {
-            name: [percentile_estimate(ranked, len(ranked), percentile) for percentile in PERCENTILES]
+            name: [percentile_estimate(ranked, len(ranked), percentile) for percentile in ENVELOPE_PERCENTILES]
             for name, ranked in self.values.items()
         }
 
@@ -333,7 +332,7 @@ def collector_stations(run: Simulation) -> list[Station]:
     """The stations of a run from left to right: those of the envelopes, some between them, and the measure lines.
 
     At a measure line the numbers are those of the tables `passing` and `crossings`, elsewhere those of `envelopes`."""
-    x = evenly_spaced(run.cross_section, BETWEEN * (STATIONS - 1) + 1)
+    x = evenly_spaced(run.cross_section, COLLECTOR_STATIONS * (STATIONS - 1) + 1)
     found = [Station(at, zone) for at, zone in zip(x.tolist(), zones_at(run.cross_section, x), strict=True)]
     for block, values in passing_values(run.tracks, x, run.cross_section, run.blocks, run.own_blocks).items():
         tracks = [track for track in run.tracks if track.block == block]

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 Data = dict[str, Any]
 
-BASE = "as in the file"
+AS_IN_FILE = "as in the file"
 NATURAL_SOILS = tuple(name for name in SOIL_CLASSES if name not in ("asphalt", "compacted_fill"))
-SHAPES = ("circle", "square", "rectangle")
+COMPARED_SHAPES = ("circle", "square", "rectangle")
 RECTANGLE_ASPECT = 2.0
 PANELS_IN_A_ROW = 4
-SHOWN = {
+SHOWN_VALUES = {
     "frequency": (*COLUMNS_OF_SHARE["frequency"], 100.0, "passes, % of released"),
     "per_arriving": (*COLUMNS_OF_SHARE["per_arriving"], 100.0, "passes, % of arriving"),
     "kinetic": (*COLUMNS_OF_QUANTITY["kinetic_J"], 1e-3, "energy, 95 %, kJ"),
@@ -40,7 +40,7 @@ SHOWN = {
 
 def range_table(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
     """`before_after.model_table` of the scenario and its `other_models`."""
-    return model_table([Model(BASE, scenario, engine), *other_models(scenario, engine)], seed, releases)
+    return model_table([Model(AS_IN_FILE, scenario, engine), *other_models(scenario, engine)], seed, releases)
 
 
 def other_models(scenario: Scenario, engine: str) -> Iterator[Model]:
@@ -86,7 +86,7 @@ def _changes(scenario: Scenario, law: str) -> Iterator[tuple[str, Callable[[Data
     profiles = {block.shape for block in scenario.make_blocks().values()}
     profiles |= {family.shape for own in scenario.populations.values() for family in own.families}
     if law == "deterministic" and scenario.diagnosed is None:
-        for shape in SHAPES:
+        for shape in COMPARED_SHAPES:
             if profiles != {shape}:
                 yield f"{shape} blocks", reshape(shape)
 
@@ -132,7 +132,7 @@ def _reshape(data: Data, scenario: Scenario, shape: str) -> None:
 
 
 def shown_lines(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
-    """(line, keys of SHOWN) that matter for a design: loads at the arrival line and shares at the crest, of one
+    """(line, keys of SHOWN_VALUES) that matter for a design: loads at the arrival line and shares at the crest, of one
     embankment after the other; without an embankment, both at the last line of the file."""
     lines = list(table["line"].unique())
     arriving = [line for line in lines if is_line(line, ARRIVAL_LINE)] or lines[-1:]
@@ -148,12 +148,12 @@ def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
-    """(line, key of SHOWN) -> range over the models in words, of the block with the largest value in each."""
+    """(line, key of SHOWN_VALUES) -> range over the models in words, of the block with the largest value in each."""
     found = {}
     for line, keys in shown_lines(table):
         by_model = table[table["line"] == line].groupby("model")
         for key in keys:
-            column, *_, factor, words = SHOWN[key]
+            column, *_, factor, words = SHOWN_VALUES[key]
             largest = factor * by_model[column].max().dropna()
             if len(largest) > 1:
                 unit = words.rpartition(", ")[2].split()[0]
@@ -168,7 +168,7 @@ def range_remarks(table: pd.DataFrame) -> list[str]:
     for line, keys in shown_lines(table):
         for block, own in table[table["line"] == line].groupby("block", sort=False):
             for key in keys:
-                column, *_, factor, words = SHOWN[key]
+                column, *_, factor, words = SHOWN_VALUES[key]
                 values = factor * own.set_index("model")[column].dropna()
                 if len(values) > 1:
                     least = f"{three_digits(values.min())} ({values.idxmin()})"
@@ -193,7 +193,7 @@ def range_figure(table: pd.DataFrame) -> Figure:
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     for axis, (line, key) in zip(axes, panels, strict=False):
-        column, low, high, factor, words = SHOWN[key]
+        column, low, high, factor, words = SHOWN_VALUES[key]
         for i, (block, colour) in enumerate(block_colours(blocks).items()):
             own = table[(table["line"] == line) & (table["block"] == block)].set_index("model").reindex(models)
             at = np.arange(len(models)) + 0.16 * (0.5 * (len(blocks) - 1) - i)

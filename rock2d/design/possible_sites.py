@@ -87,7 +87,7 @@ class SiteResults:
     ----------
     passed, unresolved : (s, b, l, n) bool: whether a release passed a line; whether it was cut short or buried before
     arrived : (s, b, l, n) bool: whether it came to the arrival line of a line
-    crossings : quantity (of `percentiles.LINE_QUANTITIES`) -> (s, b, l, n), NaN if it did not pass"""
+    crossings : quantity (of `indicators.passing.LINE_QUANTITIES`) -> (s, b, l, n), NaN if it did not pass"""
 
     blocks: tuple[str, ...]
     lines: tuple[str, ...]

@@ -18,6 +18,7 @@ from rock2d.design.model_range import short_ranges
 from rock2d.design.norms import demands, design_table
 from rock2d.design.report_sections import numbered_embankments, report_sections
 from rock2d.design.report_tables import quantity_text
+from rock2d.files.csv_tables import write_tables
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
@@ -104,8 +105,7 @@ def write_report(
     folder."""
     figures = figures or Figures()
     files = {name: figures.save(folder / f"{name}.png", *drawn) for name, drawn in _figures(content).items()}
-    for name, table in _further_tables(content).items():
-        write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+    write_tables(folder, _further_tables(content))
     made = Made.now(command, f"{content.sample.seed} (of every random draw)")
     figures.finish()
     page = report_page(content, files if figures.wanted else {}, made)
@@ -217,7 +217,7 @@ def demand_tiles(
     content: ReportContent, ranges: Mapping[tuple[str, str], str] = MappingProxyType({})
 ) -> list[tuple[str, str, str]]:
     """Tiles of what each embankment must withstand: label, largest value of all blocks with its interval, and the block
-    with the range over the models. `ranges`: (line, key of `model_range.SHOWN`) -> words."""
+    with the range over the models. `ranges`: (line, key of `model_range.SHOWN_VALUES`) -> words."""
     if "percentiles" not in content.tables:
         return []
     words = {

@@ -204,7 +204,7 @@ def _design_section(content: ReportContent) -> Section | None:
 
 
 def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
-    from rock2d.design.model_range import BASE, range_remarks
+    from rock2d.design.model_range import AS_IN_FILE, range_remarks
 
     title = "How much depends on the model"
     if content.models is None:
@@ -214,7 +214,7 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
         )
         return Section(title, texts=[text])
     text = "One change at a time, the same releases. None of these models is known to be the right one."
-    alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
+    alt = f"Shares, energies and heights with each model; the first is the model {AS_IN_FILE}"
     return Section(
         title, [text], range_remarks(content.models), pictures=_picture(figures, "models", alt),
         tables=[model_rows(content.models, "models.csv")],

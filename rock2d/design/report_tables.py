@@ -22,7 +22,7 @@ from rock2d.wording import energy_unit, three_digits, with_interval, without_uni
 if TYPE_CHECKING:
     import pandas as pd
 
-NAMES = {
+NAME_OF_QUANTITY = {
     "kinetic_J": "energy", "energy_J": "energy", "passing_height_m": "passing height", "height_m": "height",
     "speed_m_s": "speed", "mass_kg": "mass", **SHARES,
 }  # fmt: skip
@@ -93,7 +93,7 @@ def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
 def percentile_rows(percentiles: pd.DataFrame) -> Table:
     """Percentiles of the blocks that pass each line."""
     rows = [
-        (r.line, r.block, NAMES[r.quantity], f"{r.percentile:g} %", str(r.passed),
+        (r.line, r.block, NAME_OF_QUANTITY[r.quantity], f"{r.percentile:g} %", str(r.passed),
          quantity_text(r.quantity, r.value, r.low95, r.high95))
         for r in _rows(percentiles.dropna(subset="value"))
     ]  # fmt: skip
@@ -107,7 +107,7 @@ def percentile_rows(percentiles: pd.DataFrame) -> Table:
 def design_value_rows(values: pd.DataFrame) -> Table:
     """Design values by norm."""
     rows = [
-        (r.line, r.block, r.norm, NAMES[r.quantity],
+        (r.line, r.block, r.norm, NAME_OF_QUANTITY[r.quantity],
          quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95),
          quantity_text(r.quantity, r.design, r.low95, r.high95), "not verified" if r.not_verified else "verified",
          r.factors)
@@ -140,7 +140,7 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
             else quantity_text(base, r.value, r.low95, r.high95)
         )
         share = "" if np.isnan(r.share_not_known) else f"{100 * r.share_not_known:.0f} %"
-        rows.append((r.line, r.block, NAMES[base] + ("" if base in SHARES else ", 95 %"), shown, share))
+        rows.append((r.line, r.block, NAME_OF_QUANTITY[base] + ("" if base in SHARES else ", 95 %"), shown, share))
     return Table(
         ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,
         note="Not known: share of the variance from what is not known about the site; the rest is sampling.",

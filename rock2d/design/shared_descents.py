@@ -19,8 +19,8 @@ from rock2d.scene.cross_section import CrossSection
 
 EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change only the ground
 SHARING_ENGINE = "batch"  # the engine that can suspend releases
-OVERSHOOT = 2.0  # radii that a release may move beyond the place where it is suspended
-REACH = 5.0  # largest distance ahead of the centroid within which a block searches the ground, in radii
+OVERSHOOT_RADII = 2.0  # by which a release may move beyond the place where it is suspended
+SEARCH_AHEAD_RADII = 5.0  # largest distance ahead of the centroid within which a block searches the ground
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Descent:
         """Whether a group has the same starts, the same ground as far as the descent goes, and no measure line
         there."""
         return np.array_equal(self.starts, group.states) and all(
-            equal_until_m(ground, condition.cross_section) >= self.suspend_x_m + REACH * self.radius_m
-            and _first_line_m(condition.cross_section) >= self.suspend_x_m + OVERSHOOT * self.radius_m
+            equal_until_m(ground, condition.cross_section) >= self.suspend_x_m + SEARCH_AHEAD_RADII * self.radius_m
+            and _first_line_m(condition.cross_section) >= self.suspend_x_m + OVERSHOOT_RADII * self.radius_m
             for ground, condition in zip(self.grounds, group.conditions, strict=True)
         )
 
@@ -120,7 +120,7 @@ def _first_line_m(ground: CrossSection) -> float:
 def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
     """The descent before `limits`: the x where the grounds differ, and the x of the first measure line."""
     radius = max(condition.block.reach_m for condition in group.conditions)
-    suspend_x_m = min(limits[0] - REACH * radius, limits[1] - OVERSHOOT * radius)
+    suspend_x_m = min(limits[0] - SEARCH_AHEAD_RADII * radius, limits[1] - OVERSHOOT_RADII * radius)
     found = batch_outcome(job, group, suspend_x_m)
     assert found.saved_contacts is not None
     grounds = [condition.cross_section for condition in group.conditions]

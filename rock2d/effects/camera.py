@@ -8,6 +8,7 @@ import numpy as np
 from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
+from rock2d.records.columns import after
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
@@ -79,21 +80,21 @@ def scale_error_remedy(fitted: FittedEffect) -> str:
             f"{plain(of_y, width_y)} along y"
         )
         return (
-            f"The scales along x and y differ by {_off(fitted, 'aspect')}: the camera does not look at the plane "
+            f"The scales along x and y differ by {_deviation(fitted, 'aspect')}: the camera does not look at the plane "
             "of motion at a right angle. No key of the set-up file corrects this. "
             f"{scaled}, and the velocities by the same factors. Turn the camera before the next film. {again}"
         )
     way = "long" if fitted.values["scale"] > 1 else "short"
     scaled = f"multiply the distance of every position from ({x}, {y}) m by {plain(of_y, width_y)}"
     return (
-        f"The calibration length is stated {_off(fitted, 'scale')} too {way}: what is stated as 1 m is "
+        f"The calibration length is stated {_deviation(fitted, 'scale')} too {way}: what is stated as 1 m is "
         f"{number(of_y, width_y)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` in the set-up file, "
         f"whichever is given there, by {plain(of_y, width_y)}. {fitted.origin()} "
         f"{TRACK_AGAIN}{fitted.by_hand(scaled, f'{scaled}, and the velocities by the same factor')} {again}"
     )
 
 
-def _off(fitted: FittedEffect, name: str) -> str:
+def _deviation(fitted: FittedEffect, name: str) -> str:
     """The deviation of a factor from 1."""
     return f"{number(100 * abs(fitted.values[name] - 1), 100 * fitted.half[name])} %"
 
@@ -244,11 +245,7 @@ def mirrored_axis_remedy(fitted: FittedEffect) -> str:
     if round(fitted.values["axis"]) not in MIRRORED_COLUMNS:
         return "No axis is mirrored: correct nothing."
     place, speed = MIRRORED_COLUMNS[round(fitted.values["axis"])]
-    column = (
-        f"`{place}` and of every `{speed}` and `{speed.replace('_', '_after_', 1)}`"
-        if fitted.impacts_only
-        else f"`{place}`"
-    )
+    column = f"`{place}` and of every `{speed}` and `{after(speed)}`" if fitted.impacts_only else f"`{place}`"
     return (
         f"Change the sign of every {column} and diagnose again. Then look for the cause: y grows upward, x to the "
         "right, angles counter-clockwise. In the set-up file, `up` turns y and the angle together; in `rock2d "

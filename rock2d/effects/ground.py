@@ -21,8 +21,8 @@ from rock2d.scene.cross_section import (
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
-STEEPEST_RAD = np.deg2rad(170.0)  # steepest facing; beyond the vertical it overhangs
-CREST_LEFT = 0.1  # least share of the crest's width that remains with a flatter facing
+STEEPEST_FACING_RAD = np.deg2rad(170.0)  # steepest facing; beyond the vertical it overhangs
+LEAST_CREST_SHARE = 0.1  # least share of the crest's width that remains with a flatter facing
 
 
 def with_geometry_error(world: World, values: Sequence[float]) -> World:
@@ -57,10 +57,10 @@ def as_built(cross_section: CrossSection, facing_rad: float, ditch_level: float,
 def _turn(points: np.ndarray, bank: Embankment, facing_rad: float) -> None:
     """Turn a facing about its foot, in place."""
     run, height = points[bank.crest] - points[bank.left]
-    angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
+    angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_FACING_RAD)
     shear = 1.0 / np.tan(angle) - run / height
     free_x = points[bank.crest_end, 0] if bank.crest_end > bank.crest else points[bank.right, 0]
-    shear = min(shear, (1.0 - CREST_LEFT) * (free_x - points[bank.crest, 0]) / height)
+    shear = min(shear, (1.0 - LEAST_CREST_SHARE) * (free_x - points[bank.crest, 0]) / height)
     face = slice(bank.left + 1, bank.crest + 1)
     points[face, 0] += shear * (points[face, 1] - points[bank.left, 1])
 
@@ -137,14 +137,14 @@ SURFACE_ROUGHNESS = Effect(
 )
 
 
-EMBANKMENT, FACE = range(2)
+EMBANKMENT, FACING = range(2)  # choices of the parameter `place`
 
 
 def with_zone_contrast(world: World, values: Sequence[float]) -> World:
     """On the embankment or its face: k_l × stiffness, k_ul × stiffness / restitution², tan φ × friction; so
     e = √(k_l / k_ul) is multiplied by restitution. `values[3]` is a choice: 0 the embankment, 1 its face."""
     stiffness, restitution, friction, where = values
-    facets = facing_facets if round(float(where)) == FACE else embankment_facets
+    facets = facing_facets if round(float(where)) == FACING else embankment_facets
     zones = facet_zones(world.cross_section, facets(world.cross_section))
     world = with_scaled_columns(world, (K_L,), stiffness, zones)
     world = with_scaled_columns(world, (K_UL,), stiffness / restitution**2, zones)
@@ -158,7 +158,7 @@ def zone_contrast_remedy(fitted: FittedEffect) -> str:
     stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
     section, law = fitted.setup.cross_section, fitted.law
     where, facets = "embankment", embankment_facets
-    if round(fitted.values["place"]) == FACE:
+    if round(fitted.values["place"]) == FACING:
         where, facets = "face of the embankment", facing_facets
     differ = facet_zones(section, facets(section))
     zones = ", ".join(f"`{name}`" for name, differs in zip(section.zone_names, differ, strict=True) if differs)
@@ -189,9 +189,9 @@ ZONE_CONTRAST = Effect(
             "choice",
             float(EMBANKMENT),
             float(EMBANKMENT),
-            float(FACE),
+            float(FACING),
             "where the soil differs (0 the embankment, 1 its face)",
-            choices=(float(EMBANKMENT), float(FACE)),
+            choices=(float(EMBANKMENT), float(FACING)),
             choice_names=("embankment", "face"),
         ),
     ),

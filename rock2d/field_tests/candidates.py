@@ -57,7 +57,7 @@ def _circles(data: Data) -> bool:
     return True
 
 
-def _flat_side(data: Data) -> bool:
+def _lower_sections(data: Data) -> bool:
     """Sections of blocks a third less high."""
     for keys in data["blocks"].values():
         if keys["shape"] != "polygon":
@@ -73,7 +73,7 @@ CHANGES = {
     "one soil": _one_soil,
     "level ground beyond the stops": _level_beyond,
     "discs instead of boulders": _circles,
-    "sections a third less high": _flat_side,
+    "sections a third less high": _lower_sections,
 }
 
 

@@ -179,10 +179,10 @@ def _write_figures(
     expected: dict[str, dict[str, Any]] = {block: {} for block in measured}
     for name, own in found.items():
         if "held out" in name:
-            spread = own.forecast.spread(np.random.default_rng(0))
+            draws = own.forecast.draws_m(np.random.default_rng(0))
             for block, rows in by_block(known, own).items():
                 if block != ALL:
-                    expected[block][name] = spread[rows]
+                    expected[block][name] = draws[rows]
     save_figure(forecasts_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")
     from_one = {name: name for name in found if "held out" not in name}
     save_figure(passing_figure(tables["passing"], from_one), folder / "passing.png")

@@ -15,7 +15,7 @@ from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
-from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
+from rock2d.files.surveys.terrain_sections import EDGE_ZONE, TerrainSections
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block, touching_height_m
@@ -113,7 +113,7 @@ class Descents:
 
     def _as_blocks(self, scenario: Scenario) -> Distances:
         names = list(self.blocks)
-        zones = (EDGE, *self._terrain.zones)
+        zones = (EDGE_ZONE, *self._terrain.zones)
         grounds = [_with_zone_order(ground, zones) for ground in self.rough_sections(scenario)]
         block_ids = np.repeat([names.index(name) for name in self.releases.blocks], self.copies)
         tables = [contact_table(scenario.contact_parameters(block), zones) for block in self.blocks.values()]

@@ -43,7 +43,7 @@ class Forecast:
         """The forecast of some of the releases."""
         return Forecast(self.samples_m[indices], self.discrepancy_m[indices], self.caught[indices], self.unresolved)
 
-    def spread(self, rng: np.random.Generator) -> Array:
+    def draws_m(self, rng: np.random.Generator) -> Array:
         """(n, s) draws of the distances, with discrepancy and caught blocks."""
         shape = self.samples_m.shape
         whole = np.maximum(self.samples_m + rng.standard_normal(shape) * self.discrepancy_m, 0.0)
@@ -52,7 +52,7 @@ class Forecast:
 
     def quantiles_m(self, rng: np.random.Generator) -> Array:
         """(n, quantiles) of the distance of each release."""
-        return np.asarray(np.quantile(self.spread(rng), QUANTILES, axis=1).T)
+        return np.asarray(np.quantile(self.draws_m(rng), QUANTILES, axis=1).T)
 
     def log_scores(self, measured_m: Array) -> Array:
         """(n,) log of the density in 1/m at the measured distances."""
@@ -142,10 +142,10 @@ def runout_table(
     """Percentiles of the distance from start to stop, measured and forecast, for each block."""
     rows = []
     for name, own in forecasts.items():
-        spread = own.forecast.spread(rng)
+        draws = own.forecast.draws_m(rng)
         for block, of_block in by_block(releases, own).items():
             measured = np.percentile(releases.distances_m[own.indices[of_block]], SHOWN_PERCENTILES)
-            expected = np.percentile(spread[of_block], SHOWN_PERCENTILES)
+            expected = np.percentile(draws[of_block], SHOWN_PERCENTILES)
             rows.append((name, block, len(of_block), *measured, *expected))
     kinds = [f"{kind}_q{p:.0f}_m" for kind in ("measured", "forecast") for p in SHOWN_PERCENTILES]
     return pd.DataFrame(rows, columns=["forecast", "block", "releases", *kinds])
@@ -157,13 +157,13 @@ def passing_table(
     """Share of the releases that pass each distance, measured with its 95 % interval, and forecast."""
     rows = []
     for name, own in forecasts.items():
-        spread = own.forecast.spread(rng)
+        draws = own.forecast.draws_m(rng)
         for block, of_block in by_block(releases, own).items():
             measured = releases.distances_m[own.indices[of_block]]
             for line in lines_m:
                 passed, n = int((measured > line).sum()), len(of_block)
                 low, high = wilson_interval(passed, n)
-                rows.append((name, block, line, n, passed, passed / n, low, high, (spread[of_block] > line).mean()))
+                rows.append((name, block, line, n, passed, passed / n, low, high, (draws[of_block] > line).mean()))
     columns = ["line_m", "releases", "passed", "measured", "low95", "high95", "forecast_frequency"]
     return pd.DataFrame(rows, columns=["forecast", "block", *columns])
 
@@ -181,29 +181,29 @@ def score_table(
     unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there"""
     rows: list[dict[str, Any]] = []
     for name, own in forecasts.items():
-        spread, quantiles = own.forecast.spread(rng), own.forecast.quantiles_m(rng)
+        draws, quantiles = own.forecast.draws_m(rng), own.forecast.quantiles_m(rng)
         scores = own.forecast.log_scores(releases.distances_m[own.indices])
         for block, of_block in by_block(releases, own).items():
             measured, n = releases.distances_m[own.indices[of_block]], len(of_block)
             row: dict[str, Any] = {"forecast": name, "block": block, "releases": n}
-            row["median_error_m"] = float(np.median(spread[of_block]) - np.median(measured))
+            row["median_error_m"] = float(np.median(draws[of_block]) - np.median(measured))
             row["log_score"] = float(scores[of_block].mean())
             row["log_score_se"] = float(scores[of_block].std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
             for share, low, high in ((80, 1, 5), (90, 0, 6)):
                 inside = int(((measured >= quantiles[of_block, low]) & (measured <= quantiles[of_block, high])).sum())
                 bounds = wilson_interval(inside, n)
                 row |= {f"inside{share}": inside / n, f"inside{share}_low": bounds[0], f"inside{share}_high": bounds[1]}
-            row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[of_block], lines_m, rng)
+            row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, draws[of_block], lines_m, rng)
             row["unresolved"] = own.forecast.unresolved
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _passing_rmse(measured: Array, spread: Array, lines_m: Array, rng: np.random.Generator) -> tuple[float, float]:
+def _passing_rmse(measured: Array, draws: Array, lines_m: Array, rng: np.random.Generator) -> tuple[float, float]:
     """Root mean square error of passing frequencies, and that of as many draws from the forecast itself."""
-    expected = (spread[:, :, None] > lines_m).mean(axis=(0, 1))
+    expected = (draws[:, :, None] > lines_m).mean(axis=(0, 1))
     error = (measured[:, None] > lines_m).mean(axis=0) - expected
-    picked = rng.integers(spread.shape[1], size=(FLOOR_DRAWS, len(spread)))
-    drawn = spread[np.arange(len(spread)), picked]
+    picked = rng.integers(draws.shape[1], size=(FLOOR_DRAWS, len(draws)))
+    drawn = draws[np.arange(len(draws)), picked]
     floor = (drawn[:, :, None] > lines_m).mean(axis=1) - expected
     return float(np.sqrt(np.mean(error**2))), float(np.median(np.sqrt(np.mean(floor**2, axis=1))))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic_core import to_json
+
+from rock2d.files.folders import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,6 +19,12 @@ ROWS_AT_ONCE = 20_000  # bounds the memory that texts take
 # Between these sizes JSON writes a number as Python does, four times as fast. Others it writes as 1e-5, not 1e-05.
 LEAST_PLAIN, LARGEST_PLAIN = 1e-4, 1e15
 QUOTED = re.compile(r'[,"\r\n]')  # characters that need quotes around a cell
+
+
+def write_tables(folder: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+    """Write each table as a CSV file of its name, completely or not at all."""
+    for name, table in tables.items():
+        write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:

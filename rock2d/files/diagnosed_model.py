@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from rock2d.effects.effect import Parameter
     from rock2d.files.scenario import Scenario
 
-PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
-CAUSE = f"{PLACE}.cause"
+DIAGNOSIS_PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
+CAUSE = f"{DIAGNOSIS_PLACE}.cause"
 LEAST_INCLUSION = 0.5  # inclusion probability of a cause that acts in a file without a joint model
 NOT_FITTED = "the paper's soil, scaled to the blocks of the film and not fitted, as no impact was judged"
 Z95 = 1.959963984540054  # standard normal quantile of 0.975
@@ -188,7 +188,7 @@ class DiagnosedModel:
         for model in self.alternatives:
             for effect, values in model.effects.items():
                 if not catalogue()[effect].camera:
-                    out |= {f"{PLACE}.{effect}.{name}": v for name, v in values.items() if not v.known}
+                    out |= {f"{DIAGNOSIS_PLACE}.{effect}.{name}": v for name, v in values.items() if not v.known}
         return out
 
     def with_values(self, values: Mapping[str, float]) -> DiagnosedModel:
@@ -201,7 +201,7 @@ class DiagnosedModel:
             model = self.alternatives[int(values[CAUSE])]
         effects = {
             effect: {
-                name: replace(own, value=values.get(f"{PLACE}.{effect}.{name}", own.value))
+                name: replace(own, value=values.get(f"{DIAGNOSIS_PLACE}.{effect}.{name}", own.value))
                 for name, own in parameters.items()
             }
             for effect, parameters in model.effects.items()

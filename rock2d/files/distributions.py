@@ -65,11 +65,11 @@ class Lognormal(Checked):
     lognormal: LognormalKeys = Field(description="Median and coefficient of variation")
 
 
-NAMES = ("normal", "uniform", "lognormal")
-EXPECTED = "{normal: {mean, sd}}, {uniform: {low, high}} or {lognormal: {median, cv}}"
+DISTRIBUTIONS = ("normal", "uniform", "lognormal")
+EXPECTED_DISTRIBUTION = "{normal: {mean, sd}}, {uniform: {low, high}} or {lognormal: {median, cv}}"
 
 
-def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = "") -> Any:
+def _refuse_unknown(value: Any, words: tuple[str, ...] = DISTRIBUTIONS, before: str = "") -> Any:
     """The value, if it is a mapping with one of these words as its only key; else raises a `mistake`."""
     if isinstance(value, Checked) or (isinstance(value, dict) and len(value) == 1 and value.keys() <= set(words)):
         return value
@@ -77,7 +77,7 @@ def _refuse_unknown(value: Any, words: tuple[str, ...] = NAMES, before: str = ""
     if isinstance(value, dict) and value:
         word = next((key for key in value if key not in words), None)
         found = f"key {shown(word)}{did_you_mean(word, words)}" if word else "several"
-    raise mistake(f"expected {before}{EXPECTED}, found {found}")
+    raise mistake(f"expected {before}{EXPECTED_DISTRIBUTION}, found {found}")
 
 
 def _kind(value: Any) -> str:
@@ -106,7 +106,7 @@ class Times(Checked):
 Variation = Annotated[
     _NORMAL | _UNIFORM | _LOGNORMAL | Annotated[Times, Tag("<times>")],
     Discriminator(_kind),
-    BeforeValidator(lambda value: _refuse_unknown(value, (*NAMES, "times"), "{times: a distribution}, ")),
+    BeforeValidator(lambda value: _refuse_unknown(value, (*DISTRIBUTIONS, "times"), "{times: a distribution}, ")),
 ]
 
 

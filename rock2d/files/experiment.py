@@ -23,21 +23,18 @@ from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys, warn_of_impossible_blocks
 from rock2d.files.text_files import DECIMAL_COMMA, read_text
-from rock2d.records.columns import IMPACT_COLUMNS
+from rock2d.records.columns import IMPACT_COLUMNS, POSE_NAMES, RATES, STATE_NAMES, after
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TRAJECTORY_COLUMNS = ("release", "block", "t_s", "x_m", "y_m", "theta_rad")
-REQUIRED_IMPACT_COLUMNS = (
-    "release", "block", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s",
-    "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
-)  # fmt: skip
+TRAJECTORY_COLUMNS = ("release", "block", "t_s", *POSE_NAMES)
+REQUIRED_IMPACT_COLUMNS = ("release", "block", *STATE_NAMES, *map(after, STATE_NAMES[RATES]))
 EXPERIMENT = "experiment.yaml"
-MOST_NAMED = 5  # folders that a message names
-LARGEST = 1.0e9  # no measured number is larger
+MOST_BELOW = 5  # folders below that a message names
+LARGEST_NUMBER = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 
 
@@ -204,8 +201,8 @@ def _no_experiment(folder: Path) -> str:
     below = [shown(str(file.parent.relative_to(folder))) for file in found]
     if not below:
         return f"there is no {EXPERIMENT} in this folder or below it"
-    more = f" and {len(below) - MOST_NAMED} more" if len(below) > MOST_NAMED else ""
-    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_NAMED])}{more}"
+    more = f" and {len(below) - MOST_BELOW} more" if len(below) > MOST_BELOW else ""
+    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_BELOW])}{more}"
 
 
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:
@@ -213,8 +210,7 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     import pandas as pd
 
     lines, table = _read_table(path, TRAJECTORY_COLUMNS, ())
-    measured = ("x_m", "y_m", "theta_rad")
-    frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
+    frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=POSE_NAMES))
     if frame[["x_m", "y_m"]].isna().any(axis=1).all():
         raise InputError("every frame is lost: no row has x_m and y_m", path, code="empty")
     release, t = frame["release"].to_numpy(), frame["t_s"].to_numpy()
@@ -370,7 +366,7 @@ def _typed(
         elif name == "release":
             columns[name] = np.array(_numbers(path, lines, name, cells, _release_number), np.int64)
         else:
-            columns[name] = np.array(_numbers(path, lines, name, cells, _finite_number), float)
+            columns[name] = np.array(_numbers(path, lines, name, cells, finite_number), float)
     block_of: dict[int, str] = {}
     for line, release, block in zip(lines, map(int, table["release"]), table["block"], strict=True):
         before = block_of.setdefault(release, block)
@@ -403,11 +399,12 @@ def _release_number(cell: str) -> int:
     return int(cell)
 
 
-def _finite_number(cell: str) -> float:
+def finite_number(cell: str) -> float:
+    """A number that can be measured, nan for an empty cell. Raises ValueError."""
     if not cell:
         return math.nan  # a frame that was lost
     value = float(cell)
     # float() also takes nan, infinity and 1_000
-    if not abs(value) <= LARGEST or "_" in cell or not cell.isascii():
+    if not abs(value) <= LARGEST_NUMBER or "_" in cell or not cell.isascii():
         raise ValueError
     return value

@@ -16,7 +16,7 @@ from rock2d.files.checked_yaml import Checked, mistake
 from rock2d.files.setup_keys import FARTHEST_M, Name
 from rock2d.files.text_files import read_text
 
-STARTS, STOPS = ("release_x_m", "release_y_m"), ("stop_x_m", "stop_y_m")
+RELEASE_PLACE_COLUMNS, STOP_PLACE_COLUMNS = ("release_x_m", "release_y_m"), ("stop_x_m", "stop_y_m")
 
 
 class FieldTestKeys(Checked):
@@ -104,7 +104,7 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
     Raises InputError with the line of the first mistake."""
     rows = list(csv.reader(read_text(path).splitlines()))
     header = [cell.strip() for cell in rows[0]] if rows else []
-    needed = ("release", "block_id", *STARTS, *(STOPS if stops else ()))
+    needed = ("release", "block_id", *RELEASE_PLACE_COLUMNS, *(STOP_PLACE_COLUMNS if stops else ()))
     for name in needed:
         if name not in header:
             raise InputError(f"missing column {name}", path, 1, 1, code="bad_table", key=name)

@@ -10,7 +10,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.graphics.palette import MEASURED_COLOUR
-from rock2d.records.columns import TIME
+from rock2d.records.columns import POSE_NAMES, TIME
 from rock2d.records.track import Track
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def clip_from_measured(rows: pd.DataFrame) -> Clip:
     Raises InputError if fewer than two frames are measured, or the rows belong to several releases."""
     if rows[[c for c in ("release", "block") if c in rows]].drop_duplicates().shape[0] > 1:
         raise InputError("a clip shows one release of one block; the rows given hold several")
-    seen = rows[["t_s", "x_m", "y_m", "theta_rad"]].dropna().sort_values("t_s").to_numpy(float)
+    seen = rows[["t_s", *POSE_NAMES]].dropna().sort_values("t_s").to_numpy(float)
     if len(seen) < 2:
         name = rows["release"].iloc[0] if len(rows) and "release" in rows else "(no rows)"
         raise InputError(f"release {name} has {len(seen)} measured frames, at least 2 are needed")

@@ -12,6 +12,7 @@ from rock2d.graphics.palette import DEEP_GROUND, INK, LINE_INK, SKY, zone_tones
 from rock2d.graphics.rendering import asset
 from rock2d.scene.cross_section import CrossSection
 
+MOST_BYTES = 1_900_000  # largest size of the data in a page
 STEPS = 65535  # steps of the 16-bit numbers of `packed_columns`
 
 

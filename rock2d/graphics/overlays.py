@@ -12,6 +12,7 @@ from rock2d.errors import InputError
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, block_colours, mixed
 from rock2d.graphics.trajectories import positions_of
+from rock2d.records.columns import POSE_NAMES
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -73,7 +74,7 @@ def overlay_figure(
 
 def _draw_outlines(axis: Any, block: Block, rows: pd.DataFrame, track: Track, factor: float) -> None:
     """The block at the measured start and end, and where the simulation ends."""
-    first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
+    first, last = (rows[list(POSE_NAMES)].iloc[i].to_numpy(float) for i in (0, -1))
     final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
     draw_outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
     draw_outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
@@ -112,7 +113,7 @@ def _draw_legend(figure: Figure, columns: int) -> None:
 
 def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.DataFrame, Track]]:
     tracks = {(t.block, t.release): t for t in simulated}
-    rows = measured.dropna(subset=["t_s", "x_m", "y_m", "theta_rad"])
+    rows = measured.dropna(subset=["t_s", *POSE_NAMES])
     pairs = []
     for key, own in rows.groupby(["block", "release"], sort=False):
         block, release = cast(tuple[str, int], key)

@@ -35,7 +35,7 @@ from rock2d.kinematics.rest_poses import (
     heights_and_angles,
     still_poses,
 )
-from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
+from rock2d.kinematics.window_gravity import GRAVITY_RATIO
 from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
@@ -54,9 +54,9 @@ TELLING_HARMONICS = (1, 3)  # indices of the second and the fourth harmonic
 FEWEST_SHAPE_IMPACTS = 20  # fewest impacts of a block
 MOST_IMPACT_FRAMES = 40  # most frames of an impact; longer contacts are rolling or sliding
 # least amplitude in block radii (half of that of a square stated as its circumscribed circle), and in standard errors
-LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
+LEAST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
 LARGEST_CONDITION = 1.0e3
-LARGEST_DEVIATION = 6.0  # distance of a depth from the median, in median deviations
+OUTLYING_DEPTH_MADS = 6.0  # distance of a depth from the median, in median deviations
 
 
 @dataclass(frozen=True)
@@ -277,7 +277,7 @@ class FilmFindings:
         size = Measured(100.0 * abs(ratio.value - 1.0), 100.0 * ratio.error)
         if self.off:
             way = "long" if ratio.value > 1.0 else "short"
-            near = LEAST_RATIO < ratio.value < LARGEST_RATIO
+            near = GRAVITY_RATIO[0] < ratio.value < GRAVITY_RATIO[1]
             carried = "" if near else ". Did the block fly there, or did something carry it?"
             return (
                 f"{{{', '.join(SCALE_OR_RATE)}}}: {with_error(size, ' %')}. {found}, stated {self.stated_m_s2:g}: "
@@ -437,7 +437,7 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
 def _depends(depth: Array, angle: Array) -> bool:
     """Whether the second or fourth harmonic of the depth is large and significant."""
     off = np.abs(depth - np.median(depth))
-    use = off <= LARGEST_DEVIATION * np.median(off)
+    use = off <= OUTLYING_DEPTH_MADS * np.median(off)
     waves = [wave(n * angle[use]) for n in HARMONICS for wave in (np.cos, np.sin)]
     design = np.column_stack([np.ones(use.sum()), *waves])
     freedom = len(design) - design.shape[1]
@@ -447,5 +447,5 @@ def _depends(depth: Array, angle: Array) -> bool:
     variance = ((depth[use] - design @ fitted) ** 2).sum() / freedom
     error = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))[1:].reshape(-1, 2).max(axis=1)
     amplitude = np.hypot(*fitted[1:].reshape(-1, 2).T)
-    clear = (amplitude > LARGEST_AMPLITUDE_RADII) & (amplitude > CLEAR_AMPLITUDE * error)
+    clear = (amplitude > LEAST_AMPLITUDE_RADII) & (amplitude > CLEAR_AMPLITUDE * error)
     return bool(clear[list(TELLING_HARMONICS)].any())

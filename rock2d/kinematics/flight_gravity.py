@@ -23,11 +23,11 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
-from rock2d.kinematics.window_gravity import AGREEING_SPREAD, CLEAR_CURVATURE, LARGEST_RATIO, LEAST_RATIO, STEEP
+from rock2d.kinematics.window_gravity import AGREEING_SPREAD, CLEAR_CURVATURE, GRAVITY_RATIO, LEAST_FALL_SLOPE
 from rock2d.records.columns import POSITION, X, Y
 from rock2d.statistics import NORMAL_95, student, weighted_median
 
-PARABOLA = 3  # polynomials of a parabola
+PARABOLA_TERMS = 3  # polynomials of a parabola
 SLOW_DEGREES = 2  # largest number of polynomials of the next higher degrees
 VARIANCE_ROUNDS = 5  # most iterations of the estimate of σ and τ
 CONVERGED_VARIANCE = 0.01  # relative change of the variances at which the iteration ends
@@ -108,14 +108,14 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     weight = np.zeros(len(used))
     gravity, weight[used] = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
-    bends, means = _bends_and_means(paths)
-    smeared = film.smear_offset_s * bends
+    smear, drag = _smear_and_drag_responses(paths)
+    smeared = film.smear_offset_s * smear
     shared = abs(float(weight @ smeared))  # equal in all flights
     each, each_error = _along(every, down)
     return FlightGravity(
         Measured(gravity.value, float(np.hypot(gravity.error, shared))),
         Measured(tilt.value, float(np.hypot(tilt.error, shared / np.hypot(*mean)))),
-        used, each, np.hypot(each_error, smeared), weight, means,
+        used, each, np.hypot(each_error, smeared), weight, drag,
         fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
@@ -174,7 +174,7 @@ def _fitted(paths: list[_Path]) -> _Fits:
         variance, jitter = _variances(flights, variance, jitter)
         if np.allclose([variance, jitter], known, rtol=CONVERGED_VARIANCE, atol=0.0):
             break
-    freedom = float(sum(2 * len(p.t_s) - 2 * PARABOLA for p in paths) - 1 - (jitter > 0))
+    freedom = float(sum(2 * len(p.t_s) - 2 * PARABOLA_TERMS for p in paths) - 1 - (jitter > 0))
     squares, slow_squares, slow_count = (
         sum(values)
         for values in zip(
@@ -185,8 +185,8 @@ def _fitted(paths: list[_Path]) -> _Fits:
     if _significant(slow_squares, slow_count, squares - slow_squares, freedom - slow_count):
         factor, freedom, slow = slow_squares / slow_count, float(slow_count), True
     half = np.array([np.ptp(p.t_s) / 2 for p in paths])
-    c = np.array([own.coefficients for own in flights]).reshape(-1, 2, PARABOLA)
-    covariance = np.array([own.covariance[2::PARABOLA, 2::PARABOLA] for own in flights]).reshape(-1, 2, 2)
+    c = np.array([own.coefficients for own in flights]).reshape(-1, 2, PARABOLA_TERMS)
+    covariance = np.array([own.covariance[2::PARABOLA_TERMS, 2::PARABOLA_TERMS] for own in flights]).reshape(-1, 2, 2)
     return _Fits(
         2 * c[:, :, 2] / half[:, None] ** 2,
         factor * covariance * (2 / half**2)[:, None, None] ** 2,
@@ -210,9 +210,9 @@ def _whitened(path: _Path, variance: float, jitter: float, before: Array | None)
     velocity = (before[:, 1:2] + 2 * before[:, 2:] * s).T / (np.ptp(path.t_s) / 2)
     speed = np.hypot(*velocity.T)
     ahead = np.divide(velocity, speed[:, None], out=np.tile([1.0, 0.0], (n, 1)), where=speed[:, None] > 0)
-    slow = int(np.clip((n - PARABOLA) // 2, 0, SLOW_DEGREES))
-    powers = np.polynomial.legendre.legvander(s, PARABOLA - 1 + slow)
-    powers[:, :PARABOLA] = np.vander(s, PARABOLA, increasing=True)
+    slow = int(np.clip((n - PARABOLA_TERMS) // 2, 0, SLOW_DEGREES))
+    powers = np.polynomial.legendre.legvander(s, PARABOLA_TERMS - 1 + slow)
+    powers[:, :PARABOLA_TERMS] = np.vander(s, PARABOLA_TERMS, increasing=True)
     axes = np.stack([ahead, np.column_stack([-ahead[:, Y], ahead[:, X]])])  # along and across
     sd = np.sqrt([variance + jitter * speed**2, np.full(n, variance)])
 
@@ -221,15 +221,15 @@ def _whitened(path: _Path, variance: float, jitter: float, before: Array | None)
         sides = [np.hstack([axis[:, c : c + 1] * columns for c in (X, Y)]) for axis in axes]
         return np.concatenate([side / own[:, None] for side, own in zip(sides, sd, strict=True)])
 
-    design = rows(powers[:, :PARABOLA])
+    design = rows(powers[:, :PARABOLA_TERMS])
     seen = np.concatenate([(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)])
-    q, r = np.linalg.qr(np.hstack([design, rows(powers[:, PARABOLA:])]))
-    fit = 2 * PARABOLA
+    q, r = np.linalg.qr(np.hstack([design, rows(powers[:, PARABOLA_TERMS:])]))
+    fit = 2 * PARABOLA_TERMS
     inverse = np.linalg.inv(r[:fit, :fit])
     projected = q.T @ seen
     residual = seen - q[:, :fit] @ projected[:fit]
     return _Whitened(
-        (inverse @ projected[:fit]).reshape(2, PARABOLA), inverse @ inverse.T, residual.reshape(2, n) * sd,
+        (inverse @ projected[:fit]).reshape(2, PARABOLA_TERMS), inverse @ inverse.T, residual.reshape(2, n) * sd,
         1.0 - (q[:, :fit] ** 2).sum(axis=1).reshape(2, n), speed, float(residual @ residual),
         float((projected[fit:] ** 2).sum()), 2 * slow,
     )  # fmt: skip
@@ -282,17 +282,17 @@ def _are_falls(fits: _Fits, stated_m_s2: float) -> Array:
     bend = np.abs(vx * ay - vy * ax) / np.maximum(np.hypot(vx, vy), 1e-12)
     expected = stated_m_s2 * np.abs(vx) / np.maximum(np.hypot(vx, vy), 1e-12)
     testable = expected > 2.0 * CLEAR_CURVATURE * error
-    steep = (stated_m_s2 > 2.0 * CLEAR_CURVATURE * error) & (np.abs(vy) > STEEP * np.abs(vx)) & ~testable
+    steep = (stated_m_s2 > 2.0 * CLEAR_CURVATURE * error) & (np.abs(vy) > LEAST_FALL_SLOPE * np.abs(vx)) & ~testable
     blurred = ~testable & ~steep
     clear = steep | (testable & (bend > CLEAR_CURVATURE * error))
-    near = clear & (size > LEAST_RATIO * stated_m_s2) & (size < LARGEST_RATIO * stated_m_s2)
+    near = clear & (size > GRAVITY_RATIO[0] * stated_m_s2) & (size < GRAVITY_RATIO[1] * stated_m_s2)
     own = (near if near.any() else clear) | blurred
     if not own.any():
         return own
     middle = weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
     used = own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
     together = CLEAR_CURVATURE * float((error[used] ** -2.0).sum()) ** -0.5 < middle if used.any() else False
-    possible = clear.any() or LEAST_RATIO * stated_m_s2 < middle < LARGEST_RATIO * stated_m_s2
+    possible = clear.any() or GRAVITY_RATIO[0] * stated_m_s2 < middle < GRAVITY_RATIO[1] * stated_m_s2
     return used & bool(together and possible)
 
 
@@ -333,16 +333,16 @@ def _combined(values: Array, errors: Array) -> _Mean:
     return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0)
 
 
-def _bends_and_means(paths: list[_Path]) -> tuple[Array, Array]:
+def _smear_and_drag_responses(paths: list[_Path]) -> tuple[Array, Array]:
     """(m,) apparent acceleration of each flight in 1/s, per second of an offset that is proportional to the speed; and
     (m, 2) `FlightGravity.speed_velocity`: a force that changes within a flight enters the fit of the parabola with the
     weight (1 - s²)², with the time s from -1 to 1."""
-    bends, means = np.zeros(len(paths)), np.zeros((len(paths), 2))
+    smear, drag = np.zeros(len(paths)), np.zeros((len(paths), 2))
     for i, path in enumerate(paths):
         s, half = _own_time(path.t_s), np.ptp(path.t_s) / 2
         c = np.polynomial.polynomial.polyfit(s, path.position, 2)
         rate = c[1] + 2 * c[2] * s[:, None]
-        bends[i] = 2 * np.polynomial.polynomial.polyfit(s, np.hypot(*rate.T) / half, 2)[2] / half**2
+        smear[i] = 2 * np.polynomial.polynomial.polyfit(s, np.hypot(*rate.T) / half, 2)[2] / half**2
         velocity, weight = rate / half, np.maximum(1.0 - s**2, 0.0) ** 2
-        means[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
-    return bends, means
+        drag[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
+    return smear, drag

@@ -16,7 +16,7 @@ from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film, Flights, block_clearances, clearances
 from rock2d.kinematics.states import Basis, States, move_freely
-from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION, STATE_NAMES
+from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION, RATES, STATE_NAMES, after
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
@@ -24,7 +24,7 @@ START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation
 COMPARISON_WINDOW = 2.0  # length of the compared part of the flight after an impact, in √(radius / g)
 NEAR_RADII = 0.5  # clearance in block radii below which the ground may have acted
 SEARCHED_INSTANTS = 33  # instants between two flights at which clearances are computed
-AFTER_COLUMNS = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
+AFTER_COLUMNS = tuple(map(after, STATE_NAMES[RATES]))
 VELOCITY_AFTER, SPIN_AFTER = slice(0, 2), 2  # columns of `ImpactTable.after`
 
 
@@ -209,19 +209,18 @@ class ImpactTable:
         """Impacts of an experiment with an impact table; rows without a state after are left out."""
         table = experiment.impacts
         assert table is not None
-        columns, after = list(STATE_NAMES), list(AFTER_COLUMNS)
-        table = table.dropna(subset=[*columns, *after]).sort_values("release", kind="stable")
+        table = table.dropna(subset=[*STATE_NAMES, *AFTER_COLUMNS]).sort_values("release", kind="stable")
         names = list(experiment.blocks)
         releases, index = np.unique(table["release"].to_numpy(), return_inverse=True)
         block = table["block"].map({name: i for i, name in enumerate(names)}).to_numpy(np.int64)
         first = np.searchsorted(index, np.arange(len(releases)))
-        before = table[columns].to_numpy(float)
+        before = table[list(STATE_NAMES)].to_numpy(float)
         cross_section = experiment.cross_section
         facet = nearest_facets(before[:, POSITION], cross_section.points_m)
         order = release_order(block[first]).astype(float)
         return cls(
-            before, table[after].to_numpy(float), block, cross_section.zone_ids[facet], cross_section.tangents[facet],
-            index, order[index], order,
+            before, table[list(AFTER_COLUMNS)].to_numpy(float), block, cross_section.zone_ids[facet],
+            cross_section.tangents[facet], index, order[index], order,
         )  # fmt: skip
 
     @property

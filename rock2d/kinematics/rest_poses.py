@@ -22,9 +22,9 @@ from rock2d.statistics import MAD_TO_SD
 REST_FRAMES = 10  # number of last frames of a release in which a block at rest does not move
 STILL_SDS = 8.0  # largest range of their positions, in standard deviations of the noise
 FARTHEST_RADII = 2.0  # largest distance from the ground of a block that lies on it, in radii
-STEEPEST_RAD = np.deg2rad(10.0)  # largest angle between a side on which a block lies and the ground
+STEEPEST_SIDE_RAD = np.deg2rad(10.0)  # largest angle between a side on which a block lies and the ground
 FEWEST_RESTS = 5  # fewest rests of a block
-LARGEST_DEVIATION = 5.0  # distance of a rest from the trend of its block along x, in robust standard deviations
+OUTLYING_REST_SDS = 5.0  # distance of a rest from the trend of its block along x, in robust standard deviations
 # 1 sigma of what all rests of a block share: the accuracy of its size, and the depth to which it sinks into the ground,
 # in radii; the accuracy of its sides, and hills of the ground, in rad
 SHARED_HEIGHT_RADII, SHARED_ANGLE_RAD = 0.02, 0.005
@@ -51,7 +51,7 @@ class RestPoses:
         release, block, pose = still_poses(film, world)
         lies = heights_and_angles(world, block, pose)
         radius = world.radii_m[block]
-        keep = (np.abs(lies[:, 0]) < FARTHEST_RADII * radius) & (np.abs(lies[:, 1]) < STEEPEST_RAD)
+        keep = (np.abs(lies[:, 0]) < FARTHEST_RADII * radius) & (np.abs(lies[:, 1]) < STEEPEST_SIDE_RAD)
         sd = np.tile(film.noise[[Y, THETA]], (len(block), 1)) / np.sqrt(REST_FRAMES)
         for b in range(len(world.blocks)):
             own = keep & (block == b)
@@ -60,7 +60,7 @@ class RestPoses:
                 continue
             away = np.abs(_without_trend(pose[own, X], lies[own]))
             sd[own] = np.maximum(MAD_TO_SD * np.median(away, axis=0), sd[own])
-            keep[own] = (away < LARGEST_DEVIATION * sd[own]).all(axis=1)
+            keep[own] = (away < OUTLYING_REST_SDS * sd[own]).all(axis=1)
         return cls(release[keep], block[keep], pose[keep], sd[keep])
 
     def __len__(self) -> int:
@@ -131,7 +131,7 @@ def heights_and_angles(world: World, block: Array, pose: Array) -> Array:
         own = block == b
         turn = true[own, THETA] - np.arctan2(along[own, Y], along[own, X])
         if shape.smooth:
-            found[own, 0] = distance[own] - shape.lowest_reach(turn)
+            found[own, 0] = distance[own] - shape.height_above_lowest_point_m(turn)
         else:
             reach, angle = _lowest_side(shape, turn)
             found[own] = np.column_stack([distance[own] - reach, angle])

@@ -25,7 +25,7 @@ from rock2d.kinematics.registration import (
     share_below_ground,
 )
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO, window_gravity
+from rock2d.kinematics.window_gravity import GRAVITY_RATIO, window_gravity
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.scene.world import View, World
 
@@ -220,7 +220,7 @@ def _check_recorded_gravity(experiment: Experiment, gravity: Array | None, found
         f"blocks in flight accelerate by {np.hypot(*gravity):.3g} m/s², gravity is {experiment.gravity_m_s2:g}: "
         f"lengths would be wrong by a factor {ratio:.3g}, or the frame rate by {ratio**-0.5:.3g}"
     )
-    if not LEAST_RATIO < ratio < LARGEST_RATIO:
+    if not GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1]:
         found.fail(WRONG_GRAVITY, said)
     elif abs(ratio - 1.0) > REMARKABLE_GRAVITY:
         found.remarks.append(said)

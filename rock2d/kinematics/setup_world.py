@@ -24,8 +24,8 @@ def base_start(experiment: Experiment) -> Array:
 
     With lengths in units of the block's size L and times in units of √(L / g), stiffness scales with m g / L; the
     rolling stiffness with m g L."""
-    size = float(np.mean([b.size_m for b in experiment.blocks.values()]))
-    mass = float(np.mean([b.mass_kg for b in experiment.blocks.values()]))
+    world = setup_world(experiment)
+    size, mass = world.mean_size_m, world.fitted_mass_kg
     weight = mass / TABLE_MASS_KG * experiment.gravity_m_s2 / 9.81
     scale = np.array(
         [weight * TABLE_SIZE_M / size, 1.0, weight * TABLE_SIZE_M / size, 1.0, weight * size / TABLE_SIZE_M]

@@ -18,9 +18,9 @@ UNBIASED_CURVATURE = 12.0  # curvature in standard errors at which the selection
 FEWEST_FALLING_RELEASES = 3  # fewest releases whose accelerations agree
 AGREEING_SPREAD = 0.1  # largest relative spread of the accelerations of free flights
 FREE_FALL_SPREAD = 0.03  # the same if noise hides the stated gravity
-STEEP = 5.0  # steepness of a path, down over along; no ground is so steep
+LEAST_FALL_SLOPE = 5.0  # steepness of a path, down over along; no ground is so steep
 # ratio of recorded to stated gravity in a film whose lengths and times may be right
-LEAST_RATIO, LARGEST_RATIO = 0.6, 1.6
+GRAVITY_RATIO = (0.6, 1.6)
 
 
 class _Falls(NamedTuple):
@@ -105,7 +105,7 @@ def _falls(film: Film, window: int) -> _Falls:
     error = 2 * film.noise[Y] / np.sqrt((square**2).sum(axis=1))
     rough = np.sqrt(((path - fitted) ** 2).mean(axis=1)) / film.noise[POSITION]
     bend = np.abs(v[:, X] * a[:, Y] - v[:, Y] * a[:, X]) / np.maximum(np.hypot(*v.T), 1e-12)
-    steep = np.abs(v[:, Y]) > STEEP * np.abs(v[:, X])
+    steep = np.abs(v[:, Y]) > LEAST_FALL_SLOPE * np.abs(v[:, X])
     curved = (bend > CLEAR_CURVATURE * error) | steep
     use = (rough.max(axis=1) < 1.4) & curved & (np.abs(a[:, Y]) > CLEAR_CURVATURE * error)
     return _Falls(a[use], error[use], film.release[start[use]])

@@ -8,6 +8,7 @@ X, Y, THETA, VX, VY, OMEGA = range(len(STATE_NAMES))
 N_STATE = len(STATE_NAMES)
 N_POSE = THETA + 1  # x, y, theta: the first columns of a state
 POSITION, POSE = slice(X, THETA), slice(X, VX)
+POSE_NAMES = STATE_NAMES[POSE]
 LINEAR_VELOCITY, RATES = slice(VX, OMEGA), slice(VX, OMEGA + 1)
 
 

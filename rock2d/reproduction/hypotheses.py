@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.reproduction import published
 from rock2d.reproduction.published import BLOCKS, CREST_M, DROP_M, GRAVITY_M_S2, HEIGHT_M, LINES
 from rock2d.scene.blocks import Block
@@ -107,16 +108,16 @@ def incident_distributions(values: Values, block: Block) -> IncidentDistribution
     spread = values["drop_spread_m"]
     offset = 1.02 * block.radius_m + 3.0 * spread * s  # distance from the slope: blocks must not start inside it
     mean, sd = np.zeros((len(slope), 6)), np.zeros((len(slope), 6))
-    mean[:, 0] = -values["drop_up_slope_m"] * c + offset * s
-    mean[:, 1] = values["drop_up_slope_m"] * s + offset * c
-    mean[:, 3], mean[:, 4] = along * c + across * s, across * c - along * s
-    mean[:, 5] = omega
-    sd[:, 0] = spread
-    sd[:, 3] = sd[:, 4] = own["speed_spread"] * np.hypot(along, across)
-    sd[:, 5] = own["spin_spread_rad_s"]
+    mean[:, X] = -values["drop_up_slope_m"] * c + offset * s
+    mean[:, Y] = values["drop_up_slope_m"] * s + offset * c
+    mean[:, VX], mean[:, VY] = along * c + across * s, across * c - along * s
+    mean[:, OMEGA] = omega
+    sd[:, X] = spread
+    sd[:, VX] = sd[:, VY] = own["speed_spread"] * np.hypot(along, across)
+    sd[:, OMEGA] = own["spin_spread_rad_s"]
     if "orientation" in own:
         period = 0.5 * np.pi if block.shape == "square" else np.pi
-        mean[:, 2], sd[:, 2] = own["orientation"] * period, np.radians(own["orientation_spread_deg"])
+        mean[:, THETA], sd[:, THETA] = own["orientation"] * period, np.radians(own["orientation_spread_deg"])
     inertia = block.inertia_kg_m2 / block.mass_kg
     possible = along**2 + across**2 + inertia * omega**2 <= speed**2
     return IncidentDistributions(mean, sd, possible)

@@ -9,7 +9,7 @@ from scipy.special import gammaln, logsumexp, xlogy
 
 from rock2d.arrays import Array
 from rock2d.reproduction import published
-from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
+from rock2d.reproduction.outcomes import DITCH_ID, FACING_ID, Outcome
 
 
 def log_counts(simulated: Array, filmed: Array) -> Array:
@@ -56,14 +56,14 @@ def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
     n = outcome.first_zone.shape[1]
     of = published.RELEASES
     if block == "sphere":
-        likely = _log_between(outcome.first_in(DITCH_ZONE), n, published.SPHERE_IN_DITCH, of)
+        likely = _log_between(outcome.first_in(DITCH_ID), n, published.SPHERE_IN_DITCH, of)
     else:
-        arrived = _log_between(outcome.first_in(DITCH_ZONE) + outcome.first_in(FACING_ZONE), n, of, of)
+        arrived = _log_between(outcome.first_in(DITCH_ID) + outcome.first_in(FACING_ID), n, of, of)
     if block == "cube":
-        likely = arrived + _log_between(outcome.first_in(FACING_ZONE), n, *published.CUBE_ON_FACING)
+        likely = arrived + _log_between(outcome.first_in(FACING_ID), n, *published.CUBE_ON_FACING)
     elif block == "parallelepiped":
-        likely = arrived + _log_between(outcome.first_in(FACING_ZONE), n, published.PARALLELEPIPED_ON_FACING, of)
-        on_facing = outcome.first_zone == FACING_ZONE
+        likely = arrived + _log_between(outcome.first_in(FACING_ID), n, published.PARALLELEPIPED_ON_FACING, of)
+        on_facing = outcome.first_zone == FACING_ID
         angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(on_facing.sum(axis=1), 1)
         beyond = np.maximum(angle - published.OFF_NORMAL_DEG, 0.0) / published.OFF_NORMAL_SD_DEG
         likely = likely - 0.5 * beyond**2

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from rock2d.arrays import Array
+from rock2d.calibration.sequential_monte_carlo import resampled
 from rock2d.reproduction import published
 from rock2d.reproduction.calibrations import (
     CANDIDATES,
@@ -121,8 +122,7 @@ def _resampled_for_sphere(values: Values, effort: Effort, seed: np.random.SeedSe
     draws = standard_normal_draws(_releases(effort), draw_seed)["sphere"]
     likely = passing_log_likelihood(probabilistic_outcome(many, "sphere", draws), "sphere")
     weight = np.exp(likely - likely.max())
-    at = (rng.random() + np.arange(count)) / count
-    kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1)
+    kept = resampled(weight, count, rng)
     return {name: v[kept] for name, v in many.items()}
 
 

@@ -22,14 +22,15 @@ from rock2d.reproduction.hypotheses import (
     table_4,
 )
 from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
+from rock2d.runs.campaigns.ensembles import distinct
 from rock2d.scene.world import World
 
 RELEASES_PER_CALL = 40_000  # of the batch engine
 TIME_LIMIT_S = 3.0
 SHARE_PAST_SLOPE = 0.5  # least share of the releases of a hypothesis that must not touch the slope again
-SLOPE_ZONE = ZONES.index("slope")
-FACING_ZONE = ZONES.index("uphill_face")
-DITCH_ZONE = ZONES.index("ditch")
+SLOPE_ID = ZONES.index("slope")
+FACING_ID = ZONES.index("uphill_face")
+DITCH_ID = ZONES.index("ditch")
 
 WorldChange = Callable[[World, int], World]  # world of hypothesis i -> the world to simulate
 
@@ -145,9 +146,7 @@ def _worlds(values: Values, hypotheses: Array, change: WorldChange | None) -> li
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
     """Simulate releases `states` (k, n, 6) of one block, n in each of k worlds."""
-    blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
-    of_world = {id(b): i for i, b in enumerate(blocks)}
-    block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
+    blocks, block_ids = distinct([world.blocks[block] for world in worlds])
     ids = np.repeat(np.arange(len(worlds)), states.shape[1])
     ensemble = Ensemble(blocks, [world.cross_section for world in worlds], [world.contact[0] for world in worlds])
     return run_batch(
@@ -198,7 +197,7 @@ def _chunks(hypotheses: Array, releases: int) -> list[Array]:
 
 def _past_slope(zones: Array, n: int) -> Array:
     """(k,) whether at least SHARE_PAST_SLOPE of the n releases of each hypothesis do not touch the slope first."""
-    return np.asarray((zones.reshape(-1, n) == SLOPE_ZONE).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
+    return np.asarray((zones.reshape(-1, n) == SLOPE_ID).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
 
 
 def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:

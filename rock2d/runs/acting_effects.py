@@ -16,7 +16,7 @@ from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.files.diagnosis_keys import fitted_scale
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
-from rock2d.records.columns import N_POSE, OMEGA, STATE_NAMES, THETA, VX, VY
+from rock2d.records.columns import OMEGA, POSE_NAMES, THETA, VX, VY
 from rock2d.scene.blocks import Block, poses_at
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.rough_ground import Roughness
@@ -151,7 +151,7 @@ def true_film(scenario: Scenario) -> Experiment:
     world = World(film.blocks, film.cross_section, np.empty((1, 0, 0)), film.gravity_m_s2)
     for name in errors:
         world = catalogue()[name].apply(world, diagnosed.model.values(name))
-    view, rows, poses = world.view, film.trajectories, list(STATE_NAMES[:N_POSE])
+    view, rows, poses = world.view, film.trajectories, list(POSE_NAMES)
     pose = view.true(rows[poses].to_numpy(float))
     true = rows.assign(t_s=rows["t_s"] * view.time_scale, **dict(zip(poses, pose.T, strict=True)))
     noise_m = film.position_noise_m / float(view.scales.mean())

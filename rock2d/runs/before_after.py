@@ -20,7 +20,7 @@ from rock2d.statistics import DESIGN_PERCENTILE, percentile_estimate
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_RELEASES = 10_000  # largest number of releases of each block with each model
+MOST_COMPARED_RELEASES = 10_000  # largest number of releases of each block with each model
 COLUMNS_OF_SHARE = {
     "frequency": ("frequency", "low95", "high95"),
     "per_arriving": ("per_arriving", "per_arriving_low95", "per_arriving_high95"),
@@ -60,11 +60,11 @@ def diagnosed_models(scenario: Scenario, engine: str) -> list[Model]:
 
 def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:
     """MODEL_COLUMNS: passing frequencies and 95th percentiles of energy and height of each block at each line with each
-    model, of at most MOST_RELEASES of each block, or of as many as were filmed. Releases of all models have the
-    same random numbers. The batch engine replaces pymunk."""
+    model, of at most MOST_COMPARED_RELEASES of each block, or of as many as were filmed. Releases of all models have
+    the same random numbers. The batch engine replaces pymunk."""
     import pandas as pd
 
-    rows = [row for model in models for row in _rows(model, seed, min(releases, MOST_RELEASES))]
+    rows = [row for model in models for row in _rows(model, seed, min(releases, MOST_COMPARED_RELEASES))]
     table = pd.DataFrame(rows, columns=list(MODEL_COLUMNS))
     order = {name: i for i, name in enumerate(dict.fromkeys(zip(table["block"], table["line"], strict=True)))}
     place = [order[key] for key in zip(table["block"], table["line"], strict=True)]

@@ -166,7 +166,9 @@ class Conditions:
         common = self.common[block]
         if not self.vary:
             return [common]
-        u = drawn_in_groups(self._uniform, self.seed, SCATTER_STREAM, block, first, stop).clip(1e-9, 1 - 1e-9)
+        shape = DRAW_GROUP, DRAWS_OF_A_BLOCK + len(self.scenario.scatter)
+        u = drawn_in_groups(lambda rng: rng.uniform(size=shape), self.seed, SCATTER_STREAM, block, first, stop)
+        u = u.clip(1e-9, 1 - 1e-9)
         return [self._condition(common, block, first + i, row) for i, row in enumerate(u)]
 
     def check_starts(self, count: int) -> None:
@@ -212,7 +214,7 @@ class Conditions:
         return found | {zone: keys.make() for zone, keys in self.scenario.roughness.items()}
 
     @cached_property
-    def _rough(self) -> list[dict[str, Roughness]]:
+    def _roughness_of_blocks(self) -> list[dict[str, Roughness]]:
         """For each block, zone -> roughness. The slope reduction of the rebound law represents the same obstacles: a
         zone that has one has no roughness."""
         if engine_named(self.engine).law != "probabilistic" or not self._roughness:
@@ -227,25 +229,19 @@ class Conditions:
             for by_block in laws
         ]
 
-    def _uniform(self, stream: np.random.Generator) -> Array:
-        return stream.uniform(size=(DRAW_GROUP, DRAWS_OF_A_BLOCK + len(self.scenario.scatter)))
-
     def _condition(self, common: Condition, block: int, release: int, u: Array) -> Condition:
         scenario, name, stated = self.scenario, common.block.name, self.blocks[block]
         drawn, own_block, parameters = {}, stated, common.parameters
         if name in scenario.populations:
             own_block = scenario.populations[name].block(name, u[:DRAWS_OF_A_BLOCK])
             drawn = {"size_m": own_block.size_m, "mass_kg": own_block.mass_kg}
-        if scenario.scatter:
-            values = self._values(name, u[DRAWS_OF_A_BLOCK:])
-            drawn |= values
-        else:
-            values = {}
+        values = self._values(name, u[DRAWS_OF_A_BLOCK:])
+        drawn |= values
         if values or own_block is not stated:
             own_block, parameters = self._with_values(own_block, values, release)
         else:
             own_block = common.block
-        ground = self._ground(block, release) if self._rough[block] else common.cross_section
+        ground = self._ground(block, release) if self._roughness_of_blocks[block] else common.cross_section
         return Condition(own_block, ground, parameters, drawn)
 
     @cached_property
@@ -282,7 +278,7 @@ class Conditions:
     def _ground(self, block: int, release: int) -> CrossSection:
         stream = np.random.SeedSequence(self.seed, spawn_key=(ROUGHNESS_STREAM, block, release))
         try:
-            return roughened(self.cross_section, self._rough[block], np.random.default_rng(stream))
+            return roughened(self.cross_section, self._roughness_of_blocks[block], np.random.default_rng(stream))
         except CrossSectionError:
             message = f"too rough: the surface of release {release} crosses itself"
             raise self.scenario.error(message, "roughness", at="key", code="bad_cross_section") from None

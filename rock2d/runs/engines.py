@@ -108,7 +108,7 @@ def _point_mass_ensemble(job: Job, group: Group) -> Outcome:
     return point_mass_outcome(job, group)
 
 
-_ALL = (
+_ENGINES = (
     Engine("pymunk", "deterministic", _pymunk_track, many_processes=True, audits_energy=True, writing_work=0.3),
     Engine("batch", "deterministic", _batch_track, _batch_ensemble, audits_energy=True, keeps_samples=True),
     Engine(
@@ -121,5 +121,5 @@ _ALL = (
         one_thread_per_chunk=True,
     ),
 )
-ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})
+ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ENGINES})
 SAME_LAW = {"pymunk": "batch"}  # the compiled engine of the same law

@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.files.experiment import seen_frames
+from rock2d.records.columns import POSE_NAMES
 from rock2d.runs.acting_effects import true_film
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -85,7 +86,7 @@ def measured_states(scenario: Scenario, seed: int, releases: int | None = None) 
             continue
         own_seed = int(seeds[name][counts[name]])
         counts[name] += 1
-        frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
+        frames = film[["t_s", *POSE_NAMES]].to_numpy(float)[: source.frames]
         sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
         state, used = fit_first_flight(frames, blocks[name], cross_section, experiment.gravity_m_s2, sigma)
         out.append(IncidentState(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))

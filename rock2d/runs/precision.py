@@ -11,7 +11,7 @@ from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.statistics import wilson_interval
 
-MOST_RELEASES = 1_000_000  # of each block
+MOST_RELEASES_FOR_PRECISION = 1_000_000  # of each block
 LARGEST_STEP = 10.0  # largest factor by which the number of releases grows at once
 
 
@@ -22,7 +22,7 @@ def releases_for(
     frequency, as a share of the released blocks, is at most `half_width`.
 
     Releases are simulated until the precision is reached. Raises InputError if the scenario has no measure line, or if
-    MOST_RELEASES are not enough."""
+    MOST_RELEASES_FOR_PRECISION are not enough."""
     job = crossings_job(scenario, engine, seed)
     if not job.cross_section.measure_lines:
         raise scenario.error(
@@ -47,9 +47,9 @@ def releases_for(
             )
             if widest <= half_width:
                 return done
-            if done >= MOST_RELEASES:
+            if done >= MOST_RELEASES_FOR_PRECISION:
                 raise InputError(
                     f"with {done} releases of each block, the half-width of an interval is still {100 * widest:.2g} %"
                 )
             wanted = math.ceil(done * min(1.05 * (widest / half_width) ** 2, LARGEST_STEP))
-            wanted = min(max(wanted, done + 1), MOST_RELEASES)
+            wanted = min(max(wanted, done + 1), MOST_RELEASES_FOR_PRECISION)

@@ -15,9 +15,9 @@ from rock2d.statistics import DESIGN_PERCENTILE, least_count
 if TYPE_CHECKING:
     import pandas as pd
 
-FEWEST_LEFT = 0.5  # least share of the releases of a block that leave their source without a remark
-LARGEST_UNRESOLVED = 0.01  # largest share of unresolved releases of a block without a remark
-REASONS = {
+LEAST_LEAVING_SHARE = 0.5  # least share of the releases of a block that leave their source without a remark
+LARGEST_UNRESOLVED_SHARE = 0.01  # largest share of unresolved releases of a block without a remark
+REASON_OF_STOP = {
     "time": "ran out of time (time_limit_s is {time_limit_s:.3g})",
     "impacts": "reached the limit of impacts",
     "buried": "sank into the ground of {zones} (too soft for the law; choose a stiffer soil there: model.soils)",
@@ -39,10 +39,10 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
         counts = stop_counts(tables["stops"])
         for block, by_stop in counts.iterrows():
             cut = {stop: int(by_stop.get(stop, 0)) for stop in UNRESOLVED_STOPS}
-            if sum(cut.values()) > LARGEST_UNRESOLVED * by_stop.sum():
+            if sum(cut.values()) > LARGEST_UNRESOLVED_SHARE * by_stop.sum():
                 ends = tables["stops"].query("block == @block")
                 why = " and ".join(
-                    f"{n} {REASONS[stop].format(time_limit_s=time_limit_s, zones=_zones(ends, stop))}"
+                    f"{n} {REASON_OF_STOP[stop].format(time_limit_s=time_limit_s, zones=_zones(ends, stop))}"
                     for stop, n in cut.items()
                     if n
                 )
@@ -51,7 +51,7 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
         passing = tables["passing"]
         for block, at_lines in passing.groupby("block", sort=False):
             unresolved, releases = at_lines["unresolved"].max(), at_lines["releases"].iloc[0]
-            if unresolved > LARGEST_UNRESOLVED * releases:
+            if unresolved > LARGEST_UNRESOLVED_SHARE * releases:
                 why = f"{unresolved} were cut short (time_limit_s is {time_limit_s:.3g}) or buried"
                 remarks.append(f"NOT RESOLVED: of {releases} releases of {block} {why}")
     return remarks
@@ -76,7 +76,7 @@ def source_remarks(tables: Mapping[str, Any]) -> list[str]:
         f"{row.releases - row.left_source:.0f} of {row.releases} releases of {row.block} stay where they start: use "
         "the shares of the arriving blocks, or let blocks start where the slope is steeper (incident)"
         for row in tables["passing"].drop_duplicates("block").itertuples()
-        if row.left_source < FEWEST_LEFT * row.releases
+        if row.left_source < LEAST_LEAVING_SHARE * row.releases
     ]
 
 

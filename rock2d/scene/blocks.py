@@ -133,7 +133,7 @@ class Block:
         angle = np.linspace(0.0, 2 * np.pi, points, endpoint=False)
         return np.column_stack([self.semi_axes_m[0] * np.cos(angle), self.semi_axes_m[1] * np.sin(angle)])
 
-    def lowest_reach(self, theta_rad: Array) -> Array:
+    def height_above_lowest_point_m(self, theta_rad: Array) -> Array:
         """Height in m of the centroid above the lowest point of the block, at orientations `theta_rad` (any shape)."""
         theta = np.asarray(theta_rad, float)
         if self.smooth:

@@ -16,16 +16,16 @@ USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
 POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium
 USUAL_LENGTH_M, LARGEST_LENGTH_M = (0.2, 5000.0), 50_000.0  # of a cross-section
 LARGEST_RELIEF_M = 9000.0
-LARGEST_BLOCK, SMALLEST_BLOCK = 0.2, 2e-4  # size of a block as a share of the extent of the site
-NARROWEST_CREST = 0.5  # in sizes of the block
+LARGEST_BLOCK_SHARE, SMALLEST_BLOCK_SHARE = 0.2, 2e-4  # size of a block as a share of the extent of the site
+NARROWEST_CREST_SIZES = 0.5  # in sizes of the block
 LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
-HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
-USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
+HIGHEST_START_M, HIGHEST_START_SIZES = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
+USUAL_INDENTATION_SIZES = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
-UNITS = {
+UNIT_ERRORS = {
     1000.0: "mass in t instead of kg", 1e-3: "mass in g instead of kg",
     1e6: "size in cm instead of m", 1e9: "size in mm instead of m",
 }  # fmt: skip
@@ -73,19 +73,18 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
     lightest, heaviest = density_kg_m3(block)
     if heaviest < low or lightest > high:
         density = heaviest if heaviest < low else lightest
-        unit = next((f". Is the {said}?" for times, said in UNITS.items() if low <= times * density <= high), "")
+        unit = next((f". Is the {said}?" for times, said in UNIT_ERRORS.items() if low <= times * density <= high), "")
         text = (
             f"block {block.name} has a density of {density:.3g} kg/m³ ({block.mass_kg:g} kg, {block.size_m:.3g} m); "
             f"usual: {_range(USUAL_DENSITY_KG_M3)}{unit}"
         )
         yield Doubt(text, key, not POSSIBLE_DENSITY_KG_M3[0] <= density <= POSSIBLE_DENSITY_KG_M3[1])
     extent = float(np.ptp(ground.points_m, axis=0).max())
-    if block.size_m > LARGEST_BLOCK * extent:
-        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
-        yield Doubt(f"{text}; usual: less than a fifth", key, impossible=block.size_m > extent)
-    elif block.size_m < SMALLEST_BLOCK * extent:
-        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
-        yield Doubt(f"{text}; usual: more than {SMALLEST_BLOCK:g} of it. Is its size in m?", key)
+    text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m; usual:"
+    if block.size_m > LARGEST_BLOCK_SHARE * extent:
+        yield Doubt(f"{text} less than a fifth", key, impossible=block.size_m > extent)
+    elif block.size_m < SMALLEST_BLOCK_SHARE * extent:
+        yield Doubt(f"{text} more than {SMALLEST_BLOCK_SHARE:g} of it. Is its size in m?", key)
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
@@ -102,7 +101,7 @@ def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
             yield Doubt(f"{text}{bank.height_m:.3g} m", key)
         crest = float(np.ptp(ground.points_m[[bank.crest, bank.crest_end], 0]))
         of = f" of embankment{number}" if number else ""
-        if crest < NARROWEST_CREST * block.size_m:
+        if crest < NARROWEST_CREST_SIZES * block.size_m:
             text = f"block {block.name} of {block.size_m:.3g} m meets a crest{of} {crest:.3g} m wide; usual: wider "
             yield Doubt(f"{text}than half the block. rock2d does not model damage of the embankment", key)
 
@@ -121,7 +120,7 @@ def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: 
     depth = {zone: speed_m_s * np.sqrt(block.mass_kg / k) / block.size_m for zone, k in stiffness_N_m.items()}
     if not depth:
         return
-    low, high = USUAL_INDENTATION
+    low, high = USUAL_INDENTATION_SIZES
     for zone in {min(depth, key=depth.__getitem__), max(depth, key=depth.__getitem__)}:
         if not low <= depth[zone] <= high:
             yield Doubt(
@@ -144,7 +143,7 @@ def start_doubts(
         text = f"block {name} starts to the left, with {states[:, 3].mean():.3g} m/s on average"
         yield Doubt(f"{text}; the ground falls to the right", key)
     above = float(states[:, 1].max() - ground.points_m[:, 1].max())
-    if above > max(HIGHEST_START_M, HIGHEST_START * block.size_m):
+    if above > max(HIGHEST_START_M, HIGHEST_START_SIZES * block.size_m):
         text = f"block {name} starts up to {above:.3g} m above the highest ground"
         yield Doubt(f"{text}; usual: up to {HIGHEST_START_M:g} m. Is y_m its height above the ground?", key)
     for number, bank in _numbered(ground):

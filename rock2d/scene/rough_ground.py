@@ -7,8 +7,8 @@ import numpy as np
 
 from rock2d.scene.cross_section import CrossSection
 
-LARGEST_DEVIATION = 3.0  # standard deviations at which slopes are cut off
-LEAST_PIECE = 1e-3  # distance of a cut from the ends of its facet, as a share of the facet
+LARGEST_SLOPE_SDS = 3.0  # standard deviations at which slopes are cut off
+LEAST_PIECE_SHARE = 1e-3  # distance of a cut from the ends of its facet, as a share of the facet
 
 
 class Roughness(NamedTuple):
@@ -25,7 +25,7 @@ class Roughness(NamedTuple):
     @property
     def rise_m(self) -> float:
         """Largest distance of rough ground from the facet."""
-        return float(1.5 * self.length_m * np.tan(min(LARGEST_DEVIATION * self.sd_rad, 1.5)))
+        return float(1.5 * self.length_m * np.tan(min(LARGEST_SLOPE_SDS * self.sd_rad, 1.5)))
 
 
 def roughened(
@@ -43,7 +43,7 @@ def roughened(
         return cross_section
     sd = np.array([roughness[zone].sd_rad if zone in roughness else 0.0 for zone in cross_section.zones])
     sd = sd.repeat(pieces // 2)
-    limit = np.minimum(LARGEST_DEVIATION * sd, 1.5)
+    limit = np.minimum(LARGEST_SLOPE_SDS * sd, 1.5)
     deviation = np.clip(sd * rng.standard_normal(len(sd)), -limit, limit)
 
     count = np.maximum(pieces, 1)  # a smooth facet is one piece
@@ -70,7 +70,7 @@ def raised(cross_section: CrossSection, x_m: np.ndarray, height_m: np.ndarray) -
     points, zones = list[np.ndarray](), list[str]()
     for a, b, zone in zip(cross_section.points_m[:-1], cross_section.points_m[1:], cross_section.zones, strict=True):
         left, right = min(a[0], b[0]), max(a[0], b[0])
-        gap = LEAST_PIECE * (right - left)
+        gap = LEAST_PIECE_SHARE * (right - left)
         cuts = x_m[(x_m > left + gap) & (x_m < right - gap)][:: 1 if b[0] >= a[0] else -1]
         share = (cuts - a[0])[:, None] / (b[0] - a[0]) if len(cuts) else np.empty((0, 1))
         points += [a, *(a + share * (b - a))]

@@ -62,7 +62,7 @@ class SoilClass:
 ASSUMED = "stiffness, friction, tangential restitution, roughness"
 # of each class: name, description / restitution, friction angle in ° and κ, each with its range / r_t, α in °, rolling
 # share / source, assumed
-_ALL = (
+_CLASSES = (
     SoilClass("swamp", "river, swamp, anything that a block sinks into",
               0.05, (0.03, 0.1), 20.0, (10.0, 30.0), 50.0, (25.0, 100.0), 0.5, 0.0, 0.004, ROCKYFOR3D.format(0),
               "restitution (0 in the source, which no law allows) and all other numbers"),
@@ -92,7 +92,7 @@ _ALL = (
               f"{PAPER}; restitution: {ROCKYFOR3D.format('3 to 4')}",
               "stiffness (its greatest value is that of Table 4), range of friction"),
 )  # fmt: skip
-SOIL_CLASSES: Mapping[str, SoilClass] = MappingProxyType({soil.name: soil for soil in _ALL})
+SOIL_CLASSES: Mapping[str, SoilClass] = MappingProxyType({soil.name: soil for soil in _CLASSES})
 
 
 def rough_zones(classes: Mapping[str, str]) -> dict[str, dict[str, float]]:

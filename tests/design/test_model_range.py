@@ -2,7 +2,7 @@
 
 import pytest
 
-from rock2d.design.model_range import BASE, other_models, range_remarks, range_table, short_ranges, shown_lines
+from rock2d.design.model_range import AS_IN_FILE, other_models, range_remarks, range_table, short_ranges, shown_lines
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.run import run
 from rock2d.scene.soils import SOIL_CLASSES
@@ -49,12 +49,12 @@ def test_what_a_change_removes_neither_varies_nor_is_unknown(tmp_path):
     found = {model.name: model.scenario for model in other_models(scenario, "batch")}
     assert list(found["square blocks"].scatter) == [mass]
     assert list(found["smooth ground"].scatter) == [diameter, mass]
-    assert set(range_table(scenario, "batch", 3, 10)["model"]) == {BASE, *found}
+    assert set(range_table(scenario, "batch", 3, 10)["model"]) == {AS_IN_FILE, *found}
 
 
 def test_the_first_model_is_the_run_itself(scenario, table):
     passing = run(scenario, engine="batch", seed=3, releases=RELEASES).to_pandas("passing").set_index("line")
-    own = table[table["model"] == BASE].set_index("line")
+    own = table[table["model"] == AS_IN_FILE].set_index("line")
     for column in ("frequency", "low95", "high95", "per_arriving"):
         assert own[column].to_dict() == pytest.approx(passing[column].to_dict(), nan_ok=True)
 

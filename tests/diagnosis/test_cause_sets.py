@@ -18,14 +18,14 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.camera import MIRROR_THETA
-from rock2d.effects.ground import FACE
+from rock2d.effects.ground import FACING
 from rock2d.kinematics.setup_world import base_start
 from rock2d.processes import Processes
 from tests.kinematics.synthetic_films import base_fit, data_of, effects, film, series_order, with_causes, world
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
-HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, FACE]}
+HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, FACING]}
 
 
 def tried_alone(hidden: dict[str, list[float]], tried: Sequence[str] = TRIED) -> Search:
@@ -55,7 +55,7 @@ def test_two_hidden_effects_are_found_and_measured(two):
     found = dict(zip((e.name for e in model.effects), model.values(two.best.fit.p), strict=True))
     for name, values in HIDDEN.items():
         assert found[name][0] == pytest.approx(values[0], rel=0.15)
-    assert found["zone_contrast"][-1] == FACE
+    assert found["zone_contrast"][-1] == FACING
     for smaller in two.without(two.best).values():
         assert two.gain(two.best, smaller).significant
 

@@ -233,7 +233,7 @@ def test_the_energy_audit_closes_and_no_mechanism_gives_energy_back(name, ground
 @every_block
 def test_a_block_that_starts_inside_the_ground_is_seated_and_gains_no_energy(name):
     block = BLOCKS[name]
-    height = float(block.lowest_reach(0.2)) - 0.3 * block.radius_m
+    height = float(block.height_above_lowest_point_m(0.2)) - 0.3 * block.radius_m
     gap, _, sim = audited(block, FLOOR, LAW, np.array([0, height, 0.2, 0, 0, 0]), 0.3)
     now = sim.energy_balance()
     assert gap < 1e-6
@@ -255,7 +255,7 @@ def laid(
 ) -> tuple[Track, float, float]:  # fmt: skip
     """A block that lies on a slope, or slides down it with this speed at first: its track, its way, its speed."""
     slope, normal = incline(degrees)
-    centre = float(block.lowest_reach(np.array([0.0]))[0]) * normal
+    centre = float(block.height_above_lowest_point_m(np.array([0.0]))[0]) * normal
     start = [*centre, -np.deg2rad(degrees), *(speed_m_s * slope.tangents[0]), 0]
     track = run_pymunk(block, slope, law, start, time_limit_s=time_s)
     end = track.knots[-1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rock2d.design.shared_descents import OVERSHOOT
+from rock2d.design.shared_descents import OVERSHOOT_RADII
 from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_batch
 from rock2d.engines.energy_balance import unclosed
 from rock2d.laws.contact import ContactParameters
@@ -51,7 +51,7 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     on = first.stop == STOP_REACHED
     assert on.mean() > 0.9
     x = first.ends[on, INSTANT_X]
-    assert (x < SUSPEND_X_M + OVERSHOOT * BLOCKS[name].radius_m).all()
+    assert (x < SUSPEND_X_M + OVERSHOOT_RADII * BLOCKS[name].radius_m).all()
     now, then = rest.crossings[:, 0].copy(), whole.crossings[on, 0]
     now[:, TIME] += first.ends[on, TIME]
     assert np.array_equal(np.isfinite(now[:, TIME]), np.isfinite(then[:, TIME]))

@@ -33,9 +33,9 @@ def test_the_density_is_one_in_all():
 
 def test_a_block_that_is_caught_stops_anywhere_on_its_way():
     found = Forecast(np.full((1, 20_000), 80.0), np.full((1, 20_000), 0.1), np.full((1, 20_000), 0.3))
-    spread = found.spread(np.random.default_rng(1))[0]
-    early = spread[spread < 79.0]
-    assert len(early) / len(spread) == pytest.approx(0.3 * 79 / 80, abs=0.01)
+    draws = found.draws_m(np.random.default_rng(1))[0]
+    early = draws[draws < 79.0]
+    assert len(early) / len(draws) == pytest.approx(0.3 * 79 / 80, abs=0.01)
     assert stats.kstest(early, stats.uniform(0.0, 79.0).cdf).pvalue > 1e-3
 
 
@@ -81,8 +81,8 @@ def test_every_release_is_in_one_fold_and_folds_share_the_blocks():
 
 def test_the_naive_forecast_has_the_spread_of_what_it_repeats():
     measured = np.random.default_rng(2).normal(100, 8, 60)
-    spread = naive_forecast(measured, 50).spread(np.random.default_rng(3)).ravel()
-    middle = spread[spread > 60]
+    draws = naive_forecast(measured, 50).draws_m(np.random.default_rng(3)).ravel()
+    middle = draws[draws > 60]
     assert np.median(middle) == pytest.approx(100, abs=2.5) and 6 < middle.std() < 12
 
 

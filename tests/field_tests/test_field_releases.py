@@ -8,7 +8,7 @@ import pytest
 from rock2d.errors import InputError
 from rock2d.files.field_releases import read_releases
 from rock2d.files.scenario import load_scenario
-from rock2d.files.surveys.terrain_sections import EDGE
+from rock2d.files.surveys.terrain_sections import EDGE_ZONE
 from tests.field_tests.small_field import HEADER, write_field
 from tests.programs import refusal
 
@@ -57,7 +57,7 @@ def test_a_section_down_the_slope_has_its_inclination_and_its_zones(field):
     assert y[x > 60] == pytest.approx(0.0, abs=1e-9)
     middle = 0.5 * (x[1:] + x[:-1])
     zones = np.array(section.zones)
-    assert set(zones[middle < 2.4]) == {EDGE}
+    assert set(zones[middle < 2.4]) == {EDGE_ZONE}
     assert set(zones[(middle > 6) & (middle < 47)]) == {"slope"} and set(zones[middle > 60]) == {"run_out"}
 
 

@@ -14,8 +14,8 @@ from rock2d.reproduction.hypotheses import (
     incident_distributions,
 )
 from rock2d.reproduction.outcomes import (
-    DITCH_ZONE,
-    FACING_ZONE,
+    DITCH_ID,
+    FACING_ID,
     deterministic_first_impacts,
     deterministic_outcome,
     probabilistic_outcome,
@@ -82,7 +82,7 @@ def test_a_release_that_can_reach_no_further_line_still_has_a_first_impact():
     values |= {"cube.speed_across": np.array([0.5]), "cube.roll": np.zeros(1), "cube.speed_spread": np.array([0.01])}
     values |= {"line_tilt_deg": np.zeros(1)}
     found = deterministic_outcome(values, "cube", DRAWS)
-    assert found.possible[0] and (found.first_zone == DITCH_ZONE).all()
+    assert found.possible[0] and (found.first_zone == DITCH_ID).all()
 
 
 def test_landing_is_the_first_impact_of_falling():
@@ -105,7 +105,7 @@ def test_the_angle_at_the_facing_is_that_of_a_throw():
     speed = np.sqrt(2 * 9.81 * 0.30)  # level, as the slope turns the whole of the fall round
     at = 0.075  # m from the start to the facing, about: gravity turns the flight by a few degrees
     down = np.degrees(np.arctan(9.81 * at / speed**2))
-    assert (found.first_zone == FACING_ZONE).all()
+    assert (found.first_zone == FACING_ID).all()
     assert found.off_normal_deg[0] == pytest.approx(np.abs(30.0 - down), abs=4.0)
 
 

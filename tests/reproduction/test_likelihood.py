@@ -12,7 +12,7 @@ from rock2d.reproduction.likelihood import (
     log_counts,
     log_counts_without_line,
 )
-from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
+from rock2d.reproduction.outcomes import DITCH_ID, FACING_ID, Outcome
 
 SIMULATED = np.array([[7, 12, 15, 6], [0, 40, 0, 0]])
 
@@ -79,8 +79,8 @@ def test_no_simulated_counts_make_the_filmed_ones_likelier_than_their_own_freque
 
 
 def test_words_are_fulfilled_or_not():
-    ditch, facing = [DITCH_ZONE] * 40, [FACING_ZONE] * 40
-    some = [FACING_ZONE] * 8 + [DITCH_ZONE] * 32
+    ditch, facing = [DITCH_ID] * 40, [FACING_ID] * 40
+    some = [FACING_ID] * 8 + [DITCH_ID] * 32
     assert (
         np.exp(first_impact_log_likelihood(outcome(ditch), "sphere"))
         > 0.5

@@ -70,7 +70,7 @@ def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
     truth = np.array([0.1, 0.15, 0.3, -0.4, 0.2, 5.0])
     q = truth[:3] + np.outer(t, truth[3:])
     q[:, 1] -= 0.5 * 9.81 * t**2
-    hits = int(np.argmax(q[:, 1] < block.lowest_reach(q[:, 2])))
+    hits = int(np.argmax(q[:, 1] < block.height_above_lowest_point_m(q[:, 2])))
     q[hits:] = q[hits]  # it stops dead: these frames must not be used
     state, used = fit_first_flight(np.column_stack([t, q]), block, cross_section, 9.81, (1e-4, 1e-3))
     assert used <= hits

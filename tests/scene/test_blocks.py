@@ -50,7 +50,7 @@ def test_uniform_inertia_area_and_reach_agree_with_the_outline(shape, size):
     assert block.radius_m == pytest.approx(np.hypot(*outline.T).max())
     angles = np.linspace(0, 7, 40)
     lowest = -(np.sin(angles)[:, None] * outline[:, 0] + np.cos(angles)[:, None] * outline[:, 1]).min(axis=1)
-    np.testing.assert_allclose(block.lowest_reach(angles), lowest, rtol=1e-6)
+    np.testing.assert_allclose(block.height_above_lowest_point_m(angles), lowest, rtol=1e-6)
 
 
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=4, max_size=12), st.floats(-50, 50))

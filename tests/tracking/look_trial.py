@@ -67,7 +67,7 @@ def stated_block(look: real_looks.RealLook) -> Block:
 
 def setup_of(look: real_looks.RealLook, folder: Path) -> Setup:
     """The set-up file of a film of this look."""
-    fps = float(np.sqrt(9.81 / METRES_PER_PIXEL / look.fall_px))
+    fps = float(np.sqrt(9.81 / METRES_PER_PIXEL / look.g_px_frame2))
     block = stated_block(look)
     ground = CrossSection([[-1.0, -1.0], [2.0, -1.0]], ["floor"])
     rest = pd.DataFrame({
@@ -88,7 +88,7 @@ def tracked(look: real_looks.RealLook, film: list[real_looks.RealFrame]) -> Outc
     follower = followed([f.image for f in film], setup, SIZE_PX)
     looks = follower.looks["block"]
     misses, ratios, found = [], [], set()
-    for release in moving_releases(follower.releases, look.fall_px):
+    for release in moving_releases(follower.releases, look.g_px_frame2):
         for sight in release.seen:
             off = sight.pose[:2] - film[sight.frame].pose[:2]
             misses.append(off)

@@ -42,7 +42,7 @@ class RealLook:
     ----------
     radius_px : half the size of the block
     stated_size : size stated in a set-up file, over the true one
-    step_px, fall_px : displacement of the block per frame, and gravity in px per frame squared
+    step_px, g_px_frame2 : displacement of the block per frame, and gravity in px per frame squared
     quality, crf : quality of JPEG, 1 to 100; constant rate factor of H.264, 0 for JPEG pictures
     throw : (4,) place and velocity along u and v of the release, in px and px per frame; None for the usual throw
     restitution : of the bounces on the floor
@@ -56,7 +56,7 @@ class RealLook:
     radius_px: float
     stated_size: float
     step_px: float
-    fall_px: float
+    g_px_frame2: float
     colour: Array
     background: Array
     light: Array
@@ -175,9 +175,9 @@ def flights_of(look: RealLook, size_px: tuple[int, int]) -> list[Bounce]:
     floor, begins = floor_px(look, size_px), [Bounce(0.0, v, pace)]
     for _ in range(MOST_BOUNCES):
         flown, v, pace = begins[-1]
-        root = pace * pace + 2 * look.fall_px * (floor - v)
-        hit = (-pace + np.sqrt(max(root, 0.0))) / look.fall_px
-        begins.append(Bounce(flown + hit, floor, -look.restitution * (pace + look.fall_px * hit)))
+        root = pace * pace + 2 * look.g_px_frame2 * (floor - v)
+        hit = (-pace + np.sqrt(max(root, 0.0))) / look.g_px_frame2
+        begins.append(Bounce(flown + hit, floor, -look.restitution * (pace + look.g_px_frame2 * hit)))
     return begins
 
 
@@ -186,7 +186,7 @@ def _path(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
     flown = np.maximum(t - REST_FRAMES, 0.0)
     own = begins[np.searchsorted(begins[:, 0], flown, side="right") - 1]
     since = flown - own[:, 0]
-    v = own[:, 1] + own[:, 2] * since + 0.5 * look.fall_px * since**2
+    v = own[:, 1] + own[:, 2] * since + 0.5 * look.g_px_frame2 * since**2
     u, _, pace, _ = look.throw or (0.12 * size_px[0] + look.radius_px, 0.0, 0.6 * look.step_px, 0.0)
     return np.column_stack([
         u + pace * flown, np.minimum(v, floor_px(look, size_px)), 0.6 * pace / look.radius_px * flown

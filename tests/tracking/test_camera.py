@@ -133,7 +133,7 @@ def test_what_falls_in_a_tilted_film_falls_straight_down(tmp_path, up, tilt_deg)
     t_s = np.linspace(0, 0.2, 9)[:, None]
     seen = np.array([400.0, 300.0]) + (1.5 * t_s * level - 0.5 * 9.81 * t_s**2 * upright) / 5e-4
     found = setup(tmp_path, "{metres_per_pixel: 5.0e-4}", **{"  up: up": f"  up: {up}\n  tilt_deg: {tilt_deg}"})
-    assert found.fall_px == pytest.approx(found.down * found.scale.fall_px * np.cos(rise))  # the part along v
+    assert found.g_px_frame2 == pytest.approx(found.down * found.scale.g_px_frame2 * np.cos(rise))  # the part along v
     camera = found.pixel_map((1280, 720))
     way = camera.to_world(seen) - camera.to_world(seen[:1])
     np.testing.assert_allclose(way, np.hstack([1.5 * t_s, -0.5 * 9.81 * t_s**2]), atol=1e-12)

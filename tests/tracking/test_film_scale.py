@@ -8,10 +8,10 @@ from rock2d.kinematics.flight_gravity import Measured
 
 def test_of_scale_and_frame_rate_a_fall_gives_the_other():
     whole = FilmScale(0.002, 120.0)
-    assert whole.fall_px == pytest.approx(9.81 / 0.002 / 120.0**2)
-    assert FilmScale(0.002, None).completed(whole.fall_px).fps == pytest.approx(120.0)
-    assert FilmScale(None, 120.0).completed(whole.fall_px).metres_per_pixel == pytest.approx(0.002)
-    assert FilmScale(0.002, None).fall_px == 0.0 and whole.completed(3.0) == whole
+    assert whole.g_px_frame2 == pytest.approx(9.81 / 0.002 / 120.0**2)
+    assert FilmScale(0.002, None).completed(whole.g_px_frame2).fps == pytest.approx(120.0)
+    assert FilmScale(None, 120.0).completed(whole.g_px_frame2).metres_per_pixel == pytest.approx(0.002)
+    assert FilmScale(0.002, None).g_px_frame2 == 0.0 and whole.completed(3.0) == whole
 
 
 def test_a_film_of_200_frames_per_second_that_is_played_at_30():

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from rock2d_tracking.arcs import Arc
 from rock2d_tracking.candidates import CANDIDATE
-from rock2d_tracking.film_reading import EVEN
+from rock2d_tracking.film_reading import CONSTANT_RATE
 from rock2d_tracking.following import Follower, releases_shown
 from rock2d_tracking.looks import Looks
 from rock2d_tracking.motion import Chain, Motion
@@ -64,7 +64,7 @@ class Tracked:
 
 def film_in(releases: list[FollowedRelease], setup: Setup) -> TrackedFilm:
     """The experiment that releases show."""
-    return tracked_film(moving_releases(releases, setup.fall_px), len(releases), setup, SIZE_PX)
+    return tracked_film(moving_releases(releases, setup.g_px_frame2), len(releases), setup, SIZE_PX)
 
 
 def stated_setup(path: Path) -> Setup:
@@ -79,7 +79,7 @@ def chain(first: int, last: int, area_px2: float = 500.0) -> Chain:
     frames = np.arange(first, last + 1)
     still, areas = np.zeros((len(frames), 2)), np.full(len(frames), area_px2)
     fall = (True, False, Measured(1.0, 0.1), 1.0, 50.0, 0.0)
-    return Chain([Arc(frames, still, areas, np.zeros((3, 2)), 0.0, EVEN, *fall)])
+    return Chain([Arc(frames, still, areas, np.zeros((3, 2)), 0.0, CONSTANT_RATE, *fall)])
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +208,7 @@ def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
     pictures[8:34] = [pictures[60]] * 26
     releases = followed(pictures, found.setup, SIZE_PX).releases
     assert len(releases) == 4 and np.ptp([s.pose[0] for s in releases[0].seen]) < 0.1
-    kept = moving_releases(releases, found.setup.fall_px)
+    kept = moving_releases(releases, found.setup.g_px_frame2)
     assert [release.block for release in kept] == ["sphere", "cube", "slab"]
 
 
@@ -216,7 +216,7 @@ def test_an_object_that_never_moves_takes_no_name_from_a_release(tracked):
 def test_what_is_seen_in_too_few_frames_or_is_rejected_takes_no_name_from_a_release(tmp_path, frames, error_px, name):
     """A hand moves into the picture before the first release."""
     follower = object.__new__(Follower)
-    follower.setup, follower.fall_px, follower.chain = stated_setup(tmp_path / "setup.yaml"), 0.0, None
+    follower.setup, follower.g_px_frame2, follower.chain = stated_setup(tmp_path / "setup.yaml"), 0.0, None
     follower.looks = {"sphere": Looks("outline", outline_of(BLOCKS["sphere"], 6e-4, -1))}
     follower.motion = Motion(candidates=[np.empty(0, CANDIDATE)] * frames)
     follower.releases, follower._named = [], 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.lens import lens_bend
+from rock2d_tracking.lens import lens_distortion
 
 from rock2d.kinematics.flights import Film, Flights
 
@@ -32,12 +32,12 @@ def filmed(k: float, frames: int, noise_px: float, seed: int) -> tuple[Film, Fli
 @pytest.mark.parametrize("k", [-0.06, 0.03])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_long_flight_shows_the_lens(k, seed):
-    found = lens_bend(*filmed(k, 150, 0.15, seed), CAMERA, SIZE_PX)
+    found = lens_distortion(*filmed(k, 150, 0.15, seed), CAMERA, SIZE_PX)
     assert found is not None
     assert abs(found.value - k) < 3.0 * found.error + 0.15 * abs(k) and found.error < 0.005
 
 
 def test_without_a_lens_and_in_short_flights_nothing_is_claimed():
-    even = [lens_bend(*filmed(0.0, 150, 0.15, seed), CAMERA, SIZE_PX) for seed in range(30)]
-    short = [lens_bend(*filmed(-0.06, 12, 0.15, seed), CAMERA, SIZE_PX) for seed in range(30)]
+    even = [lens_distortion(*filmed(0.0, 150, 0.15, seed), CAMERA, SIZE_PX) for seed in range(30)]
+    short = [lens_distortion(*filmed(-0.06, 12, 0.15, seed), CAMERA, SIZE_PX) for seed in range(30)]
     assert even == [None] * 30 and sum(own is None for own in short) >= 28

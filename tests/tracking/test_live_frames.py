@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from rock2d_tracking.live_frames import IMPORTANT_RATIO, belonging, frame_pictures, shown_rows
+from rock2d_tracking.live_frames import IMPORTANT_RATIO, flight_and_impact_rows, frame_pictures, shown_rows
 from rock2d_tracking.setup_file import write_setup
 from rock2d_tracking.sights import REASONS
 from rock2d_tracking.synthetic.faults import CLEAN
@@ -140,7 +140,7 @@ def test_frames_belong_to_the_impact_between_two_flights():
     flights = pd.DataFrame({"release": [0, 0, 1], "begin_s": [0.0, 0.6, 0.0], "end_s": [0.4, 1.0, 1.0]})
     impacts = pd.DataFrame({"release": [0], "t_s": [0.5]})
     frames = pd.DataFrame({"release": [0] * 6 + [1], "t_s": [0.0, 0.4, 0.5, 0.6, 1.0, 1.1, 0.5]})
-    flight, impact = belonging(frames, flights, impacts)
+    flight, impact = flight_and_impact_rows(frames, flights, impacts)
     assert flight.tolist() == [0, 0, -1, 1, 1, -1, 2]
     assert impact.tolist() == [-1, 0, 0, 0, -1, -1, -1]
 

@@ -31,7 +31,7 @@ def test_h264_keeps_the_pictures_and_loses_more_at_a_higher_rate_factor():
 def test_a_block_falls_with_the_stated_gravity():
     look = drawn_look(0, "mild")
     path = path_of(look, 40, (4000, 100000))
-    np.testing.assert_allclose(np.diff(path[10:, 1], 2), look.fall_px, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(path[10:, 1], 2), look.g_px_frame2, rtol=1e-6)
 
 
 def test_the_block_is_where_the_truth_says():

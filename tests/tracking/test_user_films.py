@@ -25,9 +25,9 @@ def test_a_ball_falls_with_gravity_in_a_recording_of_this_kind(kind):
 def test_each_bounce_rises_by_the_square_of_the_restitution():
     film = drawn_user_film("phone", 1, seed=1)
     begins = flights_of(film.look, film.size_px)
-    heights = np.array([b.pace**2 / (2 * film.look.fall_px) for b in begins[1:5]])
+    heights = np.array([b.pace**2 / (2 * film.look.g_px_frame2) for b in begins[1:5]])
     np.testing.assert_allclose(heights[1:] / heights[:-1], film.look.restitution**2)
-    falls = begins[0].pace ** 2 / (2 * film.look.fall_px) + begins[1].v_px - begins[0].v_px
+    falls = begins[0].pace ** 2 / (2 * film.look.g_px_frame2) + begins[1].v_px - begins[0].v_px
     assert heights[0] / falls == pytest.approx(film.look.restitution**2)
 
 

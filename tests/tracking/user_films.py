@@ -120,7 +120,7 @@ def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] =
     fall = GRAVITY_M_S2 / own.metres_per_pixel / own.fps**2
     drawn = replace(
         base, kind=like, shape="circle", radius_px=rng.uniform(7, 15) if own.fps < 100 else rng.uniform(10, 18),
-        fall_px=fall, colour=colour, background=background, light=light / np.linalg.norm(light),
+        g_px_frame2=fall, colour=colour, background=background, light=light / np.linalg.norm(light),
         ambient=0.7 if flat else rng.uniform(0.3, 0.5), diffuse=0.3 if flat else rng.uniform(0.5, 0.9),
         specular=rng.uniform(0.5, 1.2) if shiny else 0.2 * rng.random(), shine=rng.uniform(20, 60),
         texture=0.6 if like == "textured" else 0.05, opacity=1.0, untidy=0.3, shadow=rng.uniform(0.0, 0.2),

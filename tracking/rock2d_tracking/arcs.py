@@ -9,9 +9,10 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import Measured
+from rock2d.kinematics.window_gravity import GRAVITY_RATIO
 from rock2d.statistics import weighted_median
 from rock2d_tracking.candidates import CANDIDATE
-from rock2d_tracking.film_reading import EVEN, Clock
+from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 
 # largest difference between the changes of two candidates that are the same block, over the larger
 CHANGE_RATIO = 0.6
@@ -19,11 +20,10 @@ AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
 RECENT_FRAMES = 24  # frames of an arc from which its next place is predicted
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
-GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
 # least length of a run that may be extended, and largest ratio of areas of the candidates that are added
 FEWEST_TO_GROW, GROWN_AREA_RATIO = 8, 2.5
-# accelerations in px per frame squared that are tried, in addition to 0
-TRIED_FALLS_PX = tuple(0.5 * 2.0**k for k in range(8))
+# accelerations that are tried, in addition to 0
+TRIED_ACCELERATIONS = tuple(0.5 * 2.0**k for k in range(8))
 SAME_ACCELERATION = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
@@ -42,7 +42,7 @@ class Arc:
     clock : the instants of frames
     falls : whether its curvature is significant and about that of gravity
     falls_otherwise : whether its curvature is significant and not that of gravity
-    bend : its acceleration along v in px per usual time squared, with its standard error
+    acceleration : its acceleration along v in px per usual time squared, with its standard error
     gravity_ratio : its acceleration over the gravity expected from scale and frame rate
     contrast : median change in grey levels, of the colour that changes most
     shadow_share : share of its frames that look like a shadow"""
@@ -55,7 +55,7 @@ class Arc:
     clock: Clock
     falls: bool
     falls_otherwise: bool
-    bend: Measured
+    acceleration: Measured
     gravity_ratio: float
     contrast: float
     shadow_share: float
@@ -99,12 +99,12 @@ class Arc:
         return np.asarray((self.curve[0] * t + self.curve[1]) * t + self.curve[2])
 
 
-def find_arcs(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
+def find_arcs(candidates: list[Array], g_px_frame2: float, clock: Clock = CONSTANT_RATE) -> list[Arc]:
     """Parabolas through the longest runs of candidates.
 
     candidates : (n,) CANDIDATE of each frame
-    fall_px : acceleration of gravity along v in px per frame squared"""
-    search = _Search(candidates, fall_px, clock)
+    g_px_frame2 : gravity along v"""
+    search = _Search(candidates, g_px_frame2, clock)
     arcs = []
     for i in np.flatnonzero(search.rows["frame"] < len(candidates) - 2).tolist():
         if search.used[i]:
@@ -117,49 +117,47 @@ def find_arcs(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> l
     return arcs
 
 
-def common_fall(candidates: list[Array], down: int = 1, clock: Clock = EVEN) -> Measured | None:
+def common_acceleration(candidates: list[Array], down: int = 1, clock: Clock = CONSTANT_RATE) -> Measured | None:
     """Acceleration along v in px per frame squared that most candidates on arcs share, with its standard error; None if
     no arc is curved. `down`: its sign.
 
     Several accelerations are tried, because strongly curved arcs are found only with about the right one."""
     best: list[Arc] = []
-    for fall in (0.0, *TRIED_FALLS_PX):
-        bent = [a for a in find_arcs(candidates, down * fall, clock) if _bends_downward(a, down)]
+    for fall in (0.0, *TRIED_ACCELERATIONS):
+        arcs = find_arcs(candidates, down * fall, clock)
+        bent = [a for a in arcs if down * a.acceleration.value > GRAVITY_SIGMAS * a.acceleration.error]
         if not bent:
             continue
-        bends = np.array([a.bend.value for a in bent])
+        accelerations = np.array([a.acceleration.value for a in bent])
         frames = np.array([len(a.frames) for a in bent])
-        near = np.abs(bends / weighted_median(bends, frames) - 1.0) < SAME_ACCELERATION
+        near = np.abs(accelerations / weighted_median(accelerations, frames) - 1.0) < SAME_ACCELERATION
         own = [a for a, agrees in zip(bent, near, strict=True) if agrees]
         if sum(len(a.frames) for a in own) > sum(len(a.frames) for a in best):
             best = own
     if not best:
         return None
-    middle = float(np.median([a.bend.value for a in best]))
+    middle = float(np.median([a.acceleration.value for a in best]))
     falls = [a for a in find_arcs(candidates, middle, clock) if a.falls]
-    return mean_bend(falls or best)
+    return mean_acceleration(falls or best)
 
 
-def _bends_downward(arc: Arc, down: int) -> bool:
-    return down * arc.bend.value > GRAVITY_SIGMAS * arc.bend.error
-
-
-def mean_bend(arcs: Sequence[Arc]) -> Measured:
+def mean_acceleration(arcs: Sequence[Arc]) -> Measured:
     """Weighted mean of the accelerations of arcs; if they disagree, its error includes their scatter."""
-    bends, weights = (np.array([a.bend.value for a in arcs]), np.array([a.bend.error for a in arcs]) ** -2.0)
-    mean = float(np.average(bends, weights=weights))
-    squares = float((weights * (bends - mean) ** 2).sum()) / max(len(arcs) - 1, 1)
+    accelerations = np.array([a.acceleration.value for a in arcs])
+    weights = np.array([a.acceleration.error for a in arcs]) ** -2.0
+    mean = float(np.average(accelerations, weights=weights))
+    squares = float((weights * (accelerations - mean) ** 2).sum()) / max(len(arcs) - 1, 1)
     return Measured(mean, float((max(squares, 1.0) / weights.sum()) ** 0.5))
 
 
-def arcs_of_other_gravity(candidates: list[Array], fall_px: float, clock: Clock = EVEN) -> list[Arc]:
+def arcs_of_other_gravity(candidates: list[Array], g_px_frame2: float, clock: Clock = CONSTANT_RATE) -> list[Arc]:
     """The arcs whose acceleration is that of gravity only if scale, frame rate or the direction `up` is wrong."""
-    down = 1 if fall_px > 0 else -1
-    fall = common_fall(candidates, down, clock) or common_fall(candidates, -down, clock)
+    down = 1 if g_px_frame2 > 0 else -1
+    fall = common_acceleration(candidates, down, clock) or common_acceleration(candidates, -down, clock)
     if fall is None:
         return []
     return [
-        replace(a, falls=False, falls_otherwise=True, gravity_ratio=a.bend.value / fall_px)
+        replace(a, falls=False, falls_otherwise=True, gravity_ratio=a.acceleration.value / g_px_frame2)
         for a in find_arcs(candidates, fall.value, clock) if a.falls
     ]  # fmt: skip
 
@@ -172,14 +170,14 @@ class _Search:
     rows : (n,) CANDIDATE, the whole ones of all frames, in the order of frames
     used : (n,) which of them are part of an arc"""
 
-    def __init__(self, candidates: list[Array], fall_px: float, clock: Clock) -> None:
+    def __init__(self, candidates: list[Array], g_px_frame2: float, clock: Clock) -> None:
         self.rows = np.concatenate([np.empty(0, CANDIDATE), *(own[own["whole"]] for own in candidates)])
         self.used = np.zeros(len(self.rows), bool)
         self._places, self._areas, self._changes = (
             np.ascontiguousarray(self.rows[name]) for name in ("place_px", "area_px2", "change")
         )
         self._begins = np.searchsorted(self.rows["frame"], np.arange(len(candidates) + 1))
-        self._fall_px, self._clock, self._when = fall_px, clock, clock(self.rows["frame"])
+        self._g_px_frame2, self._clock, self._when = g_px_frame2, clock, clock(self.rows["frame"])
 
     def _of_frame(self, frame: int) -> slice:
         return slice(self._begins[frame], self._begins[frame + 1])
@@ -224,7 +222,7 @@ class _Search:
             slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
             if len(run) == 2:  # two centroids say little about the pace
                 slack += 0.15 * first_step
-                slack += GRAVITY_RATIO[1] * abs(self._fall_px)
+                slack += GRAVITY_RATIO[1] * abs(self._g_px_frame2)
             # lens, perspective and air bend a long step
             slack += STEP_TOLERANCE * np.hypot(*(at - self._places[run[-1]]))
             nearest = int(np.argmin(away))
@@ -241,7 +239,7 @@ class _Search:
         at = self._places[recent]
         if len(recent) >= 6:
             return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
-        fallen = np.outer(t**2, [0.0, 0.5 * self._fall_px])
+        fallen = np.outer(t**2, [0.0, 0.5 * self._g_px_frame2])
         return np.asarray(np.linalg.lstsq(np.vander(t, 2), at - fallen, rcond=None)[0][-1])
 
     def _with_extended_ends(self, run: list[int]) -> list[int]:
@@ -271,7 +269,7 @@ class _Search:
         if len(run) >= FEWEST_TO_GROW:
             run = self._with_extended_ends(run)
         rows, when = self.rows[run], self._when[run]
-        places, areas, fall_px = rows["place_px"], rows["area_px2"], self._fall_px
+        places, areas, g_px_frame2 = rows["place_px"], rows["area_px2"], self._g_px_frame2
         middle = float(when.mean())
         basis = np.vander(when - middle, 3)
         curve, *_ = np.linalg.lstsq(basis, places, rcond=None)
@@ -281,13 +279,14 @@ class _Search:
         radius = float(np.sqrt(np.median(areas) / np.pi))
         if float(np.hypot(*np.ptp(places, axis=0))) < max(3.0, MOVED_RADII * radius):
             return None
-        bend = Measured(float(2 * curve[0, 1]), float(2 * error[1]))
-        ratio = bend.value / fall_px if fall_px else 1.0
-        curved = abs(bend.value) > GRAVITY_SIGMAS * bend.error
-        falls = curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend.value * (fall_px or 1.0) > 0
-        otherwise = curved and not falls and abs(bend.value - fall_px) > GRAVITY_SIGMAS * bend.error
+        acceleration = Measured(float(2 * curve[0, 1]), float(2 * error[1]))
+        ratio = acceleration.value / g_px_frame2 if g_px_frame2 else 1.0
+        curved = abs(acceleration.value) > GRAVITY_SIGMAS * acceleration.error
+        about_gravity = GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1]
+        falls = curved and about_gravity and acceleration.value * (g_px_frame2 or 1.0) > 0
+        otherwise = curved and not falls and abs(acceleration.value - g_px_frame2) > GRAVITY_SIGMAS * acceleration.error
         return Arc(
-            rows["frame"], places, areas, curve, middle, self._clock, falls, otherwise, bend, ratio,
+            rows["frame"], places, areas, curve, middle, self._clock, falls, otherwise, acceleration, ratio,
             contrast=float(np.abs(np.median(rows["change"], axis=0)).max()),
             shadow_share=float(rows["shadow"].mean()),
         )  # fmt: skip

@@ -165,8 +165,12 @@ def _errors(columns: Array, weight: Array, left: Array) -> Array:
         shift = np.linalg.solve(curves.sum(axis=0), pulls.sum(axis=0))[:, 1]
     except np.linalg.LinAlgError:
         return np.full(columns.shape[1], np.inf)
-    squares = (JACKKNIFE_PARTS - 1) / JACKKNIFE_PARTS * ((own - own.mean(axis=0)) ** 2).sum(axis=0)
-    return np.asarray(np.sqrt(squares + (EDGE_SHIFT_PX * shift) ** 2))
+    return np.asarray(np.sqrt(jackknife_variance(own) + (EDGE_SHIFT_PX * shift) ** 2))
+
+
+def jackknife_variance(own: Array) -> Array:
+    """Variances of parameters that were fitted without each of JACKKNIFE_PARTS parts: rows of `own`."""
+    return np.asarray((JACKKNIFE_PARTS - 1) / JACKKNIFE_PARTS * ((own - own.mean(axis=0)) ** 2).sum(axis=0))
 
 
 def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:

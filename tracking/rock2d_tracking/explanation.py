@@ -13,7 +13,7 @@ from rock2d.graphics.video_file import VideoWriter
 from rock2d.kinematics.film_findings import with_error
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
-from rock2d_tracking.arcs import Arc, mean_bend
+from rock2d_tracking.arcs import Arc, mean_acceleration
 from rock2d_tracking.film_scale import Proposal, proposal
 from rock2d_tracking.following import Follower
 from rock2d_tracking.motion import Motion
@@ -132,8 +132,8 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
 
 def proposed(motion: Motion, arcs: Sequence[Arc]) -> Proposal:
     """Frame rate and scale with which some arcs have the acceleration of gravity; both must be stated."""
-    fall = mean_bend(arcs)
-    return proposal(motion.scale, Measured(abs(fall.value) / motion.scale.fall_px, fall.error / motion.scale.fall_px))
+    fall, g = mean_acceleration(arcs), motion.scale.g_px_frame2
+    return proposal(motion.scale, Measured(abs(fall.value) / g, fall.error / g))
 
 
 def why_not_tracked(follower: Follower) -> str:

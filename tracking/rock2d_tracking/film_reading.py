@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.errors import InputError, counted
-from rock2d_tracking.steadying import steadied
+from rock2d_tracking.stabilisation import stabilised
 
 if TYPE_CHECKING:
     import av
@@ -118,7 +118,7 @@ class Clock:
         return np.asarray(np.interp(at, np.arange(last + 1), self._instants) + beyond)
 
 
-EVEN = Clock()  # constant frame rate
+CONSTANT_RATE = Clock()  # constant frame rate
 
 
 class Stamps(NamedTuple):
@@ -159,8 +159,8 @@ class Frames:
         if self.shifts_px is None:
             yield from self._as_filmed()
         else:
-            for frame, way_px in zip(self._as_filmed(), self.shifts_px, strict=False):
-                yield steadied(frame, way_px)
+            for frame, shift_px in zip(self._as_filmed(), self.shifts_px, strict=False):
+                yield stabilised(frame, shift_px)
 
     def _as_filmed(self) -> Iterator[Array]:
         if self._kept is not None:
@@ -203,7 +203,7 @@ class Frames:
         when_s = np.sort(self.times_s)
         steps = np.diff(when_s)
         if len(steps) < 2 or not np.isfinite(steps).all() or np.median(steps) <= 0.0:
-            return Stamps(counted_on, EVEN, "")
+            return Stamps(counted_on, CONSTANT_RATE, "")
         usual_s = float(np.median(steps))
         times = np.rint(steps / usual_s)
         off = np.abs(steps - times * usual_s)
@@ -212,7 +212,7 @@ class Frames:
         missing = int(times.sum()) - len(steps)
         said = f"{counted(missing, 'frame')} missing in the film by its time stamps" if missing else ""
         numbers = np.concatenate([[0], np.cumsum(times)]).astype(int)
-        return Stamps(numbers, Clock(numbers.astype(float)) if missing else EVEN, said)
+        return Stamps(numbers, Clock(numbers.astype(float)) if missing else CONSTANT_RATE, said)
 
     def _varying_rate(self, when_s: Array, usual_s: float, fps: float | None) -> Stamps:
         """As `stamps`, for a varying frame rate."""
@@ -223,7 +223,7 @@ class Frames:
         )
         if steps.min() < SHORTEST_STEP * usual_s:
             pace = "no camera does that; was it cut, or is it played at several paces?"
-            return Stamps(numbers, EVEN, f"{said}; {pace} One rate is assumed, so times and speeds are rough")
+            return Stamps(numbers, CONSTANT_RATE, f"{said}; {pace} One rate is assumed, so times and speeds are rough")
         fast_s, slow_s = np.quantile(steps, USUAL_STEPS)
         if fps is not None and AS_FILMED[0] < fps * slow_s and fps * fast_s < AS_FILMED[1]:
             clock, drawn_out = Clock((when_s - when_s[0]) * fps), ""

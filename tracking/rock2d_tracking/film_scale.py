@@ -28,22 +28,22 @@ class FilmScale(NamedTuple):
     gravity_m_s2: float = GRAVITY_M_S2
 
     @property
-    def fall_px(self) -> float:
+    def g_px_frame2(self) -> float:
         """Acceleration of gravity in px per frame squared; 0 if it is not known."""
         if self.metres_per_pixel is None or self.fps is None:
             return 0.0
         return self.gravity_m_s2 / self.metres_per_pixel / self.fps**2
 
-    def completed(self, fall_px: float) -> FilmScale:
+    def completed(self, g_px_frame2: float) -> FilmScale:
         """The same with the unknown one computed from the acceleration of a block in px per frame squared."""
         if self.metres_per_pixel is not None and self.fps is None:
-            return self._replace(fps=(self.gravity_m_s2 / self.metres_per_pixel / fall_px) ** 0.5)
+            return self._replace(fps=(self.gravity_m_s2 / self.metres_per_pixel / g_px_frame2) ** 0.5)
         if self.metres_per_pixel is None and self.fps is not None:
-            return self._replace(metres_per_pixel=self.gravity_m_s2 / fall_px / self.fps**2)
+            return self._replace(metres_per_pixel=self.gravity_m_s2 / g_px_frame2 / self.fps**2)
         return self
 
 
-UNKNOWN = FilmScale(None, None)
+UNKNOWN_SCALE = FilmScale(None, None)
 
 
 class Proposal(NamedTuple):

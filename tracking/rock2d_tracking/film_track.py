@@ -17,6 +17,7 @@ from rock2d.files.folders import atomic_folder, write_whole
 from rock2d.kinematics.film_findings import write_film_findings
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.progress import Bars
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.camera import STRONGEST_BARREL
 from rock2d_tracking.explanation import TrackingAttempt, keys_to_try, proposed, why_not_tracked, write_explanation
 from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
@@ -24,15 +25,15 @@ from rock2d_tracking.film_scale import FilmScale, proposal
 from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.first_setup import FirstSetup, ground_of
 from rock2d_tracking.following import Follower, motion_in
-from rock2d_tracking.lens import lens_bend
+from rock2d_tracking.lens import lens_distortion
 from rock2d_tracking.live_frames import LiveFrames, live_frames
 from rock2d_tracking.looks import ChannelMix, Looks
 from rock2d_tracking.motion import Motion, motion_of
 from rock2d_tracking.overlay import Overlay
 from rock2d_tracking.setup_file import LARGEST_DISTORTION, Setup
 from rock2d_tracking.sights import FollowedRelease
-from rock2d_tracking.steadying import camera_shifts
-from rock2d_tracking.tracked_film import PLACE, TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
+from rock2d_tracking.stabilisation import camera_shifts
+from rock2d_tracking.tracked_film import TrackedFilm, check_sanity, moving_releases, rescaled, tracked_film
 
 PAGE, OVERLAY = "tracking.html", "overlay.webm"
 GREY = ChannelMix()
@@ -84,9 +85,8 @@ class FilmTrack:
             write_experiment_files(partial, film.experiment)
             write_film_findings(partial, film.findings)
             self._write_metadata(partial / "track.json")
-            tables = {
-                "frames": film.frames.drop(columns=PLACE), "flights": film.flights, "measured_impacts": film.impacts
-            }  # fmt: skip
+            frames = film.frames.drop(columns=list(POSE_NAMES))
+            tables = {"frames": frames, "flights": film.flights, "measured_impacts": film.impacts}
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
             self.write_page(partial)
@@ -183,7 +183,7 @@ def track_film(
 
 def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock) -> Start:
     motion = motion_in(frames, setup, film.expected_frames, clock)
-    if not motion.scale.fall_px:
+    if not motion.scale.g_px_frame2:
         raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup)
     whole = setup.with_scale(motion.scale)
     follower = Follower(frames, whole, film.size_px, motion, cut=frames.cut)
@@ -193,7 +193,7 @@ def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock
 def _start_with_scale(film: FilmFile, frames: Frames, asked: FilmScale, clock: Clock) -> Start:
     """The start of a film without a set-up file."""
     motion = motion_of(frames, film.expected_frames, [], asked, clock)
-    if not motion.scale.fall_px:
+    if not motion.scale.g_px_frame2:
         raise _nothing_falls(film, motion)
     first = FirstSetup(film, motion, asked, motion.scale)
     if not motion.chains:
@@ -204,14 +204,14 @@ def _start_with_scale(film: FilmFile, frames: Frames, asked: FilmScale, clock: C
     follower.setup = sized.setup()
 
     def with_ground(releases: list[FollowedRelease], scale: FilmScale) -> Setup:
-        return replace(sized, scale=scale, ground_px=ground_of(releases, scale.fall_px)).setup()
+        return replace(sized, scale=scale, ground_px=ground_of(releases, scale.g_px_frame2)).setup()
 
     return Start(follower, with_ground, guessed=True)
 
 
 def _nothing_falls(film: FilmFile, motion: Motion) -> InputError:
     """The error that nothing falls, with a proposal for the scale or frame rate."""
-    if not motion.scale.fall_px:
+    if not motion.scale.g_px_frame2:
         return InputError("nothing was seen to fall in this film, so that gravity gives no scale", film.path)
     scale, fps, _ = motion.scale
     said = f"nothing was seen to fall in this film with {scale:g} m per pixel and {fps:g} frames/s"
@@ -231,7 +231,7 @@ def _track(
         sight.when = float(stamps.clock(sight.frame))
         sight.number_in_file, sight.frame = sight.frame, int(stamps.numbers[sight.frame])
     try:
-        kept = moving_releases(follower.releases, follower.fall_px)
+        kept = moving_releases(follower.releases, follower.g_px_frame2)
         if not kept:
             raise InputError(why_not_tracked(follower), film.path)
         found = _tracked_film(film, kept, start, asked)
@@ -265,7 +265,7 @@ def _tracked_film(film: FilmFile, kept: list[FollowedRelease], start: Start, ask
         said = found.findings
         if said.ratio is None:
             raise InputError("no flight shows gravity clearly: state both scale and frame rate", film.path)
-        scale = asked.completed(found.setup.scale.fall_px * said.ratio.value)
+        scale = asked.completed(found.setup.scale.g_px_frame2 * said.ratio.value)
         error = said.unexplained_error / said.ratio.value * (0.5 if asked.fps is None else 1.0)
         setup = start.setup_of(kept, scale).with_scale(scale, error)
         found = rescaled(found, setup, film.size_px)
@@ -305,12 +305,12 @@ def _remarks_on_lens(film: TrackedFilm, size_px: tuple[int, int]) -> list[str]:
     if film.setup.keys.camera.distortion is not None:
         return []
     segments = film.segments
-    bend = lens_bend(segments.film, segments.flights, film.setup.pixel_map(size_px), size_px)
-    if bend is None or not STRONGEST_BARREL <= bend.value <= LARGEST_DISTORTION:
+    k = lens_distortion(segments.film, segments.flights, film.setup.pixel_map(size_px), size_px)
+    if k is None or not STRONGEST_BARREL <= k.value <= LARGEST_DISTORTION:
         return []
     return [
-        f"flights are bent as a lens with distortion k = {bend.value:.3f} ± {bend.error:.3f} bends them; it was not "
-        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {bend.value:.3f}}}`; "
+        f"flights are bent as a lens with distortion k = {k.value:.3f} ± {k.error:.3f} bends them; it was not "
+        f"taken out. If the lens is a wide one, state `camera: distortion: {{k: {k.value:.3f}}}`; "
         "`metres_per_pixel` is then the scale in the middle of the picture. A rolling shutter, air or a camera at a "
         "slant may do the same"
     ]

@@ -88,10 +88,10 @@ def _text(first: FirstSetup) -> str:
     )  # fmt: skip
 
 
-def ground_of(releases: Sequence[FollowedRelease], fall_px: float) -> float | None:
+def ground_of(releases: Sequence[FollowedRelease], g_px_frame2: float) -> float | None:
     """Height of the ground in the picture, from the lowest bounce of some releases; None if none bounced or a block was
-    seen below. `fall_px`: acceleration of gravity along v in px per frame squared."""
-    feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, fall_px)]
+    seen below."""
+    feet = [float(place[1]) + r.radius_px for r in releases for place in bounces_of(r.seen, g_px_frame2)]
     if not feet:
         return None
     lowest = max(float(s.pose[1]) + BELOW_RADII * r.radius_px for r in releases for s in r.seen)

@@ -11,11 +11,11 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d_tracking.background import Background
-from rock2d_tracking.film_reading import EVEN, Clock
+from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import FEWEST_BLOCK_FRAMES, SEEN_TO_START, frames_with_blocks, learned_looks
 from rock2d_tracking.looks import BlockFrame, Looks, best_channel_mix
-from rock2d_tracking.marks import Marks
+from rock2d_tracking.marks import Marks, nearest_angle
 from rock2d_tracking.motion import CANDIDATE_AREAS, SHADOW_SHARE, Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
 from rock2d_tracking.setup_file import Setup
@@ -29,14 +29,14 @@ SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
 LONGEST_LOSS_S = 0.25  # longest time without the block within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
 FAR_FROM_ARC_REACHES = 1.0  # largest distance of a fit from its arc; farther away it is another object
-FAST_FALL_PX = 0.5  # per frame squared, from which a block falls visibly within a few frames
+FAST_G_PX_FRAME2 = 0.5  # from which a block falls visibly within a few frames
 USUAL_SIZE_ERROR = 0.05  # relative error of a stated size
 STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
 
 OnProgress = Callable[[int, Array, FollowedRelease | None], None]
 
 
-def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = EVEN) -> Motion:
+def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = CONSTANT_RATE) -> Motion:
     """The motion in a film with a set-up."""
     metres = setup.scale.metres_per_pixel
     outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]
@@ -73,7 +73,7 @@ class Follower:
         self.setup, self.motion = setup, motion
         self.background = Background([self.mix(s) for s in samples])
         camera = setup.pixel_map(size_px)
-        self.fall_px = setup.fall_px
+        self.g_px_frame2 = setup.g_px_frame2
         visible = above_ground(setup.cross_section, camera, size_px)
         self.fitter = Fitter(self.background, visible, setup.keys.detection.least_seen)
         self.looks = {
@@ -191,7 +191,7 @@ class Follower:
                 judged = copy.deepcopy(self.release)
                 for sight in judged.sights:
                     sight.when = float(self.motion.clock(sight.frame))
-                self._named += len(moving_releases([judged], self.fall_px))
+                self._named += len(moving_releases([judged], self.g_px_frame2))
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
@@ -225,7 +225,7 @@ class Follower:
         return float(np.mean(near)) if near else 0.0
 
     def _next_block(self) -> str:
-        own = self.release is not None and shows_release(self.release, self.fall_px)
+        own = self.release is not None and shows_release(self.release, self.g_px_frame2)
         return self.setup.block_of(self._named + own)
 
     def _learn(self, frame: Array) -> None:
@@ -326,8 +326,8 @@ class Follower:
         since, ahead = self._time(first.frame, last.frame), self._time(last.frame, number)
         pace = (last.pose - first.pose) / since
         expected = last.pose + pace * ahead
-        g = self.fall_px
-        if abs(g) > FAST_FALL_PX:
+        g = self.g_px_frame2
+        if abs(g) > FAST_G_PX_FRAME2:
             # the pace belongs to the middle of its frames
             expected[1] += 0.5 * g * ahead * (ahead + since)
         elif number > last.frame + 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
@@ -395,7 +395,7 @@ class Follower:
         for sight, own in taken:
             before = self.release.sights[-1].pose[2] if self.release.sights else sight.pose[2]
             if outline.symmetry_rad > 0.0:
-                sight.pose[2] = _nearest_angle(sight.pose[2], before, outline.symmetry_rad)
+                sight.pose[2] = nearest_angle(sight.pose[2], before, outline.symmetry_rad)
             elif self.setup.keys.detection.marks:
                 self._with_angle_of_marks(own, sight, before, outline)
             self.release.sights.append(sight)
@@ -447,11 +447,6 @@ class Follower:
         """First and last u, first and last v around the block that is followed or expected."""
         name = self.release.block if self.release is not None else self._next_block()
         return self.fitter.window(pose, reaches, self.looks[name].outline)
-
-
-def _nearest_angle(angle: float, near: float, symmetry: float) -> float:
-    """The angle nearest to `near` among those at which the block looks the same."""
-    return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
 
 
 def releases_shown(areas_px2: Sequence[float], stated_px2: Sequence[float]) -> list[int]:

@@ -18,14 +18,12 @@ LONGEST_EXTRAPOLATION = 6  # frames over which a flight is extrapolated to the n
 APART_PX, APART_RADII, APART_STEPS = 3.0, 0.5, 0.3
 
 
-def reject_gross_errors(release: FollowedRelease, fall_px: float) -> None:
-    """Reject frames of a release that lie on the background or jump out of its motion.
-
-    `fall_px`: acceleration of gravity along v in px per frame squared."""
+def reject_gross_errors(release: FollowedRelease, g_px_frame2: float) -> None:
+    """Reject frames of a release that lie on the background or jump out of its motion."""
     _reject_background(release.seen)
-    _reject_frames(release.seen, fall_px)
-    _reject_flights(release, fall_px)
-    _reject_frames(release.seen, fall_px)  # the neighbours of rejected flights
+    _reject_frames(release.seen, g_px_frame2)
+    _reject_flights(release, g_px_frame2)
+    _reject_frames(release.seen, g_px_frame2)  # the neighbours of rejected flights
 
 
 def _reject_background(seen: list[Sight]) -> None:
@@ -39,14 +37,14 @@ def _reject_background(seen: list[Sight]) -> None:
             sight.reject("on the background")
 
 
-def _reject_frames(seen: list[Sight], fall_px: float) -> None:
+def _reject_frames(seen: list[Sight], g_px_frame2: float) -> None:
     """Reject frames far from the parabola through their neighbours."""
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
     t = np.array([s.when for s in seen])
     pose = np.array([s.pose for s in seen])
     # without the fall, so that a line can be compared with few frames
-    pose[:, 1] -= 0.5 * fall_px * (t - t[0]) ** 2
+    pose[:, 1] -= 0.5 * g_px_frame2 * (t - t[0]) ** 2
     odd = []
     for i in range(len(seen)):
         near = [k for k in range(max(0, i - COMPARED_FRAMES), min(len(seen), i + COMPARED_FRAMES + 1)) if k != i]
@@ -70,26 +68,26 @@ def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
     return float((off / np.maximum(JUMP_SIGMAS * sigma, [SMALLEST_JUMP_PX, SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD])).max())
 
 
-def _reject_flights(release: FollowedRelease, fall_px: float) -> None:
+def _reject_flights(release: FollowedRelease, g_px_frame2: float) -> None:
     """Reject flights that do not begin where the previous flight ends, because an impact does not displace a block. The
     longest flight is taken as right."""
     seen = release.seen
-    flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
+    flights = [[seen[i] for i in own] for own in flights_of(seen, g_px_frame2)]
     if len(flights) < 2:
         return
     longest = int(np.argmax([len(own) for own in flights]))
     for order in (flights[longest:], flights[longest::-1]):
         known = order[0]
         for own in order[1:]:
-            if _meet(known, own, fall_px, release.radius_px):
+            if _meet(known, own, g_px_frame2, release.radius_px):
                 known = own
                 continue
             for sight in own:
                 sight.reject("jumps")
-    _reject_between(seen, flights, fall_px)
+    _reject_between(seen, flights, g_px_frame2)
 
 
-def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: float) -> None:
+def _reject_between(seen: list[Sight], flights: list[list[Sight]], g_px_frame2: float) -> None:
     """Reject frames between flights that are nearer to a rejected flight than to an accepted one."""
     inside = {s.when for own in flights for s in own}
     ends = np.array([[own[0].when, own[-1].when] for own in flights])
@@ -100,48 +98,48 @@ def _reject_between(seen: list[Sight], flights: list[list[Sight]], fall_px: floa
         away = []
         for k in beside:
             own = flights[k][-FLIGHT_ENDS:] if ends[k, 1] < sight.when else flights[k][:FLIGHT_ENDS]
-            place = _extrapolated(own, np.array([sight.when]), fall_px)[0]
+            place = _extrapolated(own, np.array([sight.when]), g_px_frame2)[0]
             away.append(float(np.hypot(*(sight.pose[:2] - place))))
         if flights[beside[int(np.argmin(away))]][0].reason:
             sight.reject("jumps")
 
 
-def _meet(one: list[Sight], other: list[Sight], fall_px: float, radius_px: float) -> bool:
+def _meet(one: list[Sight], other: list[Sight], g_px_frame2: float, radius_px: float) -> bool:
     """Whether two flights, extrapolated toward each other, meet; True if this is unknown."""
     before, after = (one, other) if one[0].when < other[0].when else (other, one)
     if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION or min(len(before), len(after)) < 2:
         return True
-    paths = _between(before, after, fall_px)
+    paths = _between(before, after, g_px_frame2)
     step = max(float(np.hypot(*np.diff(path[:5:4], axis=0).T).max()) for path in paths)
     allowed = max(APART_PX, APART_RADII * radius_px) + APART_STEPS * step
     return bool(np.hypot(*(paths[0] - paths[1]).T).min() < allowed)
 
 
-def bounces_of(seen: list[Sight], fall_px: float) -> list[Array]:
+def bounces_of(seen: list[Sight], g_px_frame2: float) -> list[Array]:
     """Places (2,) at which a block bounces, from the flights before and after."""
-    flights = [[seen[i] for i in own] for own in flights_of(seen, fall_px)]
+    flights = [[seen[i] for i in own] for own in flights_of(seen, g_px_frame2)]
     found = []
     for before, after in pairwise(own for own in flights if len(own) >= FEWEST_BOUNCE_FRAMES):
         if after[0].when - before[-1].when > LONGEST_EXTRAPOLATION:
             continue
-        coming, going = _between(before, after, fall_px)
+        coming, going = _between(before, after, g_px_frame2)
         if coming[-1, 1] > coming[-2, 1] and going[1, 1] < going[0, 1]:
             at = int(np.hypot(*(coming - going).T).argmin())
             found.append(0.5 * (coming[at] + going[at]))
     return found
 
 
-def _between(before: list[Sight], after: list[Sight], fall_px: float) -> list[Array]:
+def _between(before: list[Sight], after: list[Sight], g_px_frame2: float) -> list[Array]:
     """Places (n, 2) of two flights, extrapolated to the instants between them, four per frame."""
     gap = after[0].when - before[-1].when
     when = np.linspace(before[-1].when, after[0].when, 4 * int(np.ceil(gap)) + 1)
-    return [_extrapolated(own, when, fall_px) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS])]
+    return [_extrapolated(own, when, g_px_frame2) for own in (before[-FLIGHT_ENDS:], after[:FLIGHT_ENDS])]
 
 
-def _extrapolated(sights: list[Sight], when: Array, fall_px: float) -> Array:
+def _extrapolated(sights: list[Sight], when: Array, g_px_frame2: float) -> Array:
     """(n, 2) places at the instants `when` (n,), on the parabola with gravity through some sights."""
     t = np.array([s.when for s in sights])
-    bend = np.array([0.0, 0.5 * fall_px])
+    bend = np.array([0.0, 0.5 * g_px_frame2])
     places = np.array([s.pose[:2] for s in sights]) - (t - t[0])[:, None] ** 2 * bend
     line = np.linalg.lstsq(np.vander(t - t[0], 2), places, rcond=None)[0]
     return np.asarray(np.vander(when - t[0], 2) @ line + (when - t[0])[:, None] ** 2 * bend)

@@ -17,7 +17,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, shown
-from rock2d.files.experiment import LARGEST, TRAJECTORY_COLUMNS
+from rock2d.files.experiment import LARGEST_NUMBER, TRAJECTORY_COLUMNS
 from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d_tracking.camera import PixelMap
@@ -103,7 +103,7 @@ def import_tracks(
     Raises `InputError`, with file and line, if the files or the statements about them cannot be right."""
     import pandas as pd
 
-    if options.file_fps is not None and not 0 < options.file_fps <= LARGEST:
+    if options.file_fps is not None and not 0 < options.file_fps <= LARGEST_NUMBER:
         raise InputError(f"file_fps: expected a positive number, found {shown(options.file_fps)}")
     if len(options.marks) > 2:
         raise InputError("marks: expected one or two; name points that show only the centroid in centroid")

@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.statistics import MAD_TO_SD
-from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit
+from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit, jackknife_variance
 from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
 from rock2d_tracking.looks import BlockFrame, Looks, learned_picture
 from rock2d_tracking.motion import Motion
@@ -109,14 +109,12 @@ def _centre_of_picture(
         )
         across = sum(cv2.remap(own, u, v, cv2.INTER_LINEAR) * normals[:, k, None] for k, own in enumerate(slopes))
         change = np.array([np.abs(across[part == k]).sum(axis=0) for k in range(JACKKNIFE_PARTS)])
-        best = (change.sum(axis=0) - np.vstack([np.zeros_like(change[:1]), change])).argmax(
-            axis=1
-        )  # with all parts, and without each
+        # with all parts, and without each
+        best = (change.sum(axis=0) - np.vstack([np.zeros_like(change[:1]), change])).argmax(axis=1)
         found.append((change.sum(axis=0).max(), np.column_stack([du.ravel()[best], dv.ravel()[best]])))
     _, places = max(found, key=lambda own: own[0])
-    own = places[1:]
-    squares = (JACKKNIFE_PARTS - 1) / JACKKNIFE_PARTS * ((own - own.mean(axis=0)) ** 2).sum(axis=0)
-    return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(np.sqrt(squares.max()), CENTRE_STEP_PX))
+    error_px = np.sqrt(jackknife_variance(places[1:]).max())
+    return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(error_px, CENTRE_STEP_PX))
 
 
 def _shutter(fitter: Fitter, looks: Looks, block_frames: list[BlockFrame]) -> float:

@@ -8,7 +8,7 @@ distortion of a phone."""
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.kinematics.flight_gravity import PARABOLA, Measured
+from rock2d.kinematics.flight_gravity import PARABOLA_TERMS, Measured
 from rock2d.kinematics.flights import Film, Flights
 from rock2d.records.columns import POSITION
 from rock2d_tracking.camera import PixelMap
@@ -18,14 +18,14 @@ CLEAR_ERRORS = 5.0  # least k in standard errors
 LEAST_EXPLAINED = 0.3  # least share of the squared residuals that the lens must explain
 
 
-def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int, int]) -> Measured | None:
+def lens_distortion(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int, int]) -> Measured | None:
     """Distortion k that explains the residuals of the parabolas of flights; None if it is not significant.
 
     camera : map of the places in the film, without distortion
     size_px : (width, height) of the picture"""
     middle = 0.5 * (np.array(size_px) - 1.0)
     parts = list(zip(flights.first, flights.last, strict=True))
-    freedom = sum(2 * (last - first - PARABOLA) for first, last in parts) - 1
+    freedom = sum(2 * (last - first - PARABOLA_TERMS) for first, last in parts) - 1
     if freedom < 1:
         return None
     off = camera.to_pixel(film.pose[:, POSITION]) - middle
@@ -33,11 +33,11 @@ def lens_bend(film: Film, flights: Flights, camera: PixelMap, size_px: tuple[int
     true, k = off, 0.0
     for _ in range(LENS_ROUNDS):
         share = (true**2).sum(axis=1, keepdims=True) / (middle**2).sum()
-        bend = _without_parabolas(film, parts, share * true)
-        k = float(bend @ left) / float(bend @ bend)
+        radial = _without_parabolas(film, parts, share * true)
+        k = float(radial @ left) / float(radial @ radial)
         true = off / (1.0 + k * share)
-    squares, explained = float(left @ left), k * float(bend @ left)
-    found = Measured(k, float(np.sqrt((squares - explained) / freedom / (bend @ bend))))
+    squares, explained = float(left @ left), k * float(radial @ left)
+    found = Measured(k, float(np.sqrt((squares - explained) / freedom / (radial @ radial))))
     clear = abs(k) > CLEAR_ERRORS * found.error and explained > LEAST_EXPLAINED * squares
     return found if clear else None
 
@@ -47,6 +47,6 @@ def _without_parabolas(film: Film, parts: list[tuple[int, int]], places: Array) 
     found = []
     for first, last in parts:
         t_s = film.t_s[first:last]
-        own = np.linalg.qr(np.vander((t_s - t_s.mean()) / np.ptp(t_s), PARABOLA))[0]
+        own = np.linalg.qr(np.vander((t_s - t_s.mean()) / np.ptp(t_s), PARABOLA_TERMS))[0]
         found.append((places[first:last] - own @ (own.T @ places[first:last])).ravel())
     return np.concatenate(found)

@@ -14,14 +14,13 @@ import pandas as pd
 
 from rock2d.arrays import Array
 from rock2d.errors import counted
-from rock2d.graphics.live_data import in_page
+from rock2d.graphics.live_data import MOST_BYTES, in_page
 from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.looks import Looks
 from rock2d_tracking.outline import Outline
 from rock2d_tracking.sights import REASONS
 from rock2d_tracking.tracked_film import LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII, TrackedFilm
 
-MOST_BYTES = 1_900_000  # of data in a page
 MOST_FRAMES = 10_000  # in the view; each takes FRAME_BYTES in addition to its picture
 FRAME_BYTES, TEXT_OF_BYTES = 120, 4 / 3  # of a frame without its picture; of base64 over what it holds
 ELLIPSE_POINTS = 48
@@ -53,7 +52,7 @@ class LiveFrames:
     notes: Sequence[str]
 
 
-def belonging(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
+def flight_and_impact_rows(frames: pd.DataFrame, flights: pd.DataFrame, impacts: pd.DataFrame) -> tuple[Array, Array]:
     """(n,) row of the flight of each frame, and of the impact between whose flights the frame is; -1 for none."""
     release, t = frames["release"].to_numpy(), frames["t_s"].to_numpy(float)
     flight, impact = np.full(len(frames), -1), np.full(len(frames), -1)
@@ -92,7 +91,7 @@ def live_frames(
     numbers : (n,) of each row of `film.frames` in the file
     still : (height, width) the first picture"""
     table, fps = film.frames.iloc[:MOST_FRAMES], film.experiment.fps
-    flight, impact = belonging(table, film.flights, film.impacts)
+    flight, impact = flight_and_impact_rows(table, film.flights, film.impacts)
     names = list(dict.fromkeys(table["block"]))
     pictures = frame_pictures(
         frames, numbers[: len(table)], _places(table),

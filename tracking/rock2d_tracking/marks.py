@@ -12,6 +12,11 @@ HIGHEST_HARMONIC = 40  # highest harmonic of the angle that is compared; finer o
 SMALLEST_MARK_CONTRAST = 0.05  # standard deviation of the grey values over the contrast; below it no marks
 
 
+def nearest_angle(angle: float, near: float, symmetry: float) -> float:
+    """The angle nearest to `near` among those at which the block looks the same."""
+    return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
+
+
 class Marks:
     """Marks of one block during one release."""
 
@@ -48,12 +53,11 @@ class Marks:
         away = np.abs((turns - near_rad + np.pi) % (2 * np.pi) - np.pi)
         best = int(np.argmax(match - 0.02 * away))
         left, top, right = match[best - 1], match[best], match[(best + 1) % len(match)]
-        bend = left - 2 * top + right
-        shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
+        curvature = left - 2 * top + right
+        shift = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
         if top < SMALLEST_CORRELATION:
             return None
-        turn = turns[best] + shift * (turns[1] - turns[0])
-        angle = near_rad + (turn - near_rad + np.pi) % (2 * np.pi) - np.pi
+        angle = nearest_angle(turns[best] + shift * (turns[1] - turns[0]), near_rad, 2 * np.pi)
         if shown.all():
             self._reference = (1 - REFERENCE_UPDATE) * self._reference + REFERENCE_UPDATE * waves * np.exp(
                 1j * order * angle

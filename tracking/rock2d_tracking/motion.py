@@ -17,12 +17,12 @@ from rock2d_tracking.arcs import (
     FEWEST_ARC_FRAMES,
     Arc,
     arcs_of_other_gravity,
-    common_fall,
+    common_acceleration,
     find_arcs,
 )
 from rock2d_tracking.candidates import candidates_of, shrunk
-from rock2d_tracking.film_reading import EVEN, Clock
-from rock2d_tracking.film_scale import UNKNOWN, FilmScale
+from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
+from rock2d_tracking.film_scale import UNKNOWN_SCALE, FilmScale
 
 COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at most
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least
@@ -112,8 +112,8 @@ class Motion:
     chains: list[Chain] = field(default_factory=list)
     samples: list[Array] = field(default_factory=list)
     arcs: list[Arc] = field(default_factory=list)
-    clock: Clock = EVEN
-    scale: FilmScale = UNKNOWN
+    clock: Clock = CONSTANT_RATE
+    scale: FilmScale = UNKNOWN_SCALE
 
     def chain_at(self, frame: int) -> Chain | None:
         """The chain that spans a frame."""
@@ -141,7 +141,7 @@ def motion_of(
     expected_frames: int,
     radii_px: list[float],
     scale: FilmScale,
-    clock: Clock = EVEN,
+    clock: Clock = CONSTANT_RATE,
     down: int = 1,
 ) -> Motion:
     """Read a film once and find the motion in it.
@@ -172,15 +172,15 @@ def motion_of(
             chunk = []
     if chunk:
         found.candidates += candidates_of(chunk, len(found.candidates), coarse)
-    if not scale.fall_px and (fall := common_fall(found.candidates, down, clock)) is not None:
+    if not scale.g_px_frame2 and (fall := common_acceleration(found.candidates, down, clock)) is not None:
         scale = scale.completed(abs(fall.value))
-    found.scale, fall_px = scale, down * scale.fall_px
-    if not fall_px:  # nothing falls
+    found.scale, g_px_frame2 = scale, down * scale.g_px_frame2
+    if not g_px_frame2:  # nothing falls
         return found
-    found.arcs = find_arcs(found.candidates, fall_px, clock)
+    found.arcs = find_arcs(found.candidates, g_px_frame2, clock)
     found.chains = find_chains(found.arcs, scale.fps or 0.0, radii_px)
     if not found.chains:
-        found.arcs += arcs_of_other_gravity(found.candidates, fall_px, clock)
+        found.arcs += arcs_of_other_gravity(found.candidates, g_px_frame2, clock)
     return found
 
 

@@ -306,9 +306,9 @@ class Setup:
             path.write_bytes(self.board)
 
     @property
-    def fall_px(self) -> float:
+    def g_px_frame2(self) -> float:
         """Acceleration of gravity along v in px per frame squared."""
-        return self.down * self.scale.fall_px * float(np.cos(np.deg2rad(self.keys.camera.tilt_deg)))
+        return self.down * self.scale.g_px_frame2 * float(np.cos(np.deg2rad(self.keys.camera.tilt_deg)))
 
     @property
     def down(self) -> int:

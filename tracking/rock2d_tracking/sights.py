@@ -7,6 +7,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
+from rock2d.statistics import MAD_TO_SD
 
 # frames on each side of one whose scatter about their parabola is compared with its error
 ERROR_NEIGHBOURS = 3
@@ -106,14 +107,13 @@ def lost_sight(frame: int, reason: str) -> Sight:
     return Sight(frame, np.full(3, np.nan), np.full(3, np.nan), 0.0, reason)
 
 
-def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
-    """The flights: (n,) indices into `sights` of frames without a sudden change of velocity.
-
-    `fall_px`: acceleration of gravity along v in px per frame squared. Frames next to an impact are left out."""
+def flights_of(sights: list[Sight], g_px_frame2: float) -> list[Array]:
+    """The flights: (n,) indices into `sights` of frames without a sudden change of velocity. Frames next to an impact
+    are left out."""
     t = np.array([s.when for s in sights])
     count, k = len(t), KINK_FRAMES
     places = np.array([s.pose[:2] for s in sights]).reshape(-1, 2)
-    places[:, 1] -= 0.5 * fall_px * (t - t[:1]) ** 2
+    places[:, 1] -= 0.5 * g_px_frame2 * (t - t[:1]) ** 2
     parted = np.flatnonzero(np.diff(t) > KINK_FRAMES) + 0.5
     if count > 2 * k:
         pace = (places[k:] - places[:-k]) / (t[k:] - t[:-k])[:, None]
@@ -130,20 +130,17 @@ def flights_of(sights: list[Sight], fall_px: float) -> list[Array]:
     return [part for part in parts if len(part)]
 
 
-def moved(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether the block moves within a flight; a change between flights does not count, because it may be a change to
-    another object. `fall_px`: acceleration of gravity along v in px per frame squared."""
+def shows_release(release: FollowedRelease, g_px_frame2: float) -> bool:
+    """Whether enough frames were seen, and the block moved within a flight: other objects are none of the stated
+    releases. A change between flights may be one to another object, and does not count."""
     seen = release.seen
     poses = np.array([s.pose[:2] for s in seen])
-    return any(np.ptp(poses[own], axis=0).max() > SHORTEST_MOTION_PX for own in flights_of(seen, fall_px))
+    return len(seen) >= FEWEST_FLIGHT_FRAMES and any(
+        np.ptp(poses[own], axis=0).max() > SHORTEST_MOTION_PX for own in flights_of(seen, g_px_frame2)
+    )
 
 
-def shows_release(release: FollowedRelease, fall_px: float) -> bool:
-    """Whether enough frames were seen, and the block moved: other objects are none of the stated releases."""
-    return len(release.seen) >= FEWEST_FLIGHT_FRAMES and moved(release, fall_px)
-
-
-def set_errors(release: FollowedRelease, fall_px: float) -> None:
+def set_errors(release: FollowedRelease, g_px_frame2: float) -> None:
     """Set the standard errors of a release to the scatter of its frames about the parabolas through their neighbours
     in the same flight.
 
@@ -156,11 +153,11 @@ def set_errors(release: FollowedRelease, fall_px: float) -> None:
     # a fit that looks better than usual is so by chance
     turned = np.isfinite(error[:, 2]).any()
     usual = np.nanmedian(error, axis=0) if turned else np.median(error, axis=0)
-    ratios = _scatter_ratios(seen, np.maximum(error, usual), flights_of(seen, fall_px))
+    ratios = _scatter_ratios(seen, np.maximum(error, usual), flights_of(seen, g_px_frame2))
     if len(ratios) < 2:
         return
-    place = 1.4826 * float(np.median(ratios[:, :2]))
-    turn = 1.4826 * float(np.nanmedian(ratios[:, 2])) if np.isfinite(ratios[:, 2]).any() else 1.0
+    place = MAD_TO_SD * float(np.median(ratios[:, :2]))
+    turn = MAD_TO_SD * float(np.nanmedian(ratios[:, 2])) if np.isfinite(ratios[:, 2]).any() else 1.0
     factor = SLOW_ERROR_FACTOR * np.clip([place, place, turn], *ERROR_FACTORS)
     for sight in seen:
         sight.error = np.maximum(sight.error, usual) * factor

@@ -14,12 +14,12 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, load_film
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, set_errors, shows_release
 
-PLACE = ["x_m", "y_m", "theta_rad"]
 # largest standard error of a coordinate of a trusted frame: in px, or in radii of the block if that is more
 LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side with which a step is compared
@@ -118,19 +118,17 @@ def rescaled(film: TrackedFilm, setup: Setup, size_px: tuple[int, int]) -> Track
     )
 
 
-def moving_releases(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
-    """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
-
-    `fall_px`: acceleration of gravity along v in px per frame squared."""
-    kept = [release for release in releases if shows_release(release, fall_px)]
+def moving_releases(releases: Sequence[FollowedRelease], g_px_frame2: float) -> list[FollowedRelease]:
+    """The releases that moved, without frames that jump out of their motion, with the errors that flights show."""
+    kept = [release for release in releases if shows_release(release, g_px_frame2)]
     for release in kept:
-        reject_gross_errors(release, fall_px)
-        set_errors(release, fall_px)
+        reject_gross_errors(release, g_px_frame2)
+        set_errors(release, g_px_frame2)
         limit = max(LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII * release.radius_px)
         for sight in release.seen:
             if max(sight.error[:2]) > limit:
                 sight.reject("unsure")
-    return [release for release in kept if shows_release(release, fall_px)]
+    return [release for release in kept if shows_release(release, g_px_frame2)]
 
 
 def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:
@@ -194,7 +192,7 @@ def _measured(
     if not setup.keys.detection.marks:
         theta[[setup.blocks[name].shape == "circle" for name in frames["block"][trusted]]] = np.nan
     frames = frames.assign(x_m=np.nan, y_m=np.nan, theta_rad=np.nan)
-    frames.loc[trusted, PLACE] = np.column_stack([place, theta])
+    frames.loc[trusted, list(POSE_NAMES)] = np.column_stack([place, theta])
     errors = frames[["u_error_px", "v_error_px", "angle_error_rad"]].to_numpy(float)[trusted]
     position = float(np.nanmedian(errors[:, :2])) * setup.metres_per_pixel
     angle = float(np.nanmedian(errors[:, 2])) if np.isfinite(errors[:, 2]).any() else 0.0

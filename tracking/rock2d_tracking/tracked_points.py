@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d.files.experiment import LARGEST
+from rock2d.files.experiment import finite_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,15 +65,18 @@ def separator_of(header: str) -> str:
     return next((c for c in "".join(header.split('"')[::2]) if c in "\t;,"), " ")
 
 
+def rows_of(text: str) -> list[tuple[int, list[str]]]:
+    """(number of the line, cells) of each line that is not empty; the first one shows the separator."""
+    lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
+    separator = separator_of(lines[0][1])
+    return [(k, cells(line, separator)) for k, line in lines]
+
+
 def number(cell: str, path: Path, line: int, column: str) -> float:
     """A number with a decimal point or comma, nan for an empty cell; raises `InputError` for anything else."""
     if cell in ("", "NaN", "nan"):
         return math.nan
     try:
-        value = float(cell.replace(",", "."))
+        return finite_number(cell.replace(",", "."))
     except ValueError:
-        value = math.nan
-    # float() also takes infinity, 1_000 and digits of other scripts
-    if not abs(value) <= LARGEST or "_" in cell or not cell.isascii():
-        raise InputError(f"column {column}: expected a number, found {shown(cell)}", path, line)
-    return value
+        raise InputError(f"column {column}: expected a number, found {shown(cell)}", path, line) from None

@@ -19,7 +19,7 @@ from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d_tracking.tracked_points import Points, number
 
-LINE = "line"  # attribute of an element: its line in the file
+LINE_ATTRIBUTE = "line"  # attribute of an element: its line in the file
 LARGEST_FRAME_DIGITS = 9
 PIXEL_CENTRE_PX = 0.5  # centre of the first pixel, as Tracker counts; 0 as rock2d does
 
@@ -33,14 +33,14 @@ def read_project(path: Path, text: str) -> Points:
     """The marked points in pixels, y downwards, with `frame`. Raises `InputError` with file and line."""
     root = _tree(path, text)
     if not root.get("class", "").endswith(".TrackerPanel"):
-        raise InputError("this XML is no project of Tracker", path, int(root.get(LINE, 1)))
+        raise InputError("this XML is no project of Tracker", path, int(root.get(LINE_ATTRIBUTE, 1)))
     rows: list[dict[str, Any]] = []
     names: set[str] = set()
     for mass in _point_masses(root):
         name = _text(mass, "name") or "point"
         if name in names:
             message = f"two tracks have the name {shown(name)}; rename one in Tracker"
-            raise InputError(message, path, int(mass.get(LINE, 1)), code="duplicate", key=name)
+            raise InputError(message, path, int(mass.get(LINE_ATTRIBUTE, 1)), code="duplicate", key=name)
         names.add(name)
         for entry in _property(mass, "framedata") or ():
             point = entry.find("object")
@@ -60,7 +60,7 @@ def _tree(path: Path, text: str) -> Element:
         raise InputError("a document type (<!DOCTYPE>) is not allowed", path, parser.CurrentLineNumber)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        builder.start(tag, attributes | {LINE: str(parser.CurrentLineNumber)})
+        builder.start(tag, attributes | {LINE_ATTRIBUTE: str(parser.CurrentLineNumber)})
 
     parser.StartDoctypeDeclHandler = refuse
     parser.StartElementHandler, parser.EndElementHandler = start, builder.end
@@ -91,7 +91,7 @@ def _point_masses(root: Element) -> Iterator[Element]:
 
 def _marked(path: Path, entry: Element, point: Element) -> dict[str, Any]:
     """Frame and place of one marked point."""
-    line, index = int(entry.get(LINE, 1)), entry.get("name", "").strip("[]")
+    line, index = int(entry.get(LINE_ATTRIBUTE, 1)), entry.get("name", "").strip("[]")
     if not (index.isascii() and index.isdigit() and len(index) <= LARGEST_FRAME_DIGITS):
         raise InputError(f"expected a frame [0], [1], ..., found {shown(entry.get('name'))}", path, line)
     u, v = (number(_text(point, axis), path, line, axis) - PIXEL_CENTRE_PX for axis in "xy")

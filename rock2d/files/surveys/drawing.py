@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.errors import InputError, require
-from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
+from rock2d.files.surveys.profile import PROFILE_EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.text_files import require_regular
 
 POLYLINES = "LWPOLYLINE POLYLINE"
@@ -24,7 +24,7 @@ def read_drawing(path: Path, layer: str | None = None) -> Profile:
 
     Raises InputError if the file is not DXF, if it states another unit than m, if there is no polyline (on this layer),
     or if the longest ones of several layers have the same length."""
-    require("ezdxf", f"ezdxf is missing, which reads drawings: {EXTRA}")
+    require("ezdxf", f"ezdxf is missing, which reads drawings: {PROFILE_EXTRA}")
     require_regular(path)
     document, damaged = _document(path)
     _check_metres(document, path)
@@ -62,13 +62,10 @@ def _document(path: Path) -> tuple[Any, bool]:
 
     logging.getLogger("ezdxf").setLevel(logging.ERROR)
     try:
-        return ezdxf.readfile(path), False
-    except (ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError):
-        pass
-    except OSError as error:
-        raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
-    try:
-        return recover.readfile(path)[0], True
+        try:
+            return ezdxf.readfile(path), False
+        except (ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError):
+            return recover.readfile(path)[0], True
     except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError) as error:
         raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
 

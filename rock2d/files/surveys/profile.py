@@ -9,10 +9,10 @@ from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 
-EXTRA = "pip install 'rock2d[profile]'"  # for drawings and terrain models
+PROFILE_EXTRA = "pip install 'rock2d[profile]'"  # for drawings and terrain models
 MOST_POINTS = 100_000
 FEWEST_POINTS = 2
-MOST_NAMED = 5  # stations of overhangs in a remark
+MOST_STATIONS = 5  # stations of overhangs in a remark
 
 
 class Stations(NamedTuple):
@@ -76,7 +76,7 @@ def checked_profile(points_m: Array, source: str) -> Profile:
         remarks.append(f"stations reduced by {points[0, 0]:.6g} m, so that they begin at 0")
     shifted = np.column_stack([stations.x_m(points[:, 0]), points[:, 1]])
     if (back := np.flatnonzero(np.diff(shifted[:, 0]) < 0.0)).size:
-        at = ", ".join(f"{stations.station_m(x):.6g}" for x in shifted[back, 0][:MOST_NAMED])
+        at = ", ".join(f"{stations.station_m(x):.6g}" for x in shifted[back, 0][:MOST_STATIONS])
         remarks.append(f"the ground overhangs after the station {at}: check that the numbers are right")
     try:
         CrossSection(shifted, ["ground"] * (len(shifted) - 1))

@@ -13,7 +13,7 @@ SIMILAR_DEG = 5.0  # facets that are flatter than the steepest one by at most th
 LEAST_DROP_M, LEAST_DROP = 2.0, 0.05  # least height of a stretch, also as a share of the relief
 # Share of the relief: points closer to the line than this, or than half a block, are roughness.
 NEGLIGIBLE = 0.02
-EDGE = 0.4  # length of the shortest release area over the size of the block: blocks tip over an edge
+LEAST_AREA_SIZES = 0.4  # length of the shortest release area over the size of the block: blocks tip over an edge
 
 
 class Stretch(NamedTuple):
@@ -92,8 +92,9 @@ def _stretches(points: Array, steep: Array) -> list[Stretch]:
 
 
 def _upper_half(stretch: Stretch, left: float, right: float, block_m: float) -> tuple[float, float]:
-    """Range of x of the upper half, at least EDGE blocks long and half a block away from the ends of the profile."""
+    """Range of x of the upper half, at least LEAST_AREA_SIZES blocks long and half a block away from the ends of
+    the profile."""
     x, y = stretch.points_m.T
     middle = float(np.interp(0.5 * stretch.drop_m, y[0] - y, x))
     low = min(max(float(x[0]), left + 0.5 * block_m), right - block_m)
-    return low, max(middle, low + EDGE * block_m)
+    return low, max(middle, low + LEAST_AREA_SIZES * block_m)

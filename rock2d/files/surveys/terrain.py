@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.errors import InputError, require
-from rock2d.files.surveys.profile import EXTRA, Profile, checked_profile, station_and_height
+from rock2d.files.surveys.profile import PROFILE_EXTRA, Profile, checked_profile, station_and_height
 from rock2d.files.surveys.table import METRES
 from rock2d.files.text_files import require_regular
 
@@ -73,7 +73,7 @@ def read_terrain(path: Path) -> Terrain:
     centre.
 
     Raises InputError if it cannot be read, is rotated against the axes, or states another unit than m."""
-    require("rasterio", f"rasterio is missing, which reads terrain models: {EXTRA}")
+    require("rasterio", f"rasterio is missing, which reads terrain models: {PROFILE_EXTRA}")
     require_regular(path)
     import rasterio
 

@@ -20,7 +20,7 @@ from rock2d.scene.cross_section import CrossSection
 if TYPE_CHECKING:
     from rock2d.files.surveys.terrain import Terrain
 
-EDGE = "edge"  # zone of the ground at the start
+EDGE_ZONE = "edge"  # zone of the ground at the start
 BEHIND_M, LENGTH_M = 5.0, 250.0  # extent of a section behind the start and ahead of it
 TRUSTED_CELLS = 1.0  # cells around the known starts and stops within which heights are trusted
 LINE_STEP_M, LINE_HEIGHT_M = 10.0, 50.0  # spacing and length of measure lines
@@ -36,7 +36,7 @@ class TerrainSections:
     terrain : heights
     known : releases with starts and stops
     zones : name -> inclination in degrees from which the ground belongs to it; below all of them, to the lowest
-    edge_m : length of the zone `EDGE` from the start on
+    edge_m : length of the zone `EDGE_ZONE` from the start on
     beyond_deg : inclination of the ground beyond the known starts and stops; positive: it rises"""
 
     terrain: Terrain
@@ -100,7 +100,7 @@ class TerrainSections:
         ordered = sorted(self.zones.items(), key=lambda item: -item[1])
         lowest = min(self.zones, key=self.zones.__getitem__)
         names = [next((name for name, least in ordered if deg >= least), lowest) for deg in inclination]
-        return [EDGE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
+        return [EDGE_ZONE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
 
     def _trusted(self, points: Array, start_m: Array) -> Array:
         import shapely

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
+from rock2d.cluster import SCALE_EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
 from rock2d.errors import InputError, require
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
@@ -40,7 +40,7 @@ TABLES_SHARE = 0.02  # time for the tables over the time for the releases
 MANIFEST = "campaign.json"
 OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
 # keys of a scenario that change no chunk file and no table, or that stand elsewhere in the manifest
-NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values"}
+KEYS_WITHOUT_INFLUENCE = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty", "design_values"}
 
 
 def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
@@ -88,7 +88,7 @@ def run_campaign(
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
     holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
     for example of a full disk, and of KeyboardInterrupt say how many chunks are done."""
-    from rock2d.files.folders import write_whole
+    from rock2d.files.csv_tables import write_tables
     from rock2d.progress import Bars
     from rock2d.runs.campaigns.campaign_tables import all_counts, campaign_tables
     from rock2d.runs.campaigns.chunks import is_done
@@ -111,8 +111,7 @@ def run_campaign(
         counts = all_counts(job, chunks)
         with bars.stage("tables", len(chunks) * len(READ_OUTPUTS & set(job.keep)), "files") as bar:
             tables = campaign_tables(job, chunks, counts, bar.update)
-        for name, table in tables.items():
-            write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        write_tables(folder, tables)
         if unclosed := sum(int(of_block.unclosed) for of_block in counts):
             report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:
@@ -160,7 +159,7 @@ def _job_and_manifest(scenario: Scenario, folder: Path, options: CampaignOptions
     seed = scenario.seed if options.seed is None else options.seed
     fps = scenario.outputs.fps
     determined_by = {
-        "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),
+        "scenario": scenario.model_dump(mode="json", exclude=KEYS_WITHOUT_INFLUENCE),
         "engine": engine.name,
         "seed": seed,
         "releases": options.releases or scenario.releases,
@@ -199,7 +198,7 @@ def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], c
         )
     if keep == ("crossings",) and not cross_section.measure_lines:
         raise InputError("only crossings are kept, but the cross-section has no measure lines", code="wrong_kind")
-    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {EXTRA}")
+    require("pyarrow", f"pyarrow is missing, which writes the parquet files of a campaign: {SCALE_EXTRA}")
 
 
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:

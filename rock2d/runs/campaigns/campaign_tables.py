@@ -17,10 +17,10 @@ from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.campaigns.order_statistics import OrderStatistics, find_order_statistics
 from rock2d.runs.indicators.passing import (
+    LINE_PERCENTILES,
     LINE_QUANTITIES,
     PASSING_COLUMNS,
     PERCENTILE_COLUMNS,
-    PERCENTILES,
     passing_rows,
 )
 from rock2d.statistics import percentile_estimate, percentile_ranks
@@ -92,10 +92,10 @@ class _Block:
         """Rows of PERCENTILE_COLUMNS."""
         passed = dict(zip(self.lines, self.counts.passed.tolist(), strict=True))
         sought = {
-            (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES), self.counts.crossings[k, q])
+            (line, quantity): OrderStatistics(_ranks(passed[line], LINE_PERCENTILES), self.counts.crossings[k, q])
             for k, line in enumerate(self.lines)
             for q, quantity in enumerate(LINE_QUANTITIES)
-            if _ranks(passed[line], PERCENTILES)
+            if _ranks(passed[line], LINE_PERCENTILES)
         }
         find_order_statistics(sought, self._values_at_lines)
         ranked = {key: statistics.values() for key, statistics in sought.items()}
@@ -104,7 +104,7 @@ class _Block:
             for line, n in passed.items()
             if n
             for quantity in LINE_QUANTITIES
-            for p in PERCENTILES
+            for p in LINE_PERCENTILES
         ]
 
     def stops(self) -> list[Any]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, STOP_EXIT, STOPS
+from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, POSE_NAMES, STOP_EXIT, STOPS
 from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.ensembles import Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
-SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
+SAMPLE_COLUMNS = ("block", "release", "t_s", *POSE_NAMES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_fingerprint"  # key of the campaign's fingerprint in a file's metadata
 ROW_GROUP = 1 << 17  # approximate number of rows that are written at once
@@ -192,7 +191,7 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int, counts: Counts) -> 
         release, at = np.nonzero(
             np.isfinite(found.samples[:, :, 0]) & (times <= ended + FRAME_TOLERANCE / job.scenario.outputs.fps)
         )
-        named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
+        named = dict(zip(POSE_NAMES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
     counts.unclosed[...] += found.unclosed
     for total, further in zip(counts.passing, found.passing(job.cross_section), strict=True):

@@ -96,13 +96,13 @@ def _ensemble(conditions: Sequence[Condition]) -> tuple[Ensemble, tuple[Array, A
     """The distinct blocks, cross-sections and parameters of releases, and the ids of each release."""
     from rock2d.engines.batch import Ensemble
 
-    blocks, block_ids = _distinct([condition.block for condition in conditions])
-    grounds, ground_ids = _distinct([condition.cross_section for condition in conditions])
-    tables, table_ids = _distinct([condition.parameters for condition in conditions])
+    blocks, block_ids = distinct([condition.block for condition in conditions])
+    grounds, ground_ids = distinct([condition.cross_section for condition in conditions])
+    tables, table_ids = distinct([condition.parameters for condition in conditions])
     return Ensemble(blocks, grounds, tables), (block_ids, ground_ids, table_ids)
 
 
-def _distinct(items: Sequence[Any]) -> tuple[list[Any], Array]:
+def distinct(items: Sequence[Any]) -> tuple[list[Any], Array]:
     """The distinct objects in order of appearance, and the index of each item among them."""
     places: dict[int, int] = {}
     index = np.array([places.setdefault(id(item), len(places)) for item in items])

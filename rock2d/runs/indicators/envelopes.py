@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 ENVELOPE_COLUMNS = ("block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95")
 QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")
-PERCENTILES = (50.0, 95.0, 99.0)
+ENVELOPE_PERCENTILES = (50.0, 95.0, 99.0)
 STATIONS = 61
 INSTANTS = 400  # instants of a track, in addition to its knots, for linear interpolation
 
@@ -43,7 +43,7 @@ def envelope_table(run: Simulation) -> pd.DataFrame:
         for s, x in enumerate(stations.tolist()):
             for q, quantity in enumerate(QUANTITIES):
                 n, values = int(counts[s, q]), ranked[:, s, q]
-                for percentile in PERCENTILES:
+                for percentile in ENVELOPE_PERCENTILES:
                     if n >= least_count(percentile):
                         rows.append((block, x, quantity, percentile, n, *percentile_estimate(values, n, percentile)))
     return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))

@@ -32,7 +32,7 @@ PASSING_COLUMNS = (
 LEAVING_SIZES = 5.0
 PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
 LINE_QUANTITIES = ("kinetic_J", "passing_height_m", "speed_m_s")
-PERCENTILES = (95.0, 99.0)
+LINE_PERCENTILES = (95.0, 99.0)
 
 
 class PassingCounts(NamedTuple):
@@ -137,7 +137,7 @@ def percentile_table(crossings: pd.DataFrame) -> pd.DataFrame:
     for (block, line), group in crossings.groupby(["block", "line"], sort=False):
         for quantity in LINE_QUANTITIES:
             ranked = np.sort(group[quantity].to_numpy(float))
-            for percentile in PERCENTILES:
+            for percentile in LINE_PERCENTILES:
                 estimate = percentile_estimate(ranked, len(ranked), percentile)
                 rows.append((block, line, quantity, percentile, len(ranked), *estimate))
     return pd.DataFrame(rows, columns=list(PERCENTILE_COLUMNS))

@@ -28,7 +28,7 @@ REACH_COLUMNS = (
     "block", "angle", "left_source", "not_stopped", "least_deg", "exceeded_by_95_deg", "low95_deg", "high95_deg",
 )  # fmt: skip
 REACH, ENERGY_LINE = "reach", "energy_line"
-PERCENTILE = 5.0  # angles that 95 % of the blocks exceed
+REACH_PERCENTILE = 5.0  # angles that 95 % of the blocks exceed
 
 
 def angle_of_reach_deg(start_m: Array, end_m: Array) -> Array:
@@ -66,7 +66,7 @@ def reach_table(run: Simulation) -> pd.DataFrame:
         stopped = np.array([track.stop == "rest" for track in tracks])
         for angle, origin in ((REACH, start[:, :2]), (ENERGY_LINE, head)):
             found = np.sort(angle_of_reach_deg(origin, end[:, :2])[left])
-            estimate = percentile_estimate(found, len(found), PERCENTILE)
+            estimate = percentile_estimate(found, len(found), REACH_PERCENTILE)
             least = float(found[0]) if len(found) else np.nan
             rows.append((name, angle, int(left.sum()), int((left & ~stopped).sum()), least, *estimate))
     return pd.DataFrame(rows, columns=list(REACH_COLUMNS))

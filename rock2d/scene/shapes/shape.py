@@ -70,8 +70,9 @@ class Shape(NamedTuple):
     sizes_of: Callable[[tuple[float, float], Array], dict[str, Any]]
 
 
-def positive(name: str, key: str, value: Any) -> float:
-    """`value` as a float; raises BlockError if it is missing or not positive."""
+def positive(name: str, key: str, sizes: Mapping[str, Any]) -> float:
+    """The size `key` as a float; raises BlockError if it is missing or not positive."""
+    value = sizes.get(key)
     if value is None or not value > 0:
         raise BlockError(name, f"{key} must be a positive number, got {value}", key)
     return float(value)
@@ -94,14 +95,14 @@ def polygon_moments(corners: Array) -> tuple[float, float]:
 
 
 def _circle(name: str, sizes: Mapping[str, Any]) -> Profile:
-    radius = 0.5 * positive(name, "diameter_m", sizes.get("diameter_m"))
+    radius = 0.5 * positive(name, "diameter_m", sizes)
     inertia_per_mass_m2 = {"uniform": 0.5 * radius**2, "solid_sphere": 0.4 * radius**2}
     return Profile((radius, radius), NO_CORNERS, inertia_per_mass_m2)
 
 
 def _ellipse(name: str, sizes: Mapping[str, Any]) -> Profile:
-    a = 0.5 * positive(name, "length_m", sizes.get("length_m"))
-    b = 0.5 * positive(name, "height_m", sizes.get("height_m"))
+    a = 0.5 * positive(name, "length_m", sizes)
+    b = 0.5 * positive(name, "height_m", sizes)
     return Profile((a, b), NO_CORNERS, {"uniform": 0.25 * (a**2 + b**2)})
 
 
@@ -112,13 +113,11 @@ def _rectangular(a: float, b: float) -> Profile:
 
 
 def _rectangle(name: str, sizes: Mapping[str, Any]) -> Profile:
-    a = 0.5 * positive(name, "length_m", sizes.get("length_m"))
-    b = 0.5 * positive(name, "height_m", sizes.get("height_m"))
-    return _rectangular(a, b)
+    return _rectangular(0.5 * positive(name, "length_m", sizes), 0.5 * positive(name, "height_m", sizes))
 
 
 def _square(name: str, sizes: Mapping[str, Any]) -> Profile:
-    half = 0.5 * positive(name, "side_m", sizes.get("side_m"))
+    half = 0.5 * positive(name, "side_m", sizes)
     return _rectangular(half, half)
 
 

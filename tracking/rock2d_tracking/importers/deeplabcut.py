@@ -14,7 +14,7 @@ from typing import Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import Points, cells, number, separator_of
+from rock2d_tracking.tracked_points import Points, number, rows_of
 
 HEADING_LINES = ("scorer", "individuals", "bodyparts", "coords")
 COORDINATE_KEYS = {"x": "u", "y": "v", "likelihood": "confidence"}
@@ -29,9 +29,7 @@ def read(path: Path, text: str) -> Points:
     """Points in pixels, tracks `bodypart` or `individual/bodypart`, with `frame` and `confidence`.
 
     Raises `InputError` with file and line."""
-    lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
-    separator = separator_of(lines[0][1])
-    table = [(line, cells(content, separator)) for line, content in lines]
+    table = rows_of(text)
     headings = {row[0].lower(): (line, row) for line, row in table[:4] if row[0].lower() in HEADING_LINES}
     for name in ("bodyparts", "coords"):
         if name not in headings:

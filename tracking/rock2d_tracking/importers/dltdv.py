@@ -16,7 +16,7 @@ from typing import Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import Points, cells, number, separator_of
+from rock2d_tracking.tracked_points import Points, number, rows_of
 
 COLUMN_NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
 
@@ -28,9 +28,7 @@ def looks_like(text: str) -> bool:
 
 def read(path: Path, text: str) -> Points:
     """Points in pixels, tracks `pt1_cam1` or `pt1`, `frame` counted from 0. Raises `InputError` with file and line."""
-    (top, first), *lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
-    separator = separator_of(first)
-    header = cells(first, separator)
+    (top, header), *table = rows_of(text)
     tracks: dict[str, dict[str, int]] = {}
     for j, cell in enumerate(header):
         match = COLUMN_NAME.fullmatch(cell)
@@ -42,7 +40,6 @@ def read(path: Path, text: str) -> Points:
     for track, of in tracks.items():
         if len(of) != 2:
             raise InputError(f"point {track} has no column {track}_{'Y' if 'X' in of else 'X'}", path, top)
-    table = [(line, cells(content, separator)) for line, content in lines]
     if table and path.suffix == ".tsv" and len(table[0][1]) == 3:
         return Points.of_rows(path, top, _sparse(path, table[1:], tracks))
     rows: list[dict[str, Any]] = []

@@ -20,7 +20,7 @@ from typing import Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d_tracking.importers import Importer
-from rock2d_tracking.tracked_points import Points, cells, number, separator_of
+from rock2d_tracking.tracked_points import Points, number, rows_of
 
 TEXT_TITLE = "#kinovea"
 TIMECODE = re.compile(r"(-?)(\d+):(\d\d):(\d\d)[:.,](\d+)")
@@ -43,9 +43,7 @@ def read(path: Path, text: str) -> Points:
 
 
 def _read_csv(path: Path, text: str) -> Points:
-    (top, first), *lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
-    separator = separator_of(first)
-    header = cells(first, separator)
+    (top, header), *table = rows_of(text)
     if not header[0].lower().startswith("time"):
         raise InputError(f"expected Time as the first column, found {shown(header[0])}", path, top)
     in_s = 1e-3 if "(ms)" in header[0] else 1.0
@@ -60,8 +58,7 @@ def _read_csv(path: Path, text: str) -> Points:
         if len(of) != 2:
             raise InputError(f"track {shown(track)} has no column {'Y' if 'X' in of else 'X'}", path, top)
     rows: list[dict[str, Any]] = []
-    for line, content in lines:
-        row = cells(content, separator)
+    for line, row in table:
         if len(row) != len(header):
             hint = "; decimal commas need semicolons or quotes between them" if len(row) > len(header) else ""
             raise InputError(f"expected {len(header)} cells, found {len(row)}{hint}", path, line)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d.files.folders import check_own_file, write_whole
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.importers import Importer
 from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points, cells, number, separator_of
 from rock2d_tracking.tracker_project import looks_like_project, read_project
@@ -91,7 +92,7 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
 
 def _frame_lines(rows: pd.DataFrame, fps: float, release: str) -> list[str]:
     by_frame: dict[int, list[str]] = {}
-    for t_s, *measured in rows[["t_s", "x_m", "y_m", "theta_rad"]].itertuples(index=False):
+    for t_s, *measured in rows[["t_s", *POSE_NAMES]].itertuples(index=False):
         frame = round(t_s * fps)
         if abs(t_s * fps - frame) > FRAME_TIME_TOLERANCE or frame in by_frame:
             raise InputError(f"{release}: t_s {t_s:g} is not that of a frame of its own at {fps:g} per s")

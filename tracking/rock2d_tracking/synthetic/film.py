@@ -18,6 +18,7 @@ from rock2d.arrays import Array
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import atomic_file
+from rock2d.records.columns import POSE_NAMES
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import CLEAN, BlockMotion, Faults, Puff, Sensor, exposure_poses, extended, puffs
 from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
@@ -25,7 +26,7 @@ from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 if TYPE_CHECKING:
     import cv2
 
-TRUTH_COLUMNS = ("frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", "x_m", "y_m", "theta_rad")
+TRUTH_COLUMNS = ("frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", *POSE_NAMES)
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def _filmed(
     for release in releases:
         rows = table[table["release"] == release]
         block = experiment.blocks[rows["block"].iloc[0]]
-        t, poses = rows["t_s"].to_numpy(float), rows[["x_m", "y_m", "theta_rad"]].to_numpy(float)
+        t, poses = rows["t_s"].to_numpy(float), rows[list(POSE_NAMES)].to_numpy(float)
         frame = first + rest_frames + np.rint((t - t[0]) * fps).astype(int)
         before_s = t[0] + np.arange(-rest_frames, 0) / fps
         measured = np.isfinite(poses).all(axis=1)

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 
 from rock2d.arrays import Array
+from rock2d.statistics import MAD_TO_SD
 
 COMPARED_WIDTH_PX = 640  # of the picture in which the background is compared, at most
 TRIED_FRAMES = 40  # frames, evenly distributed over the film, that show whether the camera moves
@@ -28,24 +29,24 @@ def camera_shifts(film: Iterable[Array], expected_frames: int) -> Array | None:
     tried = _shifts(islice(film, 0, None, max(1, expected_frames // TRIED_FRAMES)))
     if not len(tried) or np.sqrt(tried.var(axis=0).sum()) < LEAST_SHAKE_PX:
         return None
-    ways = _shifts(film)
+    shifts = _shifts(film)
     # moving objects in the first frame are not in the median
-    still = _median(film, ways, max(1, len(ways) // MEDIAN_FRAMES))
+    still = _median(film, shifts, max(1, len(shifts) // MEDIAN_FRAMES))
     better = _shifts(film, still)
     return better - better[:1]
 
 
-def _median(film: Iterable[Array], ways: Array, stride: int) -> Array:
+def _median(film: Iterable[Array], shifts: Array, stride: int) -> Array:
     """Median of every `stride`-th frame, moved back."""
-    chosen = [steadied(frame, way) for k, (frame, way) in enumerate(zip(film, ways, strict=False)) if k % stride == 0]
+    chosen = [stabilised(*pair) for pair in islice(zip(film, shifts, strict=False), 0, None, stride)]
     return np.median(np.stack(chosen), axis=0).astype(np.uint8)
 
 
-def steadied(frame: Array, way_px: Array) -> Array:
+def stabilised(frame: Array, shift_px: Array) -> Array:
     """A frame shifted back by a displacement (2,) in px; its border pixels are repeated."""
     import cv2
 
-    back = np.array([[1.0, 0.0, -way_px[0]], [0.0, 1.0, -way_px[1]]])
+    back = np.array([[1.0, 0.0, -shift_px[0]], [0.0, 1.0, -shift_px[1]]])
     size_px = (frame.shape[1], frame.shape[0])
     moved = cv2.warpAffine(frame, back, size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(moved)
@@ -55,35 +56,35 @@ def _shifts(film: Iterable[Array], still: Array | None = None) -> Array:
     """(n, 2) displacement in px of each frame from a still picture, or from the first frame.
 
     At each level it is the least-squares translation (Lucas and Kanade 1981); moving objects have little weight."""
-    ways: list[Array] = []
+    shifts: list[Array] = []
     first: list[Array] = []
     for frame in film:
         scale = max(1.0, frame.shape[1] / COMPARED_WIDTH_PX)
         pictures = [_small(frame, scale * level) for level in LEVELS]
         if not first:
             first = pictures if still is None else [_small(still, scale * level) for level in LEVELS]
-        way = ways[-1] / scale if ways else np.zeros(2)
+        shift = shifts[-1] / scale if shifts else np.zeros(2)
         for level, one, other in zip(LEVELS, first, pictures, strict=True):
-            way = level * _translation(one, other, way / level)
-        ways.append(way * scale)
-    return np.array(ways).reshape(-1, 2)
+            shift = level * _translation(one, other, shift / level)
+        shifts.append(shift * scale)
+    return np.array(shifts).reshape(-1, 2)
 
 
-def _translation(one: Array, other: Array, way: Array) -> Array:
+def _translation(one: Array, other: Array, shift: Array) -> Array:
     """(2,) displacement between two pictures, from a first guess."""
     du, dv = np.gradient(one, axis=1), np.gradient(one, axis=0)
     margin = np.s_[2:-2, 2:-2]
     slopes = np.stack([du[margin].ravel(), dv[margin].ravel()])
     for _ in range(TRANSLATION_ROUNDS):
-        off = (steadied(other, way) - one)[margin].ravel()
-        usual = max(1.4826 * float(np.median(np.abs(off))), 0.1)
+        off = (stabilised(other, shift) - one)[margin].ravel()
+        usual = max(MAD_TO_SD * float(np.median(np.abs(off))), 0.1)
         weight = 1.0 / (1.0 + (off / (ROBUST_SIGMAS * usual)) ** 2)
         weighted = slopes * weight
         step = np.linalg.lstsq(weighted @ slopes.T, -(weighted @ off), rcond=1e-9)[0]
-        way = way + np.clip(step, -2.0, 2.0)
+        shift = shift + np.clip(step, -2.0, 2.0)
         if np.hypot(*step) < CONVERGED_PX:
             break
-    return np.asarray(way)
+    return np.asarray(shift)
 
 
 def _small(frame: Array, scale: float) -> Array:

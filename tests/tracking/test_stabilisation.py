@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from rock2d_tracking.steadying import camera_shifts, steadied
+from rock2d_tracking.stabilisation import camera_shifts, stabilised
 
 SIZE_PX = (240, 160)
 
@@ -14,7 +14,7 @@ def wall(seed: int = 0) -> np.ndarray:
 
 def shown(still: np.ndarray, way: np.ndarray, ball: tuple[float, float]) -> np.ndarray:
     """The wall moved by a way, with a bright ball before it."""
-    moved = steadied(still, -way)
+    moved = stabilised(still, -way)
     v, u = np.mgrid[: SIZE_PX[1], : SIZE_PX[0]]
     moved[np.hypot(u - ball[0], v - ball[1]) < 14] = 250
     return np.clip(moved, 0, 255).astype(np.uint8)
@@ -27,7 +27,7 @@ def test_the_way_of_the_background_is_found_whatever_moves_before_it():
     found = camera_shifts(film, len(film))
     assert found is not None
     assert np.abs(found - ways).max() < 0.15
-    again = [steadied(frame, way) for frame, way in zip(film, found, strict=True)]
+    again = [stabilised(frame, way) for frame, way in zip(film, found, strict=True)]
     assert camera_shifts(again, len(again)) is None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,8 @@ from rock2d.scene.soils import SOIL_CLASSES
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident, Soil
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
     from rock2d.scene.cross_section import CrossSection
 
 POSSIBLE_STARTS = 200  # drawn starts of a block that are checked for plausibility
@@ -109,15 +111,19 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(block, states, ground, gravity, key)
-        if engine != "point_mass":
-            soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
-            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, soils, strict=True)}
+        soils: Sequence[ContactParameters | ReboundParameters]
+        if engine == "point_mass":
+            soils = by_zone(scenario.rebound_parameters(block), ground.zone_names, "rebound")
+        else:
+            contact = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
+            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, contact, strict=True)}
+            soils = contact
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
-            friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
-            found += friction_doubts(friction)
+        friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
+        found += friction_doubts(friction)
     if engine == "point_mass" and scenario.field_test is None:  # point masses of a field test use smooth ground
         found += rough_point_doubts(_rough_without_slope_reduction(scenario))
-    return found
+    return list(dict.fromkeys(found))  # several blocks share the ground
 
 
 def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 import rock2d
 from rock2d.design.possible_sites import draw_sites
 from rock2d.errors import UnusualWarning
+from rock2d.files import scenario_checks
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, line_remarks, start_doubts
@@ -139,6 +140,19 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
     assert said(path) == []  # the contact law has no slope reduction
     run = commanded("run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out")
     assert re.search(f"warning: point_mass: .*{words}", run.output)
+
+
+def test_a_friction_angle_of_point_masses_in_rad_is_told_once_for_all_blocks(tmp_path):
+    path = tmp_path / "site.yaml"
+    ball = "{shape: circle, diameter_m: 1, mass_kg: 1414, inertia: solid_sphere}"
+    two = ROUGH.replace(f"{{ball: {ball}}}", f"{{ball: {ball}, other: {ball}}}")
+    path.write_text(two.replace("ROCK", "{like: bedrock, friction_angle_deg: 0.6}"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scenario = rock2d.load_scenario(path)
+    for engine in ("point_mass", "batch"):
+        (doubt,) = scenario_checks.doubts(scenario, engine)
+        assert "friction angle in rock is 0.6 degrees; usual: 5 to 60. Is it in rad?" in doubt.text
 
 
 def site(**lines) -> CrossSection:

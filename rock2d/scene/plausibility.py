@@ -22,6 +22,7 @@ LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
 HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
+LARGEST_ANGLE_RAD = 6.3  # a full turn; a larger number may be in degrees
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
@@ -134,12 +135,19 @@ def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: 
 def start_doubts(
     block: Block, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
 ) -> Iterator[Doubt]:
-    """Doubts about possible starts (n, 6) of a block: speed, height, and place relative to embankment and measure
-    lines."""
+    """Doubts about possible starts (n, 6) of a block: speed, angle, spin, height, and place relative to embankment and
+    measure lines."""
     name, speed = block.name, float(np.hypot(states[:, 3], states[:, 4]).max())
     if speed > USUAL_SPEED_M_S:
         text = f"block {name} starts with up to {speed:.3g} m/s; the fastest blocks on slopes reach {USUAL_SPEED_M_S:g}"
         yield Doubt(text, key)
+    angle, spin = (float(np.abs(states[:, i]).max()) for i in (2, 5))
+    if angle > LARGEST_ANGLE_RAD:
+        text = f"block {name} starts at angles of up to {angle:.3g} rad; usual: up to a full turn, {2 * np.pi:.3g} rad"
+        yield Doubt(f"{text}. Is theta_rad in degrees?", key)
+    if (rim := spin * block.radius_m) > USUAL_SPEED_M_S:
+        text = f"block {name} starts with a spin of up to {spin:.3g} rad/s, {rim:.3g} m/s at its rim; usual: up to "
+        yield Doubt(f"{text}{USUAL_SPEED_M_S:g} m/s. Is omega_rad_s in degrees per second?", key)
     if states[:, 3].mean() < 0.0 and ground.points_m[0, 1] > ground.points_m[-1, 1]:
         text = f"block {name} starts to the left, with {states[:, 3].mean():.3g} m/s on average"
         yield Doubt(f"{text}; the ground falls to the right", key)

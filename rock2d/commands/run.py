@@ -74,7 +74,7 @@ class RunRequest:
 
     def engines_of(self, scenario: Scenario) -> Sequence[str]:
         """The engines that run a scenario."""
-        return self.engines or [scenario.engine]
+        return list(dict.fromkeys(self.engines)) or [scenario.engine]
 
     def studies(self, scenario: Scenario) -> bool:
         """Whether a scenario is a study of its field test."""
@@ -141,7 +141,10 @@ def run_scenarios(
         return True
     if request.pdf:
         check_printer()
-    for scenario in loaded:  # before any work
+    for i, scenario in enumerate(loaded):  # before any work
+        if any(scenario.name == other.name for other in loaded[:i]):
+            message = "another scenario of this command has this name, which is that of the folder of its results"
+            raise scenario.error(message, "name", code="duplicate")
         request.check(scenario)
     resolved = [_run_scenario(scenario, request) for scenario in loaded]
     return all(resolved)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -122,7 +123,10 @@ class KeptSizes:
     def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
         if kind is None:
             shutil.rmtree(self._folder, ignore_errors=True)
-        elif kind is KeyboardInterrupt:
+            return
+        with suppress(OSError):  # a folder that keeps sizes stays
+            self._folder.rmdir()
+        if kind is KeyboardInterrupt:
             done = len(list(self._folder.glob(f"{self._key}_*.json")))
             message = f"{done} sizes are judged, the same command continues from there"
             raise KeyboardInterrupt(message) from None

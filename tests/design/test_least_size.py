@@ -133,6 +133,13 @@ def test_releases_that_restart_a_film_are_refused(tmp_path):
         least_size(asked, asked.judge)
 
 
+def test_a_size_that_cannot_be_built_leaves_nothing_behind(tmp_path):
+    small_site(tmp_path)
+    with pytest.raises(InputError, match=r"embankment\.height_m = 80"):
+        run_design(tmp_path / "small.yaml", PLACE, (1.0, 80.0), TARGET, tmp_path / "out", progress=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["small.yaml"]
+
+
 def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     small_site(tmp_path)
     lines: list[str] = []

@@ -22,6 +22,7 @@ from rock2d.scene.plausibility import (
     earthwork_doubts,
     friction_doubts,
     highest_speed_m_s,
+    rough_ground_doubts,
     rough_point_doubts,
     site_doubts,
     start_doubts,
@@ -121,7 +122,9 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
         friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
         found += friction_doubts(friction)
-    if engine == "point_mass" and scenario.field_test is None:  # point masses of a field test use smooth ground
+    if engine != "point_mass":
+        found += rough_ground_doubts(ground, {zone: keys.make() for zone, keys in scenario.roughness.items()})
+    elif scenario.field_test is None:  # point masses of a field test use smooth ground
         found += rough_point_doubts(_rough_without_slope_reduction(scenario))
     return list(dict.fromkeys(found))  # several blocks share the ground
 

@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, Embankment, ditch_before
+from rock2d.scene.rough_ground import Roughness, smooth_share
 
 USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
 POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium
@@ -19,6 +20,7 @@ LARGEST_RELIEF_M = 9000.0
 LARGEST_BLOCK, SMALLEST_BLOCK = 0.2, 2e-4  # size of a block as a share of the extent of the site
 NARROWEST_CREST = 0.5  # in sizes of the block
 LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
+LEAST_ROUGHNESS_DEG, LARGEST_SMOOTH = 1.0, 0.1  # of a rough zone; the latter is the share of facets too short to be cut
 HIGHEST_START_M, HIGHEST_START = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
@@ -171,6 +173,18 @@ def start_doubts(
                 f"start lifts the block to {head:.4g} m"
             )
             yield Doubt(text, ("cross_section", "measure_lines", line))
+
+
+def rough_ground_doubts(ground: CrossSection, roughness: Mapping[str, Roughness]) -> Iterator[Doubt]:
+    """Doubts about rough zones: slopes that hardly vary, and facets that are too short to be cut."""
+    for zone, own in roughness.items():
+        key, sd_deg = ("roughness", zone), np.rad2deg(own.sd_rad)
+        if sd_deg < LEAST_ROUGHNESS_DEG:
+            text = f"the slopes in {zone} vary by {sd_deg:.3g} degrees; usual: {LEAST_ROUGHNESS_DEG:g} to 20"
+            yield Doubt(f"{text}. Is sd_deg in rad?", key)
+        if (share := smooth_share(ground, zone, own)) > LARGEST_SMOOTH:
+            text = f"{100 * share:.0f} % of {zone} stay smooth, in facets shorter than length_m, {own.length_m:g} m"
+            yield Doubt(f"{text}: leave out points (rock2d profile --tolerance), or make length_m smaller", key)
 
 
 def rough_point_doubts(zones: Sequence[str]) -> Iterator[Doubt]:

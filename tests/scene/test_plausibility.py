@@ -146,6 +146,23 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
     assert re.search(f"warning: point_mass: .*{words}", run.output)
 
 
+def test_ground_that_is_stated_rough_and_stays_smooth_is_told(tmp_path):
+    path = tmp_path / "site.yaml"
+    text = ROUGH.replace("point_mass", "batch").replace("ROCK", "bedrock")
+    points = "".join(f"[{x}, {40 - x}], " for x in np.arange(0.0, 30.0, 0.5)) + "[30, 10], [80, 0]"
+    fine = text.replace("[0, 40], [30, 20], [80, 0]", points).replace("[rock,", f"[{'rock, ' * 60}")
+    for words, said_of in (
+        (text, ()),
+        (fine, ()),  # facets of 0.71 m are cut into two pieces
+        (fine.replace("length_m: 0.5", "length_m: 0.8"), ("100 % of rock stay smooth, in facets shorter than",)),
+        (text.replace("length_m: 0.5", "length_m: 500"), ("100 % of rock stay smooth",)),
+        (text.replace("sd_deg: 8", "sd_deg: 0.14"), ("vary by 0.14 degrees; usual: 1 to 20. Is sd_deg in rad?",)),
+    ):
+        path.write_text(words)
+        told = [each for each in said(path) if "roughness.rock" in each]
+        assert len(told) == len(said_of) and all(of in each for of, each in zip(said_of, told, strict=True))
+
+
 def test_a_friction_angle_of_point_masses_in_rad_is_told_once_for_all_blocks(tmp_path):
     path = tmp_path / "site.yaml"
     ball = "{shape: circle, diameter_m: 1, mass_kg: 1414, inertia: solid_sphere}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -92,7 +93,14 @@ def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt
     """Doubts about site and blocks, which may be impossible. Cheap, because every variant of a site is checked."""
     yield from site_doubts(ground, scenario.gravity_m_s2)
     for block in scenario.make_blocks().values():
-        yield from block_doubts(block, ground)
+        yield from _in_file(scenario, block_doubts(block, ground))
+
+
+def _in_file(scenario: Scenario, of_block: Iterable[Doubt]) -> Iterator[Doubt]:
+    """Doubts about a block, at the key of its population if it is of one."""
+    for doubt in of_block:
+        population = doubt.key[1] in scenario.populations
+        yield replace(doubt, key=("populations", *doubt.key[1:])) if population else doubt
 
 
 def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
@@ -105,7 +113,7 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
         text = f"{unknown.sites} sites count as {unknown.base_sites}, the next power of two"
         found.append(Doubt(text, ("uncertainty", "sites")))
     for name, block in scenario.make_blocks().items():
-        found += earthwork_doubts(block, ground)
+        found += _in_file(scenario, earthwork_doubts(block, ground))
         incident = scenario.incident_of(name)
         if incident.from_experiment is not None:
             continue

@@ -29,7 +29,7 @@ USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
 UNITS = {
-    1000.0: "mass in t instead of kg", 1e-3: "mass in g instead of kg",
+    1000.0: "mass in t instead of kg, or the density in t/m³", 1e-3: "mass in g instead of kg",
     1e6: "size in cm instead of m", 1e9: "size in mm instead of m",
 }  # fmt: skip
 

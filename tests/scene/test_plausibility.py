@@ -101,6 +101,16 @@ def test_what_is_impossible_is_refused(tmp_path, old, new, words):
     assert refused.line and refused.code == "implausible"
 
 
+def test_a_population_is_named_with_its_place(tmp_path):
+    stones = "populations:\n  stones: {size_m: 1.0}\nblocks:\n  ball_1m:"
+    text = SLOPE.read_text(encoding="utf-8").replace("blocks:\n  ball_1m:", stones)
+    (path := tmp_path / "site.yaml").write_text(text.replace("{size_m: 1.0}", "{size_m: 1.0, density_kg_m3: 2.7}"))
+    refused = refusal(rock2d.load_scenario, path, said="populations.stones: .* or the density in t/m³")
+    assert refused.line == text[: text.index("  stones")].count("\n") + 1
+    path.write_text(text.replace("{size_m: 1.0}", "{size_m: 8.0}"))
+    assert any("populations.stones: block stones of 8 m is larger than the ditch" in each for each in said(path))
+
+
 def test_a_density_is_that_of_the_sphere_and_of_the_cube():
     ball = make_block("ball", "circle", 2.0, diameter_m=1.0)
     cube = make_block("cube", "square", 2.0, side_m=1.0)

@@ -54,6 +54,7 @@ def run_design(
     engine: str | None = None,
     seed: int | None = None,
     tolerance: float | None = None,
+    data_root: Path | None = None,
     overwrite: bool = False,
     progress: bool = True,
     workers: Workers = THIS_PROCESS,
@@ -74,7 +75,7 @@ def run_design(
 
     if pdf:
         check_printer()
-    scenario = load_scenario(path)
+    scenario = load_scenario(path, data_root)
     ranges = {name: (low, high) for name, low, high in over}
     check_varied(place, ranges)
     check_output_folder(out, overwrite, KIND)

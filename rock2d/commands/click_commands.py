@@ -20,6 +20,8 @@ def command_line() -> str:
     return shlex.join(["rock2d", *sys.argv[1:]])
 
 
+DATA = click.option("--data", "data_root", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
+                    help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
 PDF = click.option("--pdf", is_flag=True, help="Also write the page as report.pdf; needs pip install 'rock2d[pdf]'.")
 SEED = click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
 OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
@@ -33,8 +35,7 @@ QUIET = click.option("--quiet", is_flag=True, help="No progress bar.")
 @click.option("--releases", type=click.IntRange(1), help="Releases of each block instead of the scenario's.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True,
               help="Folder under which each run gets its own.")  # fmt: skip
-@click.option("--data", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
-              help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
+@DATA
 @click.option("--video", is_flag=True, help="Also write a video of the first releases.")
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
 @PDF
@@ -57,7 +58,7 @@ QUIET = click.option("--quiet", is_flag=True, help="No progress bar.")
               "(CSV) to write.")  # fmt: skip
 @OVERWRITE
 @QUIET
-def run(scenarios, engines, out, data, video, report, pdf, compare, precision, predict, overwrite, quiet,
+def run(scenarios, engines, out, data_root, video, report, pdf, compare, precision, predict, overwrite, quiet,
         **options) -> None:  # fmt: skip
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
@@ -80,7 +81,7 @@ def run(scenarios, engines, out, data, video, report, pdf, compare, precision, p
         precision=precision and precision / 100.0, draw=not options["no_figures"], overwrite=overwrite,
         progress=not quiet, report=click.echo,
     )  # fmt: skip
-    if not run_scenarios(scenarios, request, data_root=data, predict=predict):
+    if not run_scenarios(scenarios, request, data_root=data_root, predict=predict):
         sys.exit(4)
 
 
@@ -140,6 +141,7 @@ def profile(file, out, overwrite, **options) -> None:
 @SEED
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
+@DATA
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: this process, on all threads.")
 @click.option("--scheduler", metavar="ADDRESS", help=f"Possible sites {SCHEDULER_WORKERS}.")
 @PDF

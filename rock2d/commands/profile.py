@@ -1,6 +1,7 @@
 """The command `rock2d profile`: write a scenario and its picture from a table, drawing or terrain model."""
 
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -92,7 +93,7 @@ def write_profile(
     report(f"soil by the names of the zones: {', '.join(f'{z} {likely_class(z)}' for z in dict.fromkeys(names))}")
     if scenario.roughness:
         report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")
-    report(f"written: {out} and {picture.name}; next: rock2d run {out}")
+    report(f"written: {out} and {picture.name}; next: {shlex.join(['rock2d', 'run', str(out)])}")
     return profile
 
 

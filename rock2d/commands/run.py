@@ -18,7 +18,7 @@ from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.pages import check_printer
 from rock2d.runs.before_after import Model, diagnosed_models, model_table
-from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
+from rock2d.runs.campaigns.campaign import MANIFEST, CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, residual_text, table_note
@@ -75,7 +75,7 @@ class RunRequest:
 
     def engines_of(self, scenario: Scenario) -> Sequence[str]:
         """The engines that run a scenario."""
-        return self.engines or [scenario.engine]
+        return list(dict.fromkeys(self.engines)) or [scenario.engine]
 
     def is_study(self, scenario: Scenario) -> bool:
         """Whether a scenario is a study of its field test."""
@@ -107,7 +107,9 @@ class RunRequest:
                 message = f"--{option} is for sites; releases restarted from a film are compared with the film instead"
                 raise InputError(message, code="wrong_kind", option=option)
         for engine in () if campaign else self.engines_of(scenario):
-            check_output_folder(self.folder(scenario, engine), self.overwrite, KIND)
+            folder = self.folder(scenario, engine)
+            if self.precision is None or not (folder / MANIFEST).is_file():  # it may continue the campaign there
+                check_output_folder(folder, self.overwrite, KIND)
         for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
         if scenario.uncertainty is not None:
@@ -142,7 +144,10 @@ def run_scenarios(
         return True
     if request.pdf:
         check_printer()
-    for scenario in loaded:  # before any work
+    for i, scenario in enumerate(loaded):  # before any work
+        if any(scenario.name == other.name for other in loaded[:i]):
+            message = "another scenario of this command has this name, which is that of the folder of its results"
+            raise scenario.error(message, "name", code="duplicate")
         request.check(scenario)
     resolved = [_run_scenario(scenario, request) for scenario in loaded]
     return all(resolved)
@@ -169,6 +174,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     for engine in request.engines_of(scenario):
         if request.precision is not None:
             request = _with_releases_for_precision(scenario, engine, request)
+            request.check(scenario)  # it may be a campaign now
         run_one = _run_campaign if request.is_campaign(scenario) else _run_in_memory
         tables = run_one(scenario, engine, request)
         if scenario.experiment is None:  # a restarted release ends with its film

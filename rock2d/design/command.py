@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -53,6 +54,7 @@ def run_design(
     engine: str | None = None,
     seed: int | None = None,
     tolerance: float | None = None,
+    data_root: Path | None = None,
     overwrite: bool = False,
     progress: bool = True,
     workers: Workers = THIS_PROCESS,
@@ -73,7 +75,7 @@ def run_design(
 
     if pdf:
         check_printer()
-    scenario = load_scenario(path)
+    scenario = load_scenario(path, data_root)
     ranges = {name: (low, high) for name, low, high in over}
     check_varied(place, ranges)
     check_output_folder(out, overwrite, KIND)
@@ -122,7 +124,10 @@ class KeptSizes:
     def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
         if kind is None:
             shutil.rmtree(self._folder, ignore_errors=True)
-        elif kind is KeyboardInterrupt:
+            return
+        with suppress(OSError):  # a folder that keeps sizes stays
+            self._folder.rmdir()
+        if kind is KeyboardInterrupt:
             done = len(list(self._folder.glob(f"{self._key}_*.json")))
             message = f"{done} sizes are judged, the same command continues from there"
             raise KeyboardInterrupt(message) from None

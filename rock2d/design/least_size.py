@@ -238,7 +238,10 @@ class Search:
     run_jobs: JobRunner = field(default=IN_THIS_PROCESS, repr=False, compare=False)
 
     def check(self) -> None:
-        """Raise InputError if the places, the line or the bounds make no sense."""
+        """Raise InputError if the places, the line or the bounds make no sense, or if the releases restart a film."""
+        if self.scenario.experiment is not None:
+            message = "a search draws its releases; these start from the measured states of an experiment"
+            raise self.scenario.error(message, "incident", "default", at="key", code="wrong_kind")
         for place, (low, high) in self.ranges.items():
             if not low < high:
                 raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")

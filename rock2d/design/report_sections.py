@@ -30,6 +30,7 @@ from rock2d.wording import three_digits
 if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.design.report import ReportContent
+    from rock2d.files.scenario import Scenario
 
 LEAST_SHARE = 1e-6
 LIMITS = (
@@ -138,9 +139,20 @@ def _assumption_section(content: ReportContent) -> Section:
         f"Rough ground in {zone}: local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
         for zone, rough in scenario.roughness.items()
     ]
-    if scenario.uncertainty is not None:
-        points += [f"Not known: {place}, {_drawn(draw)}" for place, draw in scenario.uncertainty.site.items()]
+    points += [f"Not known: {place}, {how}" for place, how in _not_known(scenario).items()]
     return Section("What was assumed", items=points)
+
+
+def _not_known(scenario: Scenario) -> dict[str, str]:
+    """Place of each value that is not known about the site -> its distribution in words."""
+    if scenario.uncertainty is None:
+        return {}
+    found = {place: _drawn(draw) for place, draw in scenario.uncertainty.site.items()}
+    if (posterior := scenario.posterior) is not None:
+        found |= dict.fromkeys(posterior.places, f"as in the {len(posterior.draws)} draws of {posterior.given}")
+    if (diagnosed := scenario.diagnosed) is not None:
+        found |= dict.fromkeys(diagnosed.unknown(), f"as {diagnosed.given} gives it")
+    return found
 
 
 def _drawn(draw: Any) -> str:
@@ -222,8 +234,10 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
 
 
 def _diagnosis_section(content: ReportContent) -> Section | None:
-    if content.before_after is None:
+    if not content.diagnosis:
         return None
+    if content.before_after is None:  # of a search
+        return Section("What the diagnosis gives", texts=content.diagnosis)
     shown = model_rows(content.before_after, "before_after.csv")
     return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
 

@@ -18,7 +18,7 @@ from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.quantities import BLOCK, SPLINE, ZONE
 from rock2d.diagnosis.replay import Segments, as_rows
 from rock2d.effects import catalogue
-from rock2d.errors import InputError
+from rock2d.errors import InputError, UnusualWarning
 from rock2d.files.checked_yaml import Document, key_shown
 from rock2d.files.diagnosis import no_fitted_law, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, fitted_scale
@@ -276,5 +276,5 @@ def _world_for_segmentation(experiment: Experiment, film: Film, world: World) ->
         if fault.code in UNREADABLE_FAULTS:
             raise InputError(fault.message, experiment.folder)
         if fault.code != sanity.FEW_RELEASES:
-            warnings.warn(fault.message, stacklevel=3)
+            warnings.warn(UnusualWarning(fault.message), stacklevel=3)
     return checked.registered if checked.registered is not None and view == View() else world

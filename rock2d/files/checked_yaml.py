@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.places import DataPath
-from rock2d.files.text_files import json_content, place_in, read_text, reads_as_number
+from rock2d.files.text_files import DECIMAL_COMMA, json_content, place_in, read_text, reads_as_number
 from rock2d.wording import without_unit
 
 MOST_VALUES = 500_000
@@ -248,6 +248,7 @@ class Document:
             mark = error.problem_mark or error.context_mark
             place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             what = " ".join(str(part) for part in (error.context, error.problem) if part)
+            what += _other_space(text, place[0])
             raise InputError(f"not YAML: {what}", self.file, *place, code="not_yaml") from None
         except ReaderError as error:
             place = place_in(text, error.position)
@@ -330,6 +331,16 @@ class JsonDocument(Document):
         return data
 
 
+def _other_space(text: str, number: int) -> str:
+    """What to write if this line (from 1) or the one before it has a tab or a no-break space; else empty."""
+    lines = re.split(r"\r\n|\r|\n", text)
+    for line in range(number, max(number - 2, 0), -1):
+        for character, name in (("\t", "tab"), ("\u00a0", "no-break space")):
+            if character in "".join(lines[line - 1 : line]):
+                return f"; write plain spaces for the {name} in line {line}"
+    return ""
+
+
 def _mappings(data: Any, path: DataPath = ()) -> Iterator[tuple[int, DataPath]]:
     """Identity and path of each mapping in plain data."""
     parts: Iterable[tuple[str | int, Any]] = ()
@@ -347,9 +358,12 @@ def mistake_in_words(kind: str, message: str, context: dict[str, Any], value: An
     found = shown(value)
     if kind == "float_type":
         hint = "; write it without quotes" if isinstance(value, str) and reads_as_number(value) else ""
+        if isinstance(value, str) and DECIMAL_COMMA.fullmatch(value):
+            hint = f"; write {value.replace(',', '.')}"
         return f"expected a number, found {found}{hint}"
     if kind in ("int_type", "int_from_float"):
-        return f"expected a whole number, found {found}"
+        hint = f"; write {value:.0f}, without point or exponent" if isinstance(value, float) and value % 1 == 0 else ""
+        return f"expected a whole number, found {found}{hint}"
     if kind == "finite_number":
         return f"expected a finite number, found {found}"
     if kind == "bool_type":
@@ -365,6 +379,6 @@ def mistake_in_words(kind: str, message: str, context: dict[str, Any], value: An
         choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
         return f"expected {context.get('expected')}, found {found}{did_you_mean(value, choices)}"
     if kind == "string_pattern_mismatch":
-        return f"expected a name of letters, digits, '_', '-' and '.', found {found}"
+        return f"expected a name of letters (a to z), digits, '_', '-' and '.', found {found}"
     expected = re.sub(r"^(Input|Value|List|Dictionary|String) should (be|have)", r"expected", message)
     return re.sub(r" after validation, not \d+$", "", expected) + f", found {found}"

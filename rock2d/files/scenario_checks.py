@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from rock2d.scene.plausibility import (
     earthwork_doubts,
     friction_doubts,
     highest_speed_m_s,
+    rough_ground_doubts,
     rough_point_doubts,
     site_doubts,
     start_doubts,
@@ -31,6 +33,8 @@ from rock2d.scene.soils import SOIL_CLASSES
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident, Soil
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
     from rock2d.scene.cross_section import CrossSection
 
 POSSIBLE_STARTS = 200  # drawn starts of a block that are checked for plausibility
@@ -89,7 +93,14 @@ def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt
     """Doubts about site and blocks, which may be impossible. Cheap, because every variant of a site is checked."""
     yield from site_doubts(ground, scenario.gravity_m_s2)
     for block in scenario.make_blocks().values():
-        yield from block_doubts(block, ground)
+        yield from _in_file(scenario, block_doubts(block, ground))
+
+
+def _in_file(scenario: Scenario, of_block: Iterable[Doubt]) -> Iterator[Doubt]:
+    """Doubts about a block, at the key of its population if it is of one."""
+    for doubt in of_block:
+        population = doubt.key[1] in scenario.populations
+        yield replace(doubt, key=("populations", *doubt.key[1:])) if population else doubt
 
 
 def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
@@ -102,22 +113,28 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
         text = f"{unknown.sites} sites count as {unknown.base_sites}, the next power of two"
         found.append(Doubt(text, ("uncertainty", "sites")))
     for name, block in scenario.make_blocks().items():
-        found += earthwork_doubts(block, ground)
+        found += _in_file(scenario, earthwork_doubts(block, ground))
         incident = scenario.incident_of(name)
         if incident.from_experiment is not None:
             continue
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(block, states, ground, gravity, key)
-        if engine != "point_mass":
-            soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
-            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, soils, strict=True)}
+        soils: Sequence[ContactParameters | ReboundParameters]
+        if engine == "point_mass":
+            soils = by_zone(scenario.rebound_parameters(block), ground.zone_names, "rebound")
+        else:
+            contact = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
+            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, contact, strict=True)}
+            soils = contact
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
-            friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
-            found += friction_doubts(friction)
-    if engine == "point_mass" and scenario.field_test is None:  # point masses of a field test use smooth ground
+        friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
+        found += friction_doubts(friction)
+    if engine != "point_mass":
+        found += rough_ground_doubts(ground, {zone: keys.make() for zone, keys in scenario.roughness.items()})
+    elif scenario.field_test is None:  # point masses of a field test use smooth ground
         found += rough_point_doubts(_rough_without_slope_reduction(scenario))
-    return found
+    return list(dict.fromkeys(found))  # several blocks share the ground
 
 
 def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:

@@ -37,7 +37,7 @@ Name = Annotated[str, AfterValidator(plain_name)]
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2, description="[x, y] in m")]
 Length = Annotated[float, Field(ge=1.0e-6, le=1.0e4)]
-Steepness = Annotated[float, Field(ge=1.0, le=90.0)]
+Steepness = Annotated[float, Field(ge=2.0, le=90.0)]  # in degrees; a right angle in rad is less than 2
 
 
 def _inertia(value: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, Embankment, ditch_before
+from rock2d.scene.rough_ground import Roughness, smooth_share
 
 USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
 POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium
@@ -19,14 +20,16 @@ LARGEST_RELIEF_M = 9000.0
 LARGEST_BLOCK_SHARE, SMALLEST_BLOCK_SHARE = 0.2, 2e-4  # size of a block as a share of the extent of the site
 NARROWEST_CREST_SIZES = 0.5  # in sizes of the block
 LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
+LEAST_ROUGHNESS_DEG, LARGEST_SMOOTH_SHARE = 1.0, 0.1  # of a rough zone; the latter of facets too short to be cut
 HIGHEST_START_M, HIGHEST_START_SIZES = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
 USUAL_INDENTATION_SIZES = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
+LARGEST_ANGLE_RAD = 6.3  # a full turn; a larger number may be in degrees
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
 MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above the foot of a line: at usual facings, centroids cross lower
 # factor that gives a usual density -> likely mistake
 UNIT_ERRORS = {
-    1000.0: "mass in t instead of kg", 1e-3: "mass in g instead of kg",
+    1000.0: "mass in t instead of kg, or the density in t/m³", 1e-3: "mass in g instead of kg",
     1e6: "size in cm instead of m", 1e9: "size in mm instead of m",
 }  # fmt: skip
 
@@ -133,12 +136,19 @@ def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: 
 def start_doubts(
     block: Block, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
 ) -> Iterator[Doubt]:
-    """Doubts about possible starts (n, 6) of a block: speed, height, and place relative to embankment and measure
-    lines."""
+    """Doubts about possible starts (n, 6) of a block: speed, angle, spin, height, and place relative to embankment and
+    measure lines."""
     name, speed = block.name, float(np.hypot(states[:, 3], states[:, 4]).max())
     if speed > USUAL_SPEED_M_S:
         text = f"block {name} starts with up to {speed:.3g} m/s; the fastest blocks on slopes reach {USUAL_SPEED_M_S:g}"
         yield Doubt(text, key)
+    angle, spin = (float(np.abs(states[:, i]).max()) for i in (2, 5))
+    if angle > LARGEST_ANGLE_RAD:
+        text = f"block {name} starts at angles of up to {angle:.3g} rad; usual: up to a full turn, {2 * np.pi:.3g} rad"
+        yield Doubt(f"{text}. Is theta_rad in degrees?", key)
+    if (rim := spin * block.radius_m) > USUAL_SPEED_M_S:
+        text = f"block {name} starts with a spin of up to {spin:.3g} rad/s, {rim:.3g} m/s at its rim; usual: up to "
+        yield Doubt(f"{text}{USUAL_SPEED_M_S:g} m/s. Is omega_rad_s in degrees per second?", key)
     if states[:, 3].mean() < 0.0 and ground.points_m[0, 1] > ground.points_m[-1, 1]:
         text = f"block {name} starts to the left, with {states[:, 3].mean():.3g} m/s on average"
         yield Doubt(f"{text}; the ground falls to the right", key)
@@ -162,6 +172,18 @@ def start_doubts(
                 f"start lifts the block to {head:.4g} m"
             )
             yield Doubt(text, ("cross_section", "measure_lines", line))
+
+
+def rough_ground_doubts(ground: CrossSection, roughness: Mapping[str, Roughness]) -> Iterator[Doubt]:
+    """Doubts about rough zones: slopes that hardly vary, and facets that are too short to be cut."""
+    for zone, own in roughness.items():
+        key, sd_deg = ("roughness", zone), np.rad2deg(own.sd_rad)
+        if sd_deg < LEAST_ROUGHNESS_DEG:
+            text = f"the slopes in {zone} vary by {sd_deg:.3g} degrees; usual: {LEAST_ROUGHNESS_DEG:g} to 20"
+            yield Doubt(f"{text}. Is sd_deg in rad?", key)
+        if (share := smooth_share(ground, zone, own)) > LARGEST_SMOOTH_SHARE:
+            text = f"{100 * share:.0f} % of {zone} stay smooth, in facets shorter than length_m, {own.length_m:g} m"
+            yield Doubt(f"{text}: leave out points (rock2d profile --tolerance), or make length_m smaller", key)
 
 
 def rough_point_doubts(zones: Sequence[str]) -> Iterator[Doubt]:

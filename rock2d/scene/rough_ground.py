@@ -63,6 +63,13 @@ def roughened(
     return CrossSection(points, zones.tolist(), cross_section.measure_lines)
 
 
+def smooth_share(cross_section: CrossSection, zone: str, roughness: Roughness) -> float:
+    """Share of the length of a rough zone in facets that do not change, because they are shorter than a piece."""
+    length = np.hypot(*np.diff(cross_section.points_m, axis=0).T)[np.array(cross_section.zones, object) == zone]
+    smooth = np.array([_pieces(n, roughness) == 0 for n in length])
+    return float(length[smooth].sum() / length.sum())
+
+
 def raised(cross_section: CrossSection, x_m: np.ndarray, height_m: np.ndarray) -> CrossSection:
     """The cross-section with heights (n,) above it at places x_m (n,) in ascending order, linear in between.
 

@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import beta
 
@@ -14,10 +15,11 @@ from rock2d.design.command import answer_text, run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, least_size
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
+from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment, write_experiment
 from rock2d.files.scenario import load_scenario
 from tests.diagnosed_files import content, undiagnosed
 from tests.programs import cluster
-from tests.scenarios_of_tests import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, scenario_file, small_site
 
 PLACE = "embankment.height_m"
 TARGET = Target("crest", 0.1, 0.95)
@@ -116,6 +118,26 @@ def test_questions_that_make_no_sense_are_refused(tmp_path, place, bounds, targe
     with pytest.raises(InputError, match=said):
         asked = Search(scenario, place, bounds, target, "batch", 1)
         least_size(asked, asked.judge)
+
+
+def test_releases_that_restart_a_film_are_refused(tmp_path):
+    """They are as many as were filmed, not as many as the search asks for."""
+    site = small_site(tmp_path)
+    rows = [(0, "ball", 0.1 * i, 1.0 + i, 22.0 - i, 0.0) for i in range(4)]
+    frames = pd.DataFrame(rows, columns=list(TRAJECTORY_COLUMNS))
+    film = Experiment("film", 9.81, 10.0, 0.01, 0.01, site.make_cross_section(), site.make_blocks(), frames)
+    write_experiment(tmp_path / "film", film)
+    path = scenario_file(tmp_path, "again", releases=1, incident="from_experiment: {folder: film}")
+    asked = search(load_scenario(path, tmp_path))
+    with pytest.raises(InputError, match=r"incident\.default: a search draws its releases"):
+        least_size(asked, asked.judge)
+
+
+def test_a_size_that_cannot_be_built_leaves_nothing_behind(tmp_path):
+    small_site(tmp_path)
+    with pytest.raises(InputError, match=r"embankment\.height_m = 80"):
+        run_design(tmp_path / "small.yaml", PLACE, (1.0, 80.0), TARGET, tmp_path / "out", progress=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["small.yaml"]
 
 
 def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):

@@ -13,7 +13,7 @@ from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction, setup_remarks
 from rock2d.effects import catalogue
-from rock2d.errors import InputError, OldKeyWarning
+from rock2d.errors import InputError, OldKeyWarning, UnusualWarning
 from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.cross_section import CrossSection
@@ -124,6 +124,13 @@ def test_a_film_that_cannot_be_read_is_not_predicted(change, said):
     other = film(world(), 8, seed=4)
     other.trajectories = other.trajectories.assign(**change(other.trajectories))
     with pytest.raises(InputError, match=said):
+        predict(other, known())
+
+
+def test_a_film_that_is_doubtful_is_predicted_with_a_warning_of_one_line():
+    other = film(world(), 2, seed=4, duration_s=0.6)
+    other.trajectories = other.trajectories.assign(theta_rad=0.5)
+    with pytest.warns(UnusualWarning, match="the angle of block .* never changes"):
         predict(other, known())
 
 

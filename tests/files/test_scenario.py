@@ -101,6 +101,9 @@ def test_incident_states_are_drawn_as_described(write):
         ("engine: pymunk", "engine: pymunc", "pymunc", "did you mean 'pymunk'"),
         ("releases: 5", "releases: 5.5", "5.5", "expected a whole number"),
         ("releases: 5", "releases: true", "true", "expected a whole number, found true"),
+        ("releases: 5", "releases: 1e3", "1e3", "found 1000; write 1000, without point or exponent"),
+        ("gravity_m_s2: 9.81", "gravity_m_s2: 9,81", "9,81", "expected a number, found '9,81'; write 9.81"),
+        ("releases: 5", "releases:\t5", "\t5", "; write plain spaces for the tab in line 4"),
         ("name: small", "name: ../small", "../small", "expected a name of letters"),
         ("    ditch: {friction_angle_deg: 20}", "    dich: {}", "dich", "did you mean 'ditch'"),
         ("    cube:\n", "    cub:\n", "cub:", "did you mean 'cube'"),
@@ -334,8 +337,9 @@ def test_a_numbered_ditch_needs_numbered_embankments(write):
     ("old", "new", "said"),
     [
         ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot is outside"),
-        ("downhill_deg: 34", "downhill_deg: 1", "embankment.downhill_deg: the downhill face does not meet"),
+        ("downhill_deg: 34", "downhill_deg: 2", "embankment.downhill_deg: the downhill face does not meet"),
         ("uphill_deg: 60", "uphill_deg: 91", "embankment.uphill_deg: expected"),
+        ("uphill_deg: 60", "uphill_deg: 1.05", "expected greater than or equal to 2, found 1.05"),  # 60 degrees in rad
         ("x_m: 2.5", "x_m: 2,5", "a decimal comma? Write 2.5, not 2,5"),
         ("width_m: 0.2", "width_m: 200", "ditch.uphill_deg: the uphill wall does not meet"),
         ("embankment: {x_m: 2.5, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}", "",

@@ -1,6 +1,7 @@
 """Profiles from tables, drawings and terrain models, and the scenarios that start from them."""
 
 import re
+import shlex
 import warnings
 
 import numpy as np
@@ -341,6 +342,13 @@ def test_a_column_names_the_zone_up_to_the_next_point_and_columns_that_are_not_r
     assert load_scenario(tmp_path / "s.yaml").make_cross_section().zones == zones
     unread = [line.rpartition(": ")[2] for line in lines if "columns that are not read" in line]
     assert unread == {"x,y,so": ["by"], "x;y;z;": ["zone"]}.get(table[:6], [])
+
+
+def test_the_next_command_holds_as_it_is_printed(tmp_path):
+    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
+    lines: list[str] = []
+    write_profile(tmp_path / "p.csv", tmp_path / "my slope.yaml", report=lines.append)
+    assert shlex.split(lines[-1].partition("next: ")[2]) == ["rock2d", "run", str(tmp_path / "my slope.yaml")]
 
 
 def test_a_point_without_the_name_of_its_zone_is_refused_with_its_line(tmp_path):

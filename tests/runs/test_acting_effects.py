@@ -29,6 +29,7 @@ from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
 from rock2d.scene.cross_section import CrossSection, embankment_facets
 from rock2d.scene.world import View, World
 from tests.diagnosed_files import BLOCKS, JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
+from tests.programs import commanded
 from tests.scenarios_of_tests import scenario_file
 
 TILT = effect(tilt_rad=(0.03, 0.02, 0.04), centre_right=(0.0, -0.1, 0.1), centre_up=(0.0, -0.1, 0.1))
@@ -268,13 +269,28 @@ def test_a_run_says_that_the_soil_of_flights_alone_was_not_fitted(tmp_path):
     assert not table_note(fitted) and not any(table.note for table in parameter_tables(fitted, "batch"))
 
 
-def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):
-    diagnosed(tmp_path, drag(0.01))
+def test_the_least_embankment_brings_its_diagnosis_along_and_its_page_says_what_is_not_known(tmp_path):
+    (tmp_path / "fitted.csv").write_text("blocks.box.mass_kg\n" + "".join(f"{mass}\n" for mass in range(570, 590)))
+    diagnosed(tmp_path, drag(0.01), more="uncertainty: {sites: 4, releases: 20, posterior: fitted.csv}")
     target = Target("facing_1_3", 0.9, 0.5)
     run_design(tmp_path / "diagnosed.yaml", "embankment.height_m", (2.0, 3.0), target, tmp_path / "least",
                tolerance=1.0, progress=False)  # fmt: skip
     least = rock2d.load_scenario(tmp_path / "least" / "least.yaml")
     assert least.diagnosed.verdict == "air_drag"
+    page = (tmp_path / "least" / "report.html").read_text(encoding="utf-8")
+    assert "air_drag acts: drag_per_mass_1_m = 0.01 [0.009, 0.011]" in page
+    assert "Not known: blocks.box.mass_kg, as in the 20 draws of fitted.csv" in page
+    assert "Not known: diagnosis.air_drag.drag_per_mass_1_m, as d.json gives it" in page
+
+
+def test_a_search_finds_the_diagnosis_under_the_data_root(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "d.json").write_text(json.dumps(drag(0.01)))
+    path = undiagnosed(tmp_path, "{diagnosis: d.json}").document.file
+    (tmp_path / "d.json").rename(tmp_path / "data" / "d.json")
+    words = ["design", path, "--range", 3, 2, "--out", tmp_path / "least"]
+    assert "no file 'd.json'" in str(commanded(*words).exception)
+    assert "must rise" in str(commanded(*words, "--data", tmp_path / "data").exception)
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "a\\b", "d.json/../../d.json"])

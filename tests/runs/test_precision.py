@@ -1,8 +1,13 @@
 """`--precision`: as many releases as the intervals need, and not many more."""
 
+from dataclasses import replace
+
 import pytest
 
+from rock2d.cluster import Workers
+from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.files.scenario import load_scenario
+from rock2d.runs.campaigns import campaign
 from rock2d.runs.precision import releases_for
 from rock2d.runs.run import run
 from tests.programs import refusal
@@ -26,3 +31,20 @@ def test_what_is_precise_already_needs_no_more(tmp_path):
 def test_without_a_measure_line_nothing_can_be_precise(tmp_path):
     scenario = load_scenario(scenario_file(tmp_path, "bare", ground=SLOPE))
     refusal(releases_for, scenario, "batch", 1, 0.1, 20, said="needs measure_lines")
+
+
+def test_a_run_that_precision_makes_a_campaign_replaces_a_run_and_is_continued(tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 30)
+    small_site(tmp_path, unknown="")
+    lines: list[str] = []
+    given = {"workers": Workers(1), "draw": False, "progress": False, "report": lines.append}
+    plain = RunRequest(tmp_path / "out", **given)
+    run_scenarios([tmp_path / "small.yaml"], plain)
+    precise = replace(plain, precision=0.1, overwrite=True)
+    run_scenarios([tmp_path / "small.yaml"], precise)
+    folder = tmp_path / "out" / "small_batch"
+    assert (folder / "campaign.json").is_file() and not (folder / "run.json").exists()
+    assert "1 of 1 chunks are done already" not in lines
+    run_scenarios([tmp_path / "small.yaml"], replace(precise, overwrite=False))
+    assert "1 of 1 chunks are done already" in lines
+    refusal(run_scenarios, [tmp_path / "small.yaml"], replace(precise, video=True), said="--video is not for campaigns")

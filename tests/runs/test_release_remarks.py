@@ -89,6 +89,17 @@ def test_results_are_replaced_only_when_asked_to(site, tmp_path):
     assert (out / "site_batch" / "run.json").stat().st_mtime_ns > before
 
 
+def test_no_result_of_a_command_replaces_another(site, tmp_path):
+    path, out = site(releases=2), tmp_path / "out"
+    (tmp_path / "higher").mkdir()
+    other = tmp_path / "higher" / path.name
+    other.write_text(path.read_text())
+    request = RunRequest(out, workers=Workers(1), progress=False, draw=False, overwrite=True)
+    assert refusal(run_scenarios, [path, other], request, said=r"name: another scenario").file == other
+    assert not out.exists()
+    simulated(path, out, [], engines=("batch", "batch"), draw=False)
+
+
 @pytest.mark.parametrize("keep", [(), ("crossings",)])
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])
 def test_a_campaign_counts_what_was_cut_short_as_a_run_does(site, tmp_path, engine, keep):

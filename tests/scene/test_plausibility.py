@@ -10,6 +10,7 @@ import pytest
 import rock2d
 from rock2d.design.possible_sites import draw_sites
 from rock2d.errors import UnusualWarning
+from rock2d.files import scenario_checks
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, line_remarks, start_doubts
@@ -60,6 +61,10 @@ def test_the_shipped_scenarios_are_plausible(name):
         ("vx_m_s: {normal: {mean: 1.5, sd: 0.5}}", "vx_m_s: 150", "starts with up to 150 m/s"),
         ("gravity_m_s2: 9.81", "gravity_m_s2: 98.1", "gravity is 98.1"),
         ("friction_angle_deg: 30", "friction_angle_deg: 0.52", "is 0.52 degrees.*Is it in rad"),
+        ("theta_rad: {uniform: {low: -3.14159, high: 3.14159}}", "theta_rad: 45",
+         "angles of up to 45 rad; usual: up to a full turn, 6.28 rad. Is theta_rad in degrees"),
+        ("omega_rad_s: {normal: {mean: -1.0, sd: 0.5}}", "omega_rad_s: -360",
+         "spin of up to 360 rad/s, 180 m/s at its rim.* Is omega_rad_s in degrees per second"),
         ("vx_m_s: {normal: {mean: 1.5, sd: 0.5}}", "vx_m_s: -3", "starts to the left, with -3 m/s"),
         ("low: 66.0, high: 69.0", "low: 260.0, high: 261.0", "m above the highest ground; usual: up to 10 m"),
         ("[92.10, 4.5]", "[89.70, 4.5]", "meets a crest 0.1 m wide"),
@@ -94,6 +99,16 @@ def test_a_number_of_sites_that_is_rounded_is_told(tmp_path):
 def test_what_is_impossible_is_refused(tmp_path, old, new, words):
     refused = refusal(rock2d.load_scenario, changed(tmp_path, old, new), said=words)
     assert refused.line and refused.code == "implausible"
+
+
+def test_a_population_is_named_with_its_place(tmp_path):
+    stones = "populations:\n  stones: {size_m: 1.0}\nblocks:\n  ball_1m:"
+    text = SLOPE.read_text(encoding="utf-8").replace("blocks:\n  ball_1m:", stones)
+    (path := tmp_path / "site.yaml").write_text(text.replace("{size_m: 1.0}", "{size_m: 1.0, density_kg_m3: 2.7}"))
+    refused = refusal(rock2d.load_scenario, path, said="populations.stones: .* or the density in t/m³")
+    assert refused.line == text[: text.index("  stones")].count("\n") + 1
+    path.write_text(text.replace("{size_m: 1.0}", "{size_m: 8.0}"))
+    assert any("populations.stones: block stones of 8 m is larger than the ditch" in each for each in said(path))
 
 
 def test_a_density_is_that_of_the_sphere_and_of_the_cube():
@@ -139,6 +154,36 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
     assert said(path) == []  # the contact law has no slope reduction
     run = commanded("run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out")
     assert re.search(f"warning: point_mass: .*{words}", run.output)
+
+
+def test_ground_that_is_stated_rough_and_stays_smooth_is_told(tmp_path):
+    path = tmp_path / "site.yaml"
+    text = ROUGH.replace("point_mass", "batch").replace("ROCK", "bedrock")
+    points = "".join(f"[{x}, {40 - x}], " for x in np.arange(0.0, 30.0, 0.5)) + "[30, 10], [80, 0]"
+    fine = text.replace("[0, 40], [30, 20], [80, 0]", points).replace("[rock,", f"[{'rock, ' * 60}")
+    for words, said_of in (
+        (text, ()),
+        (fine, ()),  # facets of 0.71 m are cut into two pieces
+        (fine.replace("length_m: 0.5", "length_m: 0.8"), ("100 % of rock stay smooth, in facets shorter than",)),
+        (text.replace("length_m: 0.5", "length_m: 500"), ("100 % of rock stay smooth",)),
+        (text.replace("sd_deg: 8", "sd_deg: 0.14"), ("vary by 0.14 degrees; usual: 1 to 20. Is sd_deg in rad?",)),
+    ):
+        path.write_text(words)
+        told = [each for each in said(path) if "roughness.rock" in each]
+        assert len(told) == len(said_of) and all(of in each for of, each in zip(said_of, told, strict=True))
+
+
+def test_a_friction_angle_of_point_masses_in_rad_is_told_once_for_all_blocks(tmp_path):
+    path = tmp_path / "site.yaml"
+    ball = "{shape: circle, diameter_m: 1, mass_kg: 1414, inertia: solid_sphere}"
+    two = ROUGH.replace(f"{{ball: {ball}}}", f"{{ball: {ball}, other: {ball}}}")
+    path.write_text(two.replace("ROCK", "{like: bedrock, friction_angle_deg: 0.6}"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scenario = rock2d.load_scenario(path)
+    for engine in ("point_mass", "batch"):
+        (doubt,) = scenario_checks.doubts(scenario, engine)
+        assert "friction angle in rock is 0.6 degrees; usual: 5 to 60. Is it in rad?" in doubt.text
 
 
 def site(**lines) -> CrossSection:

@@ -83,10 +83,11 @@ def run_campaign(
 ) -> dict[str, pd.DataFrame]:
     """Run a campaign into `folder`, or continue it; returns its tables by name.
 
-    `overwrite`: remove a different campaign in `folder`; `report` gets messages for the user, one line per call.
+    `overwrite`: remove a different campaign, or an earlier run, in `folder`; `report` gets messages for the user, one
+    line per call.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if `folder`
-    holds anything else or, without `overwrite`, a different campaign, or if it cannot be written. Messages of OSError,
+    holds anything else or, without `overwrite`, another result, or if it cannot be written. Messages of OSError,
     for example of a full disk, and of KeyboardInterrupt say how many chunks are done."""
     from rock2d.files.csv_tables import write_tables
     from rock2d.progress import Bars
@@ -203,8 +204,9 @@ def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], c
 
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:
     """Create the folders of a campaign and write its manifest; refuse a folder that holds anything else. A different
-    campaign is removed if `overwrite` is set."""
-    from rock2d.files.folders import unwritable, write_whole
+    campaign or an earlier run is removed if `overwrite` is set."""
+    from rock2d.files.folders import check_output_folder, unwritable, write_whole
+    from rock2d.runs.results import KIND
 
     path = folder / MANIFEST
     try:
@@ -215,7 +217,8 @@ def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite:
             if mismatch:
                 shutil.rmtree(folder)
         elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
-            raise InputError("exists and is not a campaign; choose another output folder", folder, code="not_a_result")
+            check_output_folder(folder, overwrite, KIND)  # of a run of fewer releases
+            shutil.rmtree(folder)
         write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         for output in job.keep:
             (job.folder / output).mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
+from rock2d.graphics.figure_files import NoFigures
 from rock2d.runs.campaigns import ensembles, order_statistics
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_releases, run_campaign
 from rock2d.runs.conditions import incident_states
@@ -240,12 +241,21 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     for overwrite in (False, True):
-        with pytest.raises(InputError, match="not a campaign"):
+        with pytest.raises(InputError, match="not a rock2d result"):
             campaign(tmp_path / "notes", overwrite=overwrite)
 
 
 def test_only_with_overwrite_does_a_campaign_replace_another(tmp_path):
     campaign(tmp_path / "one", seed=2)
+    campaign(tmp_path / "other")
+    campaign(tmp_path / "one", overwrite=True)
+    assert digest(tmp_path / "one") == digest(tmp_path / "other")
+
+
+def test_only_with_overwrite_does_a_campaign_replace_a_run(tmp_path):
+    run(SETUP, engine="batch", releases=1, workers=1).write(tmp_path / "one", figures=NoFigures())
+    with pytest.raises(InputError, match="earlier run; --overwrite replaces"):
+        campaign(tmp_path / "one")
     campaign(tmp_path / "other")
     campaign(tmp_path / "one", overwrite=True)
     assert digest(tmp_path / "one") == digest(tmp_path / "other")

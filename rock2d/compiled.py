@@ -34,6 +34,7 @@ from rock2d import compiling
 _PACKAGE = Path(__file__).resolve().parent
 _parts = count()
 PARTS_PER_THREAD = 16  # many parts of the work per thread, so that no thread waits long for the slowest part
+_ROOMS = {"effects", "engines", "records", "scene"}  # compiled code holds their constants
 _KEPT, _KEPT_S = 4, 86_400  # newest caches that are kept, and the time since its last use for which any other is
 
 
@@ -41,7 +42,7 @@ def _digest() -> str:
     digest = hashlib.sha256(f"{numba.__version__}{_PACKAGE}".encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
         text = source.read_bytes()
-        if b"rock2d.compiled" in text or source.name == "compiled.py" or source.parent.name == "effects":
+        if b"rock2d.compiled" in text or source.name == "compiled.py" or source.parent.name in _ROOMS:
             digest.update(text)
     return digest.hexdigest()[:16]
 

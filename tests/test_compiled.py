@@ -66,6 +66,16 @@ def test_old_caches_are_removed_but_not_those_of_other_versions_in_use(root):
     assert {f"{days_ago}" for days_ago in days if days_ago < 1.0} == {p.name for p in root.iterdir() if "." in p.name}
 
 
+def test_another_place_of_a_column_is_compiled_anew(tmp_path, monkeypatch):
+    (tmp_path / "records").mkdir()
+    monkeypatch.setattr(compiled, "_PACKAGE", tmp_path)
+    found = set()
+    for place in ("X, Y = 0, 1", "X, Y = 1, 0"):
+        (tmp_path / "records" / "columns.py").write_text(place)
+        found.add(compiled._digest())
+    assert len(found) == 2
+
+
 def test_constants_in_calls_do_not_compile_a_part_again():
     @compiled.kernel
     def turned(x, back):

@@ -44,6 +44,7 @@ from rock2d.processes import Processes
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors from which on a dependence counts as unexplained
 LEAST_EXPLAINED_SHARE = 0.5  # share of the largest gain; a model that gains less does not count
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must gain more than a member
+EQUAL_Z = 0.5  # standard errors that it may gain less than a negligible one: a small scale error is no weaker lens
 MOST_RESTARTS = 2  # restarts with a better base law
 SAME_LAW = 0.1  # largest change of the law's parameters with which a grid around it need not be tried again
 
@@ -288,9 +289,10 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
     be named are removed, first those of impossible size, then those that gain less, half of them at once; a removed
-    rival gives its place back to the member that it had replaced. The evidence for the remaining members is computed
-    again. When all are named, the removed member that gains most beside them is weighed once more, since what stood
-    beside it then may have hidden it, and so on until one is removed again."""
+    rival gives its place back to the member that it had replaced, unless it explains the data and is only negligible.
+    The evidence for the remaining members is computed again. When all are named, the removed member that gains most
+    beside them is weighed once more, since what stood beside it then may have hidden it, and so on until one is removed
+    again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
@@ -322,7 +324,8 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         joins = set() if by_set[names].permanent.changes else leaving & PERMANENT.keys() - spared
         removed |= leaving - joins
         spared |= joins
-        back = {replaced[name] for name in leaving & replaced.keys()}
+        # what a negligible effect replaced explains even less
+        back = {replaced[name] for name in leaving & replaced.keys() if not found[name].negligible}
         names -= leaving
         names |= {name for name in back - removed if TWINS.get(name) not in names}
         search.best = search.set_of(names)
@@ -350,10 +353,11 @@ def _exchange_member(
         own = found.get(name)
         rivals = plausible_rivals(search, name, search.gain(best, without)) if own is None else own.rival_z
         impossible = own is not None and own.own_gain.significant and not own.possible
+        most_z = EQUAL_Z if own is not None and own.negligible else np.inf
         options += [
             (z, name, rival, impossible)
             for rival, z in rivals.items()
-            if (z < -BETTER_RIVAL_Z or impossible)
+            if (z < -BETTER_RIVAL_Z or (impossible and z <= most_z))
             and rival not in removed
             and TWINS.get(rival) not in best.names - {name}
             and best.names - {name} | {rival} not in tried

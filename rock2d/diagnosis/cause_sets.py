@@ -323,10 +323,12 @@ class _Refit:
 
 @dataclass
 class Reduction:
-    """Remove the effect `name` from the fit `before`."""
+    """Remove the effect `name` from the fit `before`. A fit that ends below `smaller`, the same effects without learnt
+    changes, starts again from there."""
 
     before: Fit
     name: str
+    smaller: Fit | None = None
 
     @property
     def model(self) -> Model:
@@ -343,16 +345,25 @@ class Reduction:
         p, slope = before.p[kept], before.jacobian.only(kept).scattered_by(scatter)
         # noise and derivatives of the fit before are near those of the new one
         old = replace(before, model=model, p=p, scatter=before.scatter[scatter], jacobian=slope)
-        return fit(model, data, p, old=old)
+        found = fit(model, data, p, old=old)
+        if self.smaller is None or found.total() >= self.smaller.total():
+            return found
+        return max(found, fit(model, data, _start_from(model, self.smaller), old=found), key=Fit.total)
+
+
+def _start_from(model: Model, known: Fit) -> Array:
+    """Parameters of a model from a fit of the law with some of its effects."""
+    start, places = model.start(), known.model.positions
+    start[: len(BASE_WIDTH)] = known.p[: len(BASE_WIDTH)]
+    for shared in model.positions.keys() & places.keys():
+        start[model.positions[shared]] = known.p[places[shared]]
+    return start
 
 
 def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
     """Parameters of a set with the effect `name`, from the fit of the set with its twin: gravity in flights is the
     same."""
-    start, known, other = model.start(), twin.model.positions, TWINS[name]
-    start[: len(BASE_WIDTH)] = twin.p[: len(BASE_WIDTH)]
-    for shared in model.positions.keys() & known.keys():
-        start[model.positions[shared]] = twin.p[known[shared]]
+    start, known, other = _start_from(model, twin), twin.model.positions, TWINS[name]
     (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
     of_twin = dict(zip(known, twin.model.values(twin.p), strict=True))[other][0]
     start[model.positions[name].start] = to_scale(model.parameters_of(name)[0], of_twin ** (power_of_twin / power))

@@ -291,7 +291,7 @@ def _evidence_of_member(
     best, data, effect = search.best, search.data, search.effects[name]
     without: Learnt | Validated = search.without(best)[name]
     if learnt.changes:
-        without = Learnt.of(Reduction(learnt.fit, name).fitted(data), data)
+        without = Learnt.of(Reduction(learnt.fit, name, without.fit).fitted(data), data)
         without.changes = learnt.changes
     own_gain = held_out_gain(data, learnt, without)
     p_chance, p_no_closure = float(ndtr(-own_gain.significance)), 0.0

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.cause_sets import Search
+from rock2d.diagnosis import cause_sets
+from rock2d.diagnosis.cause_sets import Reduction, Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, rests_z
 from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.evidence import LARGEST_LUCK, SURE_GAIN, gain_beyond_luck, probability_of_no_closure
@@ -58,6 +59,23 @@ def test_two_hidden_effects_are_found_and_measured(two):
     assert found["zone_contrast"][-1] == FACING
     for smaller in two.without(two.best).values():
         assert two.gain(two.best, smaller).significant
+
+
+def test_a_reduction_that_is_stuck_below_the_smaller_set_starts_again_from_there(two, monkeypatch):
+    """Learnt changes can only add to what the smaller set explains."""
+    smaller = two.without(two.best)["camera_tilt"].fit
+    stuck = replace(smaller, residuals=Residuals(3.0 * smaller.residuals.impacts, 3.0 * smaller.residuals.flights))
+    starts = list[np.ndarray]()
+
+    def fitted(model, data, start, old):
+        starts.append(start)
+        return stuck if len(starts) == 1 else smaller
+
+    monkeypatch.setattr(cause_sets, "fit", fitted)
+    assert Reduction(two.best.fit, "camera_tilt").fitted(two.data) is stuck and len(starts) == 1
+    starts.clear()
+    assert Reduction(two.best.fit, "camera_tilt", smaller).fitted(two.data) is smaller
+    assert starts[1] == pytest.approx(smaller.p)
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.0006])

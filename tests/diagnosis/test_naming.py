@@ -74,6 +74,18 @@ def test_a_rival_that_is_refused_gives_the_place_back(stay):
     assert weighed[:2] == [{"camera_tilt", "adhesion"}, {"scale_error", "adhesion"}]
 
 
+def test_what_a_negligible_rival_replaced_does_not_come_back(stay):
+    """A scale that is 0.3 % wrong is too small for a name, and explains more than the lens that it replaced."""
+
+    def judged(name, names):
+        if name == "camera_tilt":
+            return member(name, SURE, {"scale_error": -3.0})
+        return replace(member(name, SURE), negligible=name == "scale_error")
+
+    members, weighed = stay(judged, "camera_tilt", "adhesion")
+    assert members == {"adhesion"} and weighed[0] == {"scale_error", "adhesion"}
+
+
 def test_a_rival_that_its_fit_does_not_confirm_does_not_come_in(stay):
     """Screening expects too much of it."""
 
@@ -156,3 +168,14 @@ def test_a_member_of_impossible_size_gives_way_to_a_rival_that_does_as_well(stay
     members, weighed = stay(judged, "scale_error", "adhesion")
     assert members == {"camera_tilt", "adhesion"}
     assert weighed[:2] == [{"scale_error", "adhesion"}, {"camera_tilt", "adhesion"}]
+
+
+def test_a_negligible_member_does_not_give_way_to_a_rival_that_explains_less(stay):
+    """A scale that is 0.3 % wrong is no lens that gains half of it."""
+
+    def judged(name, names):
+        if name == "scale_error":
+            return replace(member(name, SURE, {"camera_tilt": 1.0}), negligible=True)
+        return member(name, SURE)
+
+    assert stay(judged, "scale_error", "adhesion")[0] == {"adhesion"}

@@ -6,10 +6,9 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
-from rock2d.diagnosis.exploring import REFIT_GAIN
+from rock2d.diagnosis.exploring import REFIT_GAIN, grid_starts
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
-from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
-from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
+from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import BASE
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -18,7 +17,6 @@ from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
 
-BASE_STARTS = 2  # places from which the base law is fitted
 # effects whose fit to all flights, impacts and rests locates the ground in the image, and effects that imitate them in
 # flights and at rest
 REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping", "angle_offset")
@@ -88,19 +86,8 @@ def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None)
     rows = model.setup.contact.copy()
     rows[..., ROLLING_IN_INDENTATION] = reading
     model = replace(model, setup=replace(model.setup, contact=rows))
-    corners = [
-        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *effect_start])
-        for stiffness in (0.0, -2.0, 2.0, 4.0)
-        for restitution in (0.0, -0.7, 0.7)
-        for friction in (0.0, -0.5, 0.5)
-    ]
-    residuals = [model.residuals(p, some).impacts for p in corners]
-    # channels in units of their median residual over all corners
-    scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
-    scale[scale == 0.0] = 1.0  # channels that were not measured
-    misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
-    best = np.argsort(misfit)[:BASE_STARTS]
-    return [fit(model, some, corners[i], old=known, convergence=FEW_ROUNDS) for i in best]
+    starts = grid_starts(model, some, [effect_start])
+    return [fit(model, some, p, old=known, convergence=FEW_ROUNDS) for p in starts]
 
 
 def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:

@@ -5,6 +5,7 @@ parameters are tried first, on some of the releases."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,16 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
-from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
-from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions, to_scale
+from rock2d.diagnosis.likelihood import (
+    LARGEST_CHI_SQUARE,
+    flight_log_likelihood,
+    log_likelihood,
+    normal_equations,
+    prior,
+)
+from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, scatter_positions, to_scale
 
+BASE_STARTS = 2  # places from which the law is fitted
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
 SCAN_VALUES = 9  # tried values of a parameter in a scan
 MOST_RESCANS = 3
@@ -62,7 +70,7 @@ def explore_on_some(model: Model, data: Data, base: Fit, on_some: float = -np.in
     part = base.only(some, data)
     best = _best_short_fit(model, data.only(some).coarse(), part)
     gain = best.total() - on_some
-    useful = gain > EXPLORED_GAIN
+    useful = gain > EXPLORED_GAIN or _must_choose(model)
     return Explored(best.p if useful else extended(base, model), gain, useful)
 
 
@@ -74,7 +82,7 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
     fitted = fit(
         model, data, found.p, old=base, convergence=Convergence(rival_total=rival_total) if found.useful else coarse
     )
-    if fitted.total() < base.total():
+    if fitted.total() < base.total() and not _must_choose(model):
         # parameters that fit some releases need not fit all; a fit that starts at the base cannot end below it
         other = fit(model, data, extended(base, model), old=base, convergence=coarse)
         fitted = max((fitted, other), key=Fit.total)
@@ -83,20 +91,18 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
 
 def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. For an effect with a compulsory choice, one more fit starts from the stated law, because
+    reacts to large residuals. For an effect with a compulsory choice, fits from a grid of the law follow, because
     `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.
 
     The fits keep the derivatives of `base`: they only provide a start."""
     start, cached = extended(base, model), CachedResiduals(model, data)
-    starts = [start]
+    starts = [] if _must_choose(model) else [start]
     for wide, jacobian in ((1.0, base.jacobian), (WIDE_SCAN, None)):
         p = scan(cached, start, wide * base.covariance(), jacobian)
-        if not any(np.allclose(p, other) for other in starts):
+        if not any(np.allclose(p, other) for other in [start, *starts]):
             starts.append(p)
     fits = [_short_fit(cached, p, base) for p in starts]
-    if any(q.must_choose for own in model.parameters for q in own):
-        p = scan(cached, model.start(), WIDE_SCAN * base.covariance(), None)
-        fits.append(fit(model, data, p, convergence=FEW_ROUNDS))
+    fits += [fit(model, data, p, convergence=FEW_ROUNDS) for p in _starts_with_choices(model, data)]
     best = max(fits, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
         again = scan(cached, best.p, best.covariance(), best.jacobian)
@@ -107,6 +113,39 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
             break
         best = other
     return best
+
+
+def _must_choose(model: Model) -> bool:
+    """Whether the last effect is a choice without a neutral one. Then the law is always fitted with a choice: it may
+    gain beside another effect only."""
+    return any(q.must_choose for q in model.parameters[-1])
+
+
+def _starts_with_choices(model: Model, data: Data) -> list[Array]:
+    """`grid_starts` with each choice of the effects with a compulsory choice; none without such an effect."""
+    neutral = model.start()[len(BASE_WIDTH) :]
+    parameters = [q for own in model.parameters for q in own]
+    choices = [(k, to_scale(q, v)) for k, q in enumerate(parameters) if q.must_choose for v in q.choices]
+    return grid_starts(model, data, [np.where(np.arange(len(neutral)) == k, z, neutral) for k, z in choices])
+
+
+def grid_starts(model: Model, data: Data, of_effects: Sequence[Array]) -> list[Array]:
+    """The BASE_STARTS points of a grid of the law that miss least, each with one of the parameters `of_effects`."""
+    corners = [
+        np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *rest])
+        for rest in of_effects
+        for stiffness in (0.0, -2.0, 2.0, 4.0)
+        for restitution in (0.0, -0.7, 0.7)
+        for friction in (0.0, -0.5, 0.5)
+    ]
+    if not corners:
+        return []
+    residuals = [model.residuals(p, data).impacts for p in corners]
+    # channels in units of their median residual over all corners
+    scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
+    scale[scale == 0.0] = 1.0  # channels that were not measured
+    misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
+    return [corners[i] for i in np.argsort(misfit)[:BASE_STARTS]]
 
 
 def _short_fit(cached: CachedResiduals, start: Array, base: Fit) -> Fit:

@@ -226,6 +226,14 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5
 
 
+def test_a_mirrored_axis_that_gains_nothing_alone_is_fitted_as_a_mirror(two):
+    """Beside another strong cause it may gain all: without a choice it would not be tried there."""
+    base, data = two.base.fit, two.data
+    model = Model(base.model.setup, base.model.base, [catalogue()["mirrored_axis"]], base.p)
+    found = fit_effects(model, data, base, explore_on_some(model, data, base, total_on_some(base, data)))
+    assert found.total() < base.total() and model.values(found.p)[0][0] in (1.0, 2.0, 3.0)
+
+
 def test_effects_that_replace_each_other_in_turn_come_to_an_end(two, monkeypatch):
     """Each gains beside the other and then makes it needless; without an end this test would not end."""
     search, both = copy.copy(two), two.best

@@ -126,7 +126,10 @@ def _starts_with_choices(model: Model, data: Data) -> list[Array]:
     neutral = model.start()[len(BASE_WIDTH) :]
     parameters = [q for own in model.parameters for q in own]
     choices = [(k, to_scale(q, v)) for k, q in enumerate(parameters) if q.must_choose for v in q.choices]
-    return grid_starts(model, data, [np.where(np.arange(len(neutral)) == k, z, neutral) for k, z in choices])
+    chosen = [np.where(np.arange(len(neutral)) == k, z, neutral) for k, z in choices]
+    if not len(data.impact_release):  # flights do not show the law
+        return [np.concatenate([model.start()[: len(BASE_WIDTH)], own]) for own in chosen]
+    return grid_starts(model, data, chosen)
 
 
 def grid_starts(model: Model, data: Data, of_effects: Sequence[Array]) -> list[Array]:

@@ -289,10 +289,9 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
     be named are removed, first those of impossible size, then those that gain less, half of them at once; a removed
-    rival gives its place back to the member that it had replaced, unless it explains the data and is only negligible.
-    The evidence for the remaining members is computed again. When all are named, the removed member that gains most
-    beside them is weighed once more, since what stood beside it then may have hidden it, and so on until one is removed
-    again."""
+    rival gives its place back to the member that it had replaced. The evidence for the remaining members is computed
+    again. When all are named, the removed member that gains most beside them is weighed once more, since what stood
+    beside it then may have hidden it, and so on until one is removed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
@@ -324,8 +323,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         joins = set() if by_set[names].permanent.changes else leaving & PERMANENT.keys() - spared
         removed |= leaving - joins
         spared |= joins
-        # what a negligible effect replaced explains even less
-        back = {replaced[name] for name in leaving & replaced.keys() if not found[name].negligible}
+        back = {replaced[name] for name in leaving & replaced.keys()}
         names -= leaving
         names |= {name for name in back - removed if TWINS.get(name) not in names}
         search.best = search.set_of(names)

@@ -74,18 +74,6 @@ def test_a_rival_that_is_refused_gives_the_place_back(stay):
     assert weighed[:2] == [{"camera_tilt", "adhesion"}, {"scale_error", "adhesion"}]
 
 
-def test_what_a_negligible_rival_replaced_does_not_come_back(stay):
-    """A scale that is 0.3 % wrong is too small for a name, and explains more than the lens that it replaced."""
-
-    def judged(name, names):
-        if name == "camera_tilt":
-            return member(name, SURE, {"scale_error": -3.0})
-        return replace(member(name, SURE), negligible=name == "scale_error")
-
-    members, weighed = stay(judged, "camera_tilt", "adhesion")
-    assert members == {"adhesion"} and weighed[0] == {"scale_error", "adhesion"}
-
-
 def test_a_rival_that_its_fit_does_not_confirm_does_not_come_in(stay):
     """Screening expects too much of it."""
 

@@ -51,6 +51,7 @@ EVEN_RATIO = 0.65
 # velocities vary together. A weak effect must gain more than a free scatter, because the forms of the other laws may
 # leave as much; a strong one need not.
 EVEN_SCATTER_RATIO, EVEN_SCATTER_RATIO_BESIDE = 0.8, 1.25
+LEAST_RESTS_Z = 3.0  # standard errors from which on the preference of blocks at rest counts
 RELEARN_CHANGE = 0.2  # relative change of a gain after which the changes in its place are learnt again
 RATIO_STEEPNESS = 8.0  # slope of the logarithm of the odds over the logarithm of the ratio
 RIVAL_Z = 2.0  # effects within so many standard errors cannot be separated
@@ -130,7 +131,8 @@ class Evidence:
             return 0.0
         gain = max(self.own_gain.total, 1e-9)
         ratio = gain / max(self.replacement_gain.total, 1e-9) / self.even_ratio
-        true = _logistic(ratio, RATIO_STEEPNESS, largest_bayes_factor(float(ndtr(-self.rests_z))))
+        of_rests = largest_bayes_factor(float(ndtr(-self.rests_z))) if self.rests_z > LEAST_RESTS_Z else 1.0
+        true = _logistic(ratio, RATIO_STEEPNESS, of_rests)
         beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
         closes = probability_from_p_value(max(self.p_chance, self.p_no_closure))
         return closes * true * beyond_form

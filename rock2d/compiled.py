@@ -1,7 +1,8 @@
 """`njit` for the laws and engines: nothing is compiled twice, and the disk cache is never stale.
 
 The key of numba's cache is the file of the outer function only, so a cached engine would still use an old version of an
-edited law. Therefore the name of the cache folder contains a hash of all compiled source files of the package.
+edited law. Therefore the name of the cache folder contains a hash of all compiled source files of the package, and of
+the rooms whose constants they hold.
 
 Numba also optimizes each function, with everything that it calls, once more in every caller. Here compiled functions
 are parts, which are optimized only in the functions that Python calls."""

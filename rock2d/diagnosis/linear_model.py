@@ -141,32 +141,26 @@ class LinearModel:
         return np.asarray(shares[s] * (np.arange(len(low)) == k))
 
     def chance_gains(self, columns: Residuals) -> Array:
-        """(CHANCE_DRAWS,) gains of the columns by chance: the residuals of each release get a random sign. That keeps
-        their sizes and correlations within a release, and removes what is common to many releases."""
+        """(CHANCE_DRAWS,) gains of the columns by chance on held-out releases: the residuals of each release get a
+        random sign. That keeps their sizes and correlations within a release, and removes what is common to many
+        releases. Of the columns only that counts which no parameter of the fit can do."""
+        data, own_size, count = self._data, self._own.shape[-1], columns.impacts.shape[-1]
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = np.concatenate([self._fit.jacobian.flights, columns.flights], axis=-1)
-        return self._chance_totals(impacts, flights) - self._own_chance_totals
-
-    @cached_property
-    def _own_chance_totals(self) -> Array:
-        return self._chance_totals(self._own, self._fit.jacobian.flights)
-
-    def _chance_totals(self, impacts: Array, flights: Array) -> Array:
-        """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""
-        data, n, size = self._data, len(self._data.order), impacts.shape[-1]
-        pulls = np.zeros((n, size))
+        pulls = np.zeros((len(data.order), own_size + count))
         np.add.at(pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z))
         steady = self._flight_weight * self._flights
         np.add.at(pulls, data.flight_release, np.einsum("mcdk,mcd->mk", flights, steady))
-        pulls[:, choice_positions(self._fit.model)] = 0.0
-        signs = np.random.default_rng(CHANCE_SEED).choice([-1.0, 1.0], (CHANCE_DRAWS, n))
-        parts = [self._moments(impacts, flights, k)[0] for k in range(FOLDS)]
-        prior_precision = prior(self._fit.model)[1]
-        precision = np.diag(np.concatenate([prior_precision, np.ones(size - len(prior_precision))]))
+        parts = np.array([self._moments(impacts, flights, k)[0] for k in range(FOLDS)])
+        whole = parts.sum(axis=0)
+        own_curvature = whole[:own_size, :own_size] + np.diag(prior(self._fit.model)[1])
+        beyond_own = np.concatenate([-np.linalg.solve(own_curvature, whole[:own_size, own_size:]), np.eye(count)])
+        parts, pulls = beyond_own.T @ parts @ beyond_own, pulls @ beyond_own
+        signs = np.random.default_rng(CHANCE_SEED).choice([-1.0, 1.0], (CHANCE_DRAWS, len(pulls)))
         fold, total = folds(data), np.zeros(CHANCE_DRAWS)
         for k, curvature in enumerate(parts):
             own, others = (signs[:, part] @ pulls[part] for part in (fold == k, fold != k))
-            step = np.linalg.solve(np.sum(parts, axis=0) - curvature + precision, others.T).T
+            step = np.linalg.solve(parts.sum(axis=0) - curvature + np.eye(count), others.T).T
             total += (step * own).sum(axis=1) - 0.5 * np.einsum("rp,pq,rq->r", step, curvature, step)
         return total
 

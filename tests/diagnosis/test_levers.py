@@ -1,5 +1,7 @@
 """Dependences that no effect explains: what acts in a film is found, under its name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,19 @@ def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothin
         for _ in range(20)
     ]
     assert np.mean(gains) < 1.0
+
+
+def test_a_parameter_that_few_impacts_determine_does_not_change_what_chance_gains():
+    """A law can be nearly discontinuous for a few impacts: a pull may just hold a block."""
+    base, _, data = _fitted(None, [])
+    rng, impacts = np.random.default_rng(5), base.jacobian.impacts.copy()
+    impacts[3:5, :, 0] *= 1e4
+    steep = replace(base, jacobian=replace(base.jacobian, impacts=impacts))
+    spread, none = base.residuals.impacts.std(axis=0), np.zeros((*base.residuals.flights.shape, 2))
+    column = Residuals(spread[:, None] * rng.normal(size=(*base.residuals.impacts.shape, 2)), none)
+    of_base, of_steep = (np.quantile(LinearModel(own, data).chance_gains(column), [0.1, 0.99]) for own in (base, steep))
+    assert np.abs(of_base - of_steep).max() < 1.0  # log likelihood
+    assert of_steep[1] < 6.0
 
 
 def test_history_counts_the_impacts_of_each_release_in_time():

@@ -176,7 +176,7 @@ class Search:
             if self.best.names:
                 found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
             gains = [(self.gain(addition, self.best), addition) for addition in found]
-            better = [(gain.total, addition) for gain, addition in gains if gain.significant]
+            better = [(gain.total, addition) for gain, addition in gains if gain.significant_addition]
             if not better:
                 return
             previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
@@ -213,7 +213,7 @@ class Search:
         while len(self.best.names) > 1:
             smaller = {name: own for name, own in self.without(self.best).items() if name not in kept}
             least = min(smaller, key=lambda name: self.gain(self.best, smaller[name]).total, default=None)
-            if least is None or self.gain(self.best, smaller[least]).significant:
+            if least is None or self.gain(self.best, smaller[least]).significant_addition:
                 return
             self.best = smaller[least]
 

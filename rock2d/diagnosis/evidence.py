@@ -134,8 +134,7 @@ class Evidence:
         of_rests = largest_bayes_factor(float(ndtr(-self.rests_z))) if self.rests_z > LEAST_RESTS_Z else 1.0
         true = _logistic(ratio, RATIO_STEEPNESS, of_rests)
         beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
-        closes = probability_from_p_value(max(self.p_chance, self.p_no_closure))
-        return closes * true * beyond_form
+        return self.p_acts * (1.0 - self.p_no_closure) * true * beyond_form
 
     @property
     def p_acts(self) -> float:
@@ -236,7 +235,7 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
         return {}
     gains = {member: search.gain(other, less) for member, less in search.without(other).items()}
     return {
-        member: replace(own, own_gain=gain, p_chance=max(own.p_chance, float(ndtr(-gain.significance))))
+        member: replace(own, own_gain=gain, p_chance=max(own.p_chance, gain.p_of_addition))
         for member, own in evidence_of.items()
         if member != name and (gain := gains[member]).total < own.own_gain.total
     }
@@ -296,7 +295,7 @@ def _evidence_of_member(
         without = Learnt.of(Reduction(learnt.fit, name, without.fit).fitted(data), data)
         without.changes = learnt.changes
     own_gain = held_out_gain(data, learnt, without)
-    p_chance, p_no_closure = float(ndtr(-own_gain.significance)), 0.0
+    p_chance, p_no_closure = own_gain.p_of_addition, 0.0
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:
@@ -375,7 +374,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     }
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
-        own_gain, held_out_gain(data, others, without), left, float(ndtr(-own_gain.significance)), {}, form_share=1.0,
+        own_gain, held_out_gain(data, others, without), left, own_gain.p_of_addition, {}, form_share=1.0,
         negligible=size_faults(search.effects[name], [_size_with_profile(permanent.fit, name)], 0.0)[0],
     )  # fmt: skip
 

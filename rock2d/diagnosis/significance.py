@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr  # scipy.stats takes over a second to import
 
 from rock2d.arrays import Array
 from rock2d.statistics import student
@@ -15,6 +16,9 @@ from rock2d.statistics import student
 LARGEST_GAIN = 4.0
 SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
 LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, of a significant gain
+# Probability that unusual releases make the gain of an addition, and share of it that counts if they do not: the
+# likelihood of residuals is not exact.
+UNUSUAL, TRUSTED_SHARE = 0.25, 0.5
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
 LEAST_CHANCE = 1e-6  # smallest p value
 
@@ -53,10 +57,26 @@ class Gain(SummedGain):
     by_means: Array | None = None
 
     @property
+    def comparable(self) -> Array:
+        """(releases,) `by_means` if it is known, else the gain. The covariances of two fits differ by chance, which
+        adds more to the spread over releases than a weak effect."""
+        return self.gain if self.by_means is None else self.by_means
+
+    @property
     def significance(self) -> float:
-        """Significance of the gain, in standard errors; of `by_means` if it is known. The covariances of two fits
-        differ by chance, which adds more to the spread over releases than a weak effect."""
-        return significance(self.gain if self.by_means is None else self.by_means)
+        """Significance of the gain, in standard errors."""
+        return significance(self.comparable)
+
+    @property
+    def p_of_addition(self) -> float:
+        """p value of the gain over a model that this one contains.
+
+        An effect may act in few releases. These spread the gains, so that it has few standard errors. But chance gives
+        a gain G to an addition in a share exp(-G) of films at most (Ville's inequality for likelihood ratios), unless
+        it acts through unusual releases, of which only the number counts."""
+        p = float(ndtr(-self.significance))
+        of_ratio = math.exp(-TRUSTED_SHARE * max(float(_clipped(self.comparable).sum()), 0.0))
+        return min(p, UNUSUAL * p + of_ratio)
 
     def plus(self, further: Array) -> Gain:
         """The gain plus a `further` gain (releases,) with equal covariances."""
@@ -67,12 +87,21 @@ class Gain(SummedGain):
         """Whether the gain is larger than expected by chance."""
         return self.total > LEAST_GAIN and self.significance > LEAST_GAIN_Z
 
+    @property
+    def significant_addition(self) -> bool:
+        """The same over a model that this one contains."""
+        return self.total > LEAST_GAIN and self.p_of_addition < ndtr(-LEAST_GAIN_Z)
+
 
 def significance(per_release: Array) -> float:
     """Sum of the gains (releases,), each clipped to ±LARGEST_GAIN, in standard errors; for few releases these are
     enlarged by Student's distribution."""
-    gain = np.clip(per_release, -LARGEST_GAIN, LARGEST_GAIN)
+    gain = _clipped(per_release)
     return float(gain.sum()) / (max(standard_error(gain), SMALLEST_ERROR) * student(len(gain) - 1))
+
+
+def _clipped(per_release: Array) -> Array:
+    return np.clip(per_release, -LARGEST_GAIN, LARGEST_GAIN)
 
 
 def standard_error(per_release: Array) -> float:

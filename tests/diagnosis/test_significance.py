@@ -29,3 +29,21 @@ def test_chance_is_rarely_significant():
     rng = np.random.default_rng(1)
     share = np.mean([Gain(rng.normal(0.0, 2.0, 60)).significant for _ in range(4000)])
     assert share == pytest.approx(0.023, abs=0.008)
+
+
+def test_an_addition_that_acts_in_few_releases_is_significant_and_wild_releases_are_not():
+    rng = np.random.default_rng(2)
+    none = rng.normal(0.0, 0.1, 60)
+    first, wild = none.copy(), none.copy()
+    first[:8], first[8] = 8.0, -4.0  # soil that changes in the first releases
+    wild[[3, 20, 41]] = 300.0
+    assert Gain(first).significance < 2.5 and Gain(first).p_of_addition < 0.004
+    assert Gain(wild).p_of_addition > 0.01  # only a coincidence of three
+    assert Gain(-first).p_of_addition > 0.9
+
+
+def test_chance_seldom_makes_a_significant_addition():
+    """Likelihood ratios of a law that is right: the mean of exp(gain) is 1."""
+    rng = np.random.default_rng(1)
+    gains = (Gain(rng.normal(-0.5 * spread**2, spread, 60)) for spread in (0.1, 0.3, 1.0) for _ in range(2000))
+    assert np.mean([gain.significant_addition for gain in gains]) < 0.01

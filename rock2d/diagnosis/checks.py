@@ -8,7 +8,9 @@ simulation and no assumption on distributions is needed.
 
 A check contains several patterns, for example one for each zone and channel. Its value is the largest of them, in
 standard deviations of the replicates. The smallest p value of all checks is compared with that of the same replicates
-(Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one."""
+(Westfall and Young 1993, Resampling-Based Multiple Testing), so that many checks do not fail more often than one.
+
+A last check counts the impacts that are far from the model, see `far_impacts`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +22,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.derivatives import ScatterColumns
+from rock2d.diagnosis.far_impacts import FAR, far_impacts
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import path_quantities
 from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
@@ -37,6 +40,7 @@ from rock2d.diagnosis.quantities import (
     bases,
 )
 from rock2d.diagnosis.replicates import near_pairs
+from rock2d.diagnosis.significance import probability_from_p_value
 from rock2d.kinematics.impacts import ground_axes
 
 # probability that any check of means fails although the model is right; the same for spreads
@@ -104,15 +108,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Checks:
-    """The checks of a model: of means of residuals, and of their spreads."""
+    """The checks of a model: of means of residuals, of their spreads, and of the number of far impacts."""
 
     means: list[Check]
     spreads: list[Check]
+    far: list[Check]
 
     @property
     def all(self) -> list[Check]:
         """All checks, those of means first."""
-        return [*self.means, *self.spreads]
+        return [*self.means, *self.spreads, *self.far]
 
     @property
     def p(self) -> float:
@@ -120,9 +125,11 @@ class Checks:
         return min((check.p_of_all for check in self.means), default=1.0)
 
     @property
-    def failed_share(self) -> float:
-        """Share of the checks of means that fail."""
-        return float(np.mean([check.fails for check in self.means])) if self.means else 0.0
+    def p_outside(self) -> float:
+        """Probability that something acts that the model does not contain: not less than the share of the checks of
+        means that fail."""
+        failed_share = float(np.mean([check.fails for check in self.means])) if self.means else 0.0
+        return max([failed_share, *(probability_from_p_value(check.p) for check in self.far)])
 
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
@@ -137,7 +144,7 @@ def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
     left = _RemainingPatterns(data, fit, signs)
-    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()))
+    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, fit, rng))
 
 
 class _Patterns(NamedTuple):
@@ -166,6 +173,23 @@ def _rank_checks(checks: Sequence[_Patterns]) -> list[Check]:
             float((least <= rank[0]).mean()),
         )
         for patterns, sizes, row, rank in zip(checks, z, largest, p, strict=True)
+    ]  # fmt: skip
+
+
+def _check_of_far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> list[Check]:
+    """The check of the number of far impacts; none without impacts."""
+    if not len(data.impact_release):
+        return []
+    found = far_impacts(data, fit, rng)
+    zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[found.far], minlength=1)
+    most = f"in {zones[int(count.argmax())]}" if found.far.any() else "nowhere"
+    unit = max(float(found.replicates.std()), 1.0)
+    return [
+        Check(
+            "far impacts", f"number of impacts far from the model (χ² above {FAR:.0f} for each residual)",
+            most, float(found.far.sum() / unit),
+            np.quantile(found.replicates / unit, np.linspace(0.0, 1.0, 101)), found.p, found.p,
+        )
     ]  # fmt: skip
 
 

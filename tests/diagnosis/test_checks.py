@@ -8,6 +8,7 @@ import pytest
 from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
 from rock2d.diagnosis.data import FilmData, Residuals
+from rock2d.diagnosis.far_impacts import far_impacts
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
 from rock2d.diagnosis.report.sections import checks_sentence
@@ -80,6 +81,30 @@ def test_flights_that_bend_are_named(fitted):
 def test_block_that_scatters_more_is_named(fitted):
     out = failed(fitted, drawn(fitted, 3, factor=np.where(fitted[0].impact_block == 1, 3.0, 1.0)))
     assert set(out) == {"spread by zone and block"}
+
+
+def test_few_impacts_are_far_from_a_true_law_and_as_many_as_it_says_itself(fitted):
+    data, own = fitted
+    found = far_impacts(data, own, np.random.default_rng(1))
+    assert found.p > 0.05
+    assert abs(found.far.sum() - found.replicates.mean()) < 4.0 * np.sqrt(found.replicates.mean() + 1.0)
+
+
+def test_an_unknown_cause_that_changes_few_impacts_completely_is_named(fitted):
+    """No mean shows it: a robust mean leaves such impacts out, and they differ in sign."""
+    data, own = fitted
+    zones = data.impact_zone
+    zone = int(np.bincount(zones).argmax())
+    hit = np.flatnonzero(zones == zone)[::6]
+    impacts = own.residuals.impacts.copy()
+    impacts[hit, 5] += 30.0 * np.sqrt(own.covariance()[hit, 5, 5]) * np.resize([1.0, -1.0], len(hit))
+    left = replace(own, residuals=Residuals(impacts, own.residuals.flights))
+    found = predictive_checks(data, left, 0)
+    out = {c.name: c.largest for c in found.all if c.fails}
+    assert out["far impacts"] == f"in {own.model.setup.cross_section.zone_names[zone]}"
+    assert found.p_outside > 0.9 and not [name for name in out if name in checks.IMPACT_MEANS]
+    none = predictive_checks(data, own, 0)
+    assert none.p_outside < 0.3
 
 
 def test_same_seed_gives_the_same_checks_and_the_sentence_names_what_fails(fitted):

@@ -1,0 +1,70 @@
+"""Impacts far from the model: are there more than the model would make itself?
+
+The likelihood is robust, because a few impacts fall on the other side of an edge. So a cause that changes some impacts
+completely, and others not at all, hardly counts in it. In a replicate each impact is simulated again, with drawn noise
+of the camera and drawn soil: it shows how many impacts the model itself puts far away."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammainc
+
+from rock2d.arrays import Array
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.likelihood import chi_square
+from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
+
+FAR = 10.0  # chi-square for each residual from which on an impact is far from the model
+SIMULATED_REPLICATES = 20
+# Factor by which more impacts may be far than in the replicates, and further number of them: track and form of the law
+# are not exact.
+MORE, FURTHER = 2.0, 1.0
+
+
+class FarImpacts(NamedTuple):
+    """Impacts far from a model.
+
+    Attributes
+    ----------
+    far : (n,) whether each impact is far from the model
+    replicates : (SIMULATED_REPLICATES,) number of those that are in replicates
+    p : probability that as many are if it is right, up to MORE and FURTHER"""
+
+    far: Array
+    replicates: Array
+    p: float
+
+
+def far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> FarImpacts:
+    """The impacts of the data that are far from a fitted model."""
+    r, covariance = fit.residuals.impacts, fit.covariance()
+    limit = FAR * r.shape[1]
+    far = chi_square(r, covariance) > limit
+    replicates = np.array(
+        [(chi_square(_simulated_again(data, fit, rng), covariance) > limit).sum() for _ in range(SIMULATED_REPLICATES)]
+    )
+    expected = MORE * float(replicates.mean()) + FURTHER
+    # share of a Poisson distribution
+    return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)) if far.any() else 1.0)
+
+
+def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Array:
+    """(n, d) residuals of a replicate: the difference of impacts with drawn noise and soil from those without."""
+    model, r = fit.model, fit.model.residuals(fit.p, data).impacts
+    shift = _draws(data.state_noise(model.world(fit.p, data.impact_order)), rng)
+    first = len(BASE_WIDTH)
+    law = fit.scatter[:first] * rng.normal(size=(len(r), first))
+    drawn = LeverResponse(1, law=law[..., None], shift=shift[..., None])
+    wider = replace(model, responses=[*model.responses, drawn], widths=np.append(model.widths, 1.0))
+    again = r - wider.residuals(np.append(fit.p, 1.0), data).impacts + _draws(data.outcome_noise(), rng)
+    further = fit.jacobian.scatter[..., first:] * fit.scatter[first:]  # of effects that widen the scatter
+    return again + np.einsum("ndk,nk->nd", further, rng.normal(size=(len(r), further.shape[-1])))
+
+
+def _draws(covariance: Array, rng: np.random.Generator) -> Array:
+    """(n, d) draws with covariances (n, d, d), which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    spread = np.sqrt(np.maximum(values, 0.0)) * rng.normal(size=values.shape)
+    return np.einsum("nij,nj->ni", vectors, spread)

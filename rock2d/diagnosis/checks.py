@@ -129,7 +129,7 @@ class Checks:
         """Probability that something acts that the model does not contain: not less than the share of the checks of
         means that fail."""
         failed_share = float(np.mean([check.fails for check in self.means])) if self.means else 0.0
-        return max([failed_share, *(probability_from_p_value(check.p) for check in self.far)])
+        return max([failed_share, *(probability_from_p_value(check.p) for check in self.far if check.fails)])
 
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
@@ -138,13 +138,14 @@ class Checks:
         ]
 
 
-def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
-    """The checks of a fitted model on the data that it was fitted to; `seed` of the replicates."""
+def predictive_checks(data: Data, base: Fit, fit: Fit, seed: int) -> Checks:
+    """The checks of a fitted model on the data that it was fitted to; `base`: the base law; `seed` of the
+    replicates."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
     left = _RemainingPatterns(data, fit, signs)
-    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, fit, rng))
+    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, base, fit, rng))
 
 
 class _Patterns(NamedTuple):
@@ -176,17 +177,17 @@ def _rank_checks(checks: Sequence[_Patterns]) -> list[Check]:
     ]  # fmt: skip
 
 
-def _check_of_far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> list[Check]:
+def _check_of_far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> list[Check]:
     """The check of the number of far impacts; none without impacts."""
     if not len(data.impact_release):
         return []
-    found = far_impacts(data, fit, rng)
+    found = far_impacts(data, base, fit, rng)
     zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[found.far], minlength=1)
     most = f"in {zones[int(count.argmax())]}" if found.far.any() else "nowhere"
     unit = max(float(found.replicates.std()), 1.0)
     return [
         Check(
-            "far impacts", f"number of impacts far from the model (χ² above {FAR:.0f} for each residual)",
+            "far impacts", f"number of impacts more than {FAR:.0f} standard deviations from the model",
             most, float(found.far.sum() / unit),
             np.quantile(found.replicates / unit, np.linspace(0.0, 1.0, 101)), found.p, found.p,
         )

@@ -16,11 +16,11 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
 
-FAR = 10.0  # chi-square for each residual from which on an impact is far from the model
+FAR = 5.0  # root mean square of the residuals, in standard deviations, from which on an impact is far from the model
 SIMULATED_REPLICATES = 20
-# Factor by which more impacts may be far than in the replicates, and further number of them: track and form of the law
-# are not exact.
-MORE, FURTHER = 2.0, 1.0
+# Factor by which more impacts may be far than in the replicates, and further number of them: the track is not exact.
+# Share that the causes may leave of those that they explain: the forms of their laws are not exact, either.
+MORE, FURTHER, LEFT_BY_FORMS = 2.0, 1.0, 0.25
 
 
 class FarImpacts(NamedTuple):
@@ -30,22 +30,22 @@ class FarImpacts(NamedTuple):
     ----------
     far : (n,) whether each impact is far from the model
     replicates : (SIMULATED_REPLICATES,) number of those that are in replicates
-    p : probability that as many are if it is right, up to MORE and FURTHER"""
+    p : probability that as many are if it is right, up to MORE, FURTHER and LEFT_BY_FORMS"""
 
     far: Array
     replicates: Array
     p: float
 
 
-def far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> FarImpacts:
-    """The impacts of the data that are far from a fitted model."""
-    r, covariance = fit.residuals.impacts, fit.covariance()
-    limit = FAR * r.shape[1]
-    far = chi_square(r, covariance) > limit
+def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> FarImpacts:
+    """The impacts of the data that are far from a fitted model; `base`: the base law without causes."""
+    covariance, limit = fit.covariance(), FAR**2 * fit.residuals.impacts.shape[1]
+    far, far_of_base = (chi_square(own.residuals.impacts, own.covariance()) > limit for own in (fit, base))
     replicates = np.array(
         [(chi_square(_simulated_again(data, fit, rng), covariance) > limit).sum() for _ in range(SIMULATED_REPLICATES)]
     )
-    expected = MORE * float(replicates.mean()) + FURTHER
+    explained = max(float(far_of_base.sum() - far.sum()), 0.0)
+    expected = MORE * float(replicates.mean()) + FURTHER + LEFT_BY_FORMS * explained
     # share of a Poisson distribution
     return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)) if far.any() else 1.0)
 

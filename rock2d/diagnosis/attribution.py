@@ -334,7 +334,7 @@ def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[N
         if TWINS.get(name) not in best.names and best.names | {name} not in weighed:
             gains[name] = search.gain(search.set_of(best.names | {name}), best)
     again = max(gains, key=lambda name: gains[name].total, default=None)
-    return again if again is not None and gains[again].significant_addition else None
+    return again if again is not None and gains[again].significant else None
 
 
 def _exchange_member(
@@ -348,7 +348,7 @@ def _exchange_member(
     for name, without in search.without(best).items():
         own = found.get(name)
         rivals = plausible_rivals(search, name, search.gain(best, without)) if own is None else own.rival_z
-        impossible = own is not None and own.own_gain.significant_addition and not own.possible
+        impossible = own is not None and own.own_gain.significant and not own.possible
         most_z = EQUAL_Z if own is not None and own.negligible else np.inf
         options += [
             (z, name, rival, impossible)

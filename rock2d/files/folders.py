@@ -33,8 +33,7 @@ def atomic_folder(path: str | Path, kind: str = "") -> Iterator[Path]:
         yield partial
         if os.getpid() != process:
             return  # in a process that was forked in the block
-        marker = {"made_by": "rock2d", "kind": kind}
-        (partial / RESULT_MARKER).write_text(json.dumps(marker) + "\n", encoding="utf-8")
+        mark_as_result(partial, kind)
         replaced = _hidden(target, "replaced")
         if target.exists():
             target.rename(replaced)
@@ -46,6 +45,12 @@ def atomic_folder(path: str | Path, kind: str = "") -> Iterator[Path]:
             raise
         for older in target.parent.glob(f".{glob.escape(target.name)}.replaced-*"):
             shutil.rmtree(older, ignore_errors=True)
+
+
+def mark_as_result(folder: Path, kind: str) -> None:
+    """Write the `RESULT_MARKER` of a kind of result."""
+    marker = {"made_by": "rock2d", "kind": kind}
+    (folder / RESULT_MARKER).write_text(json.dumps(marker) + "\n", encoding="utf-8")
 
 
 @contextmanager

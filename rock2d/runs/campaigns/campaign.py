@@ -205,7 +205,7 @@ def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], c
 def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:
     """Create the folders of a campaign and write its manifest; refuse a folder that holds anything else. A different
     campaign or an earlier run is removed if `overwrite` is set."""
-    from rock2d.files.folders import check_output_folder, unwritable, write_whole
+    from rock2d.files.folders import check_output_folder, mark_as_result, unwritable, write_whole
     from rock2d.runs.results import KIND
 
     path = folder / MANIFEST
@@ -220,6 +220,7 @@ def _prepare_folder(folder: Path, manifest: dict[str, Any], job: Job, overwrite:
             check_output_folder(folder, overwrite, KIND)  # of a run of fewer releases
             shutil.rmtree(folder)
         write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+        mark_as_result(folder, KIND)  # a run of fewer releases may replace it
         for output in job.keep:
             (job.folder / output).mkdir(parents=True, exist_ok=True)
     except OSError as error:

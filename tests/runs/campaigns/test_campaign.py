@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.errors import InputError
+from rock2d.files.folders import check_output_folder
 from rock2d.files.scenario import load_scenario
 from rock2d.graphics.figure_files import NoFigures
 from rock2d.runs.campaigns import ensembles, order_statistics
@@ -27,6 +28,7 @@ from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
 from rock2d.runs.indicators.passing import percentile_table
 from rock2d.runs.indicators.releases import impacts_table, stops_table
+from rock2d.runs.results import KIND
 from rock2d.runs.run import run
 from rock2d.statistics import least_count, percentile_estimate, percentile_ranks
 from tests.programs import cluster, commanded
@@ -259,6 +261,15 @@ def test_only_with_overwrite_does_a_campaign_replace_a_run(tmp_path):
     campaign(tmp_path / "other")
     campaign(tmp_path / "one", overwrite=True)
     assert digest(tmp_path / "one") == digest(tmp_path / "other")
+
+
+def test_only_with_overwrite_does_a_run_replace_a_campaign(tmp_path):
+    campaign(tmp_path / "one")
+    with pytest.raises(InputError, match="earlier run; --overwrite replaces"):
+        check_output_folder(tmp_path / "one", False, KIND)
+    check_output_folder(tmp_path / "one", True, KIND)
+    run(SETUP, engine="batch", releases=1, workers=1).write(tmp_path / "one", figures=NoFigures())
+    assert not (tmp_path / "one" / "campaign.json").exists()
 
 
 @pytest.mark.parametrize(

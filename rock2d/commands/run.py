@@ -36,6 +36,10 @@ if TYPE_CHECKING:
 
 FEWEST_FOR_PROCESS = 100  # fewest releases for which a separate process draws the figures
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block in the figures of the report of a campaign
+# files that depend on keys without which a campaign can be continued, `uncertainty` and `design_values`
+BESIDE_THE_RELEASES = (
+    "uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png", "design_values.csv", "report.html", "report.pdf",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -261,6 +265,8 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
         progress=progress,
         report=request.report,
     )
+    for name in BESIDE_THE_RELEASES:
+        (folder / name).unlink(missing_ok=True)  # of an earlier command
     print_tables(scenario, engine, tables)
     releases = options.releases or scenario.releases
     seed = scenario.seed if options.seed is None else options.seed

@@ -30,6 +30,18 @@ def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases,
     assert "over 4 possible sites" in capsys.readouterr().out
 
 
+def test_a_campaign_that_is_continued_without_uncertainty_keeps_no_tables_of_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 50)
+    folder, said, options = tmp_path / "small_batch", list[str](), CampaignOptions(releases=51)
+    stale = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "design_values.csv", "report.html"}
+    for unknown, page in ((UNKNOWN, "rock2d run small.yaml --report"), ("", None)):
+        small_site(tmp_path, unknown)
+        request = RunRequest(tmp_path, options, page_command=page, draw=False, progress=False, report=said.append)
+        run_scenarios([tmp_path / "small.yaml"], request)
+        assert {path.name for path in folder.iterdir()} & stale == (stale if unknown else set())
+    assert "1 of 1 chunks are done already" in said
+
+
 def test_an_assessment_depends_on_its_seed_alone(tmp_path):
     scenario = small_site(tmp_path)
     one, again, other = (assess(scenario, "batch", seed) for seed in (1, 1, 2))

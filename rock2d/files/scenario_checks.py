@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,11 +17,13 @@ from rock2d.files.scatter_keys import SCATTERED
 from rock2d.scene.cross_section import CrossSectionError, by_zone
 from rock2d.scene.earthworks import EarthworkError
 from rock2d.scene.plausibility import (
+    USUAL_FRICTION_DEG,
+    USUAL_SLOPE_REDUCTION_DEG,
     Doubt,
+    angle_doubts,
     block_doubts,
     contact_doubts,
     earthwork_doubts,
-    friction_doubts,
     highest_speed_m_s,
     rough_ground_doubts,
     rough_point_doubts,
@@ -33,8 +35,6 @@ from rock2d.scene.soils import SOIL_CLASSES
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident, Soil
-    from rock2d.laws.contact import ContactParameters
-    from rock2d.laws.rebound import ReboundParameters
     from rock2d.scene.cross_section import CrossSection
 
 POSSIBLE_STARTS = 200  # drawn starts of a block that are checked for plausibility
@@ -108,6 +108,7 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
     the engine of the scenario)."""
     engine = engine or scenario.engine
     ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
+    zones = ground.zone_names
     found = list(_site_and_blocks(scenario, ground))
     if (unknown := scenario.uncertainty) is not None and unknown.sites != unknown.base_sites:
         text = f"{unknown.sites} sites count as {unknown.base_sites}, the next power of two"
@@ -120,16 +121,17 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(block, states, ground, gravity, key)
-        soils: Sequence[ContactParameters | ReboundParameters]
         if engine == "point_mass":
-            soils = by_zone(scenario.rebound_parameters(block), ground.zone_names, "rebound")
+            rebound = by_zone(scenario.rebound_parameters(block), zones, "rebound")
+            reduction = {zone: soil.slope_reduction_deg for zone, soil in zip(zones, rebound, strict=True)}
+            found += angle_doubts("slope reduction", reduction, USUAL_SLOPE_REDUCTION_DEG)
+            friction = {zone: soil.friction_angle_deg for zone, soil in zip(zones, rebound, strict=True)}
         else:
-            contact = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
-            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(ground.zone_names, contact, strict=True)}
-            soils = contact
+            contact = by_zone(scenario.contact_parameters(block), zones, "contact")
+            stiffness = {zone: soil.k_l_N_m for zone, soil in zip(zones, contact, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
-        friction = {zone: soil.friction_angle_deg for zone, soil in zip(ground.zone_names, soils, strict=True)}
-        found += friction_doubts(friction)
+            friction = {zone: soil.friction_angle_deg for zone, soil in zip(zones, contact, strict=True)}
+        found += angle_doubts("friction angle", friction, USUAL_FRICTION_DEG)
     if engine != "point_mass":
         found += rough_ground_doubts(ground, {zone: keys.make() for zone, keys in scenario.roughness.items()})
     elif scenario.field_test is None:  # point masses of a field test use smooth ground

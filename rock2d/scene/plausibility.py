@@ -19,7 +19,8 @@ USUAL_LENGTH_M, LARGEST_LENGTH_M = (0.2, 5000.0), 50_000.0  # of a cross-section
 LARGEST_RELIEF_M = 9000.0
 LARGEST_BLOCK_SHARE, SMALLEST_BLOCK_SHARE = 0.2, 2e-4  # size of a block as a share of the extent of the site
 NARROWEST_CREST_SIZES = 0.5  # in sizes of the block
-LEAST_FRICTION_DEG = 5.0  # ice; a smaller number may be in rad
+USUAL_FRICTION_DEG = (5.0, 60.0)  # from ice on; a smaller number may be in rad
+USUAL_SLOPE_REDUCTION_DEG = (1.0, 45.0)  # the same, where there is one
 LEAST_ROUGHNESS_DEG, LARGEST_SMOOTH_SHARE = 1.0, 0.1  # of a rough zone; the latter of facets too short to be cut
 HIGHEST_START_M, HIGHEST_START_SIZES = 10.0, 10.0  # above the highest ground, in m and in sizes of the block
 USUAL_INDENTATION_SIZES = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
@@ -109,11 +110,11 @@ def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
             yield Doubt(f"{text}than half the block. rock2d does not model damage of the embankment", key)
 
 
-def friction_doubts(friction_angle_deg: Mapping[str, float]) -> Iterator[Doubt]:
-    """Doubts about friction angles by zone."""
-    for zone, angle in friction_angle_deg.items():
-        if 0.0 < angle < LEAST_FRICTION_DEG:
-            text = f"the friction angle in {zone} is {angle:.3g} degrees; usual: {LEAST_FRICTION_DEG:g} to 60"
+def angle_doubts(words: str, angles_deg: Mapping[str, float], usual_deg: tuple[float, float]) -> Iterator[Doubt]:
+    """Doubts about an angle by zone that may be in rad; 0 is none."""
+    for zone, angle in angles_deg.items():
+        if 0.0 < angle < usual_deg[0]:
+            text = f"the {words} in {zone} is {angle:.3g} degrees; usual: {_range(usual_deg)}"
             yield Doubt(f"{text}. Is it in rad?", ("model",))
 
 

@@ -156,6 +156,20 @@ def test_point_masses_on_rough_ground_without_a_slope_reduction_are_told(tmp_pat
     assert re.search(f"warning: point_mass: .*{words}", run.output)
 
 
+def test_a_slope_reduction_in_rad_is_told(tmp_path):
+    path, words = tmp_path / "site.yaml", "slope reduction in rock is 0.1 degrees; usual: 1 to 45. Is it in rad?"
+    # the contact law has no slope reduction
+    for engine, degrees, doubts in (
+        ("point_mass", 0, 0),
+        ("point_mass", 0.1, 1),
+        ("point_mass", 5, 0),
+        ("batch", 0.1, 0),
+    ):
+        rock = f"{{like: bedrock, slope_reduction_deg: {degrees}}}"
+        path.write_text(ROUGH.replace("ROCK", rock).replace("point_mass", engine))
+        assert sum(words in each for each in said(path)) == doubts
+
+
 def test_ground_that_is_stated_rough_and_stays_smooth_is_told(tmp_path):
     path = tmp_path / "site.yaml"
     text = ROUGH.replace("point_mass", "batch").replace("ROCK", "bedrock")

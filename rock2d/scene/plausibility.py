@@ -92,14 +92,14 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
-    """Doubts about the size of a block compared with each ditch and each embankment."""
+    """Doubts about the size of a block compared with each embankment, its crest, and the level ground before it, which
+    need not be a ditch."""
     key = ("blocks", block.name)
     for number, bank in _numbered(ground):
-        ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_before(ground, bank)].sum())
-        if 0.0 < ditch < block.size_m:
-            yield Doubt(
-                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch{number}, {ditch:.3g} m wide", key
-            )
+        level = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_before(ground, bank)].sum())
+        if 0.0 < level < block.size_m:
+            text = f"block {block.name} of {block.size_m:.3g} m is larger than the level ground before the embankment"
+            yield Doubt(f"{text}{number}, {level:.3g} m wide", key)
         if block.size_m > bank.height_m:
             text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment{number} of "
             yield Doubt(f"{text}{bank.height_m:.3g} m", key)

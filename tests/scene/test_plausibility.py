@@ -52,7 +52,7 @@ def test_the_shipped_scenarios_are_plausible(name):
     [
         ("mass_kg: 2700", "mass_kg: 270", "density of 270 kg/m³ .*usual: 1,500 to 4,000"),
         ("mass_kg: 2700", "mass_kg: 2.7e+4", "density of .*e\\+04 kg/m³"),
-        ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 8.0, mass_kg: 724000", "larger than the ditch, 7 m wide"),
+        ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 8.0, mass_kg: 724000", "level ground before .*, 7 m wide"),
         ("low: 0.0, high: 4.0", "low: 100.0, high: 104.0", "starts behind the crest"),
         ("forest_edge: [[50.0, 16.0], [50.0, 40.0]]", "forest_edge: [[50.0, 200.0], [50.0, 240.0]]",
          "no block .* reaches measure line forest_edge: it begins 200 m high"),
@@ -108,7 +108,7 @@ def test_a_population_is_named_with_its_place(tmp_path):
     refused = refusal(rock2d.load_scenario, path, said="populations.stones: .* or the density in t/m³")
     assert refused.line == text[: text.index("  stones")].count("\n") + 1
     path.write_text(text.replace("{size_m: 1.0}", "{size_m: 8.0}"))
-    assert any("populations.stones: block stones of 8 m is larger than the ditch" in each for each in said(path))
+    assert any("populations.stones: block stones of 8 m is larger than the level" in each for each in said(path))
 
 
 def test_a_density_is_that_of_the_sphere_and_of_the_cube():

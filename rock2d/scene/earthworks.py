@@ -22,6 +22,7 @@ from rock2d.scene.cross_section import (
 
 DITCH_ZONE = "ditch"
 ARRIVAL_LINE, CREST_LINE, FACING_LINES = "arrival", "crest", ("facing_1_3", "facing_2_3")
+STEEP_BACK_DEG = 45.0  # a back that would fit if it were as steep as this is too flat
 STEEPEST_WITH_LINES_DEG = 80.0  # on a steeper facing, no centroid comes near measure lines on it
 
 
@@ -141,9 +142,7 @@ def with_earthworks(
         raise EarthworkError("the crest ends inside the ground", "embankment", "crest_m")
     back = _first_hit(surface, edge, -np.deg2rad(embankment.downhill_deg))
     if back is None:
-        raise EarthworkError(
-            "the downhill face does not meet the ground within the cross-section", "embankment", "downhill_deg"
-        )
+        raise _too_long(ground, crest, edge)
     start, before = (foot, list[Array]()) if ditch is None else _ditch(surface, foot, embankment, ditch)
     _refuse_overlap(start[0], free_x, number, ("ditch", "width_m"))
     made = [*before, crest, edge]
@@ -200,15 +199,31 @@ def _first_hit(surface: object, start: Array, angle_rad: float) -> Array | None:
     return np.asarray(found[np.argmin(np.hypot(*(found - start).T))])
 
 
+def _too_long(ground: CrossSection, crest: Array, edge: Array) -> EarthworkError:
+    """The error of an embankment whose back does not meet the ground, at the size that makes it too long."""
+    import shapely
+
+    right = ground.points_m[:, 0].max()
+    key = "height_m"
+    if _first_hit(shapely.LineString(ground.points_m), edge, -np.deg2rad(STEEP_BACK_DEG)) is not None:
+        key = "downhill_deg"
+    elif crest[0] < right < edge[0]:
+        key = "crest_m"
+    begins, ends = f"it begins at x = {edge[0]:.6g} m", f"the cross-section ends at x = {right:.6g} m"
+    return EarthworkError(f"the downhill face does not meet the ground: {begins}, and {ends}", "embankment", key)
+
+
 def _ditch(surface: object, foot: Array, embankment: EmbankmentSizes, ditch: DitchSizes) -> tuple[Array, list[Array]]:
     """The point where the ditch leaves the natural slope, and the corners of its bottom (one if it starts on level
     ground)."""
+    import shapely
+
     right = foot - np.array([_run(ditch.depth_m, embankment.uphill_deg), ditch.depth_m])
     left = right - np.array([ditch.width_m, 0.0])
     start = _first_hit(surface, left, np.pi - np.deg2rad(ditch.uphill_deg))
     if start is None:
         message = "the uphill wall does not meet the ground within the cross-section"
-        raise EarthworkError(message, "ditch", "uphill_deg")
+        raise EarthworkError(message, "ditch", "width_m" if left[0] < shapely.bounds(surface)[0] else "uphill_deg")
     wall = float(np.hypot(*(start - left)))
     return start, [left, right] if wall > SHORTEST_FACET * ditch.width_m else [right]
 

@@ -338,10 +338,12 @@ def test_a_numbered_ditch_needs_numbered_embankments(write):
     [
         ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot is outside"),
         ("downhill_deg: 34", "downhill_deg: 2", "embankment.downhill_deg: the downhill face does not meet"),
+        ("height_m: 0.083", "height_m: 83", "embankment.height_m: the downhill face does not meet"),
+        ("crest_m: 0.055", "crest_m: 55", "embankment.crest_m: the downhill face does not meet"),
         ("uphill_deg: 60", "uphill_deg: 91", "embankment.uphill_deg: expected"),
         ("uphill_deg: 60", "uphill_deg: 1.05", "expected greater than or equal to 2, found 1.05"),  # 60 degrees in rad
         ("x_m: 2.5", "x_m: 2,5", "a decimal comma? Write 2.5, not 2,5"),
-        ("width_m: 0.2", "width_m: 200", "ditch.uphill_deg: the uphill wall does not meet"),
+        ("width_m: 0.2", "width_m: 200", "ditch.width_m: the uphill wall does not meet"),
         ("embankment: {x_m: 2.5, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}", "",
          "ditch: a ditch lies before an embankment"),
     ],

@@ -1,7 +1,9 @@
 """The command line. Heavy imports happen inside the commands, so that `rock2d --help` is instant."""
 
+import math
 import os
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,8 +21,8 @@ from rock2d.schemas import SCHEMAS, file_schema
 
 
 class Commands(click.Group):
-    """Commands that refuse an option given twice, of which click would silently use the last value, and say what to
-    write instead of a decimal comma."""
+    """Commands that refuse an option given twice, of which click would silently use the last value, and numbers that
+    are not finite, and say what to write instead of a decimal comma."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -31,9 +33,9 @@ class Commands(click.Group):
             values, _, given = command.make_parser(own).parse_args(list(rest))
             for option in given:
                 if isinstance(option.type, (click.types.FloatParamType, click.Tuple, NumberOrGravity)):
-                    for word in filter(DECIMAL_COMMA.fullmatch, _words(values[option.name])):
-                        message = f"{option.opts[0]}: {word!r} has a decimal comma, write {word.replace(',', '.')}"
-                        raise click.UsageError(message, own)
+                    for word in _words(values[option.name]):
+                        if fault := _fault_of_number(word):
+                            raise click.UsageError(f"{option.opts[0]}: {word!r} {fault}", own)
                 single = isinstance(option, click.Option) and not (option.multiple or option.is_flag)
                 if single and given.count(option) > 1:
                     raise click.UsageError(f"{option.opts[0]} is given {given.count(option)} times", own)
@@ -42,6 +44,15 @@ class Commands(click.Group):
 
 def _words(value: Any) -> list[str]:
     return [value] if isinstance(value, str) else [word for part in value for word in _words(part)]
+
+
+def _fault_of_number(word: str) -> str:
+    """What is wrong with a number, beside its range; empty for other words, which click refuses."""
+    if DECIMAL_COMMA.fullmatch(word):
+        return f"has a decimal comma, write {word.replace(',', '.')}"
+    with suppress(ValueError):
+        return "" if math.isfinite(float(word)) else "is not a finite number"
+    return ""
 
 
 class NumberOrGravity(click.ParamType):

@@ -117,3 +117,10 @@ def test_a_signal_while_python_ends_does_not_change_the_exit_code():
 def test_a_decimal_comma_in_an_option_is_told(words):
     done = commanded(*words)
     assert done.exit_code == 2 and "'0,5' has a decimal comma, write 0.5" in done.output
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999"])
+def test_a_number_that_is_not_finite_is_refused(word):
+    for option in ("--tolerance", "--above-m"):
+        done = commanded("design", "site.yaml", "--range", "2", "8", option, word)
+        assert done.exit_code == 2 and f"{option}: '{word}' is not a finite number" in done.output

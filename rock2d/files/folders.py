@@ -114,6 +114,8 @@ def check_folder(path: str | Path, kind: str = "") -> Path:
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise InputError("exists and is not a folder; choose another output folder", path, code="not_a_result")
+    if target.is_dir() and target.samefile("."):  # a process whose folder is replaced finds no file by its path
+        raise InputError("is the current folder; choose another output folder", path, code="not_a_result")
     if target.is_dir() and any(target.iterdir()) and not (target / RESULT_MARKER).is_file():
         raise InputError("exists and is not a rock2d result; choose another output folder", path, code="not_a_result")
     if (held := _kind_of(target)) not in ("", kind):

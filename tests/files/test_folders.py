@@ -85,6 +85,13 @@ def test_a_result_is_replaced_only_by_one_of_its_kind(tmp_path):
     assert (tmp_path / "out" / "kept").read_text() == "tracked film"
 
 
+def test_the_current_folder_is_not_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for path in (".", "", tmp_path):
+        with pytest.raises(InputError, match="is the current folder; choose another"):
+            check_folder(path)
+
+
 WRITES = """
 import sys, time
 from pathlib import Path

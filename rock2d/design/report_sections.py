@@ -21,7 +21,9 @@ from rock2d.design.report_tables import (
     stop_rows,
     uncertain_rows,
 )
+from rock2d.files.scenario_checks import rough_without_slope_reduction
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
+from rock2d.runs.engines import engine_named
 from rock2d.runs.printed_tables import table_note
 from rock2d.scene.cross_section import CrossSection, Embankment
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
@@ -133,12 +135,14 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
 
 def _assumption_section(content: ReportContent) -> Section:
     scenario = content.scenario
+    law = engine_named(content.sample.engine).law
+    rough_zones = rough_without_slope_reduction(scenario) if law == "probabilistic" else scenario.roughness
     points = list(scenario.assumed) or ["The scenario file lists no assumption."]
     points += [f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()]
-    points += [
-        f"Rough ground in {zone}: local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
-        for zone, rough in scenario.roughness.items()
-    ]
+    for zone in rough_zones:
+        rough = scenario.roughness[zone]
+        text = f"local slopes vary by {rough.sd_deg:g} degrees (1 sigma) over {rough.length_m:g} m"
+        points.append(f"Rough ground in {zone}: {text}")
     points += [f"Not known: {place}, {how}" for place, how in _not_known(scenario).items()]
     return Section("What was assumed", items=points)
 

@@ -135,7 +135,7 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
     if engine != "point_mass":
         found += rough_ground_doubts(ground, {zone: keys.make() for zone, keys in scenario.roughness.items()})
     elif scenario.field_test is None:  # point masses of a field test use smooth ground
-        found += rough_point_doubts(_rough_without_slope_reduction(scenario))
+        found += rough_point_doubts(rough_without_slope_reduction(scenario))
     return list(dict.fromkeys(found))  # several blocks share the ground
 
 
@@ -152,7 +152,7 @@ def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
     return [f"warning: {engine}: {doubt.text}" for doubt in found]
 
 
-def _rough_without_slope_reduction(scenario: Scenario) -> list[str]:
+def rough_without_slope_reduction(scenario: Scenario) -> list[str]:
     """Rough zones without slope reduction of the rebound law for some block."""
     laws = [scenario.rebound_parameters(block) for block in scenario.make_blocks().values()]
     return [

@@ -13,7 +13,7 @@ from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions
 from rock2d.wording import three_digits, with_interval
 from tests.diagnosis.test_report import Page
-from tests.scenarios_of_tests import UNKNOWN, scenario_file
+from tests.scenarios_of_tests import LAWS, UNKNOWN, scenario_file
 
 COMMAND = "rock2d run 'a <b>.yaml' --report"
 PROJECT = """project: {title: "Road </style><script>", number: "a\\"; } b {", client: "<i>Town</i>", author: "A & B",
@@ -140,6 +140,15 @@ def test_energies_are_told_in_kilojoules_where_these_are_usual():
     assert quantity_text("kinetic_J", 1.25e6, 1.0e6, 1.5e6) == "1250 [1000, 1500] kJ"
     assert quantity_text("kinetic_J", 0.25, 0.2, 0.3) == "0.250 [0.200, 0.300] J"
     assert quantity_text("speed_m_s", 20.0, 18.0, 22.0) == "20.0 [18.0, 22.0] m/s"
+
+
+def test_rough_ground_that_a_slope_reduction_replaces_is_not_listed(tmp_path):
+    model = LAWS.replace("restitution: 0.9}", "restitution: 0.9}, slope: {slope_reduction_deg: 9}")
+    rough = "roughness: {slope: {sd_deg: 3, length_m: 0.6}, run_out: {sd_deg: 2, length_m: 0.6}}\n"
+    path = scenario_file(tmp_path, "small", engine="point_mass", releases=5, model=model, more=rough)
+    run_scenarios([path], RunRequest(tmp_path, page_command=COMMAND, draw=False, progress=False, report=str))
+    text = (tmp_path / "small_point_mass" / "report.html").read_text()
+    assert "Rough ground in run_out" in text and "Rough ground in slope" not in text
 
 
 def test_a_campaign_has_the_same_page(tmp_path, monkeypatch):

@@ -147,11 +147,18 @@ def true_closure(case: Path, held: Data | None, found: Attribution) -> float | N
     if data is None or held is None or twin is None:
         return None
     null = fit_base(setup, start, data, sanity.registered)
-    variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
+    variance = _typical_variance(found.final.fit.covariance())
     base = _gap(held, found.base.fit.model.residuals(found.base.fit.p, held), variance)
     closed = _gap(held, residuals_on(held, found.learnt), variance)
     floor = _gap(twin, null.model.residuals(null.p, twin), variance)
     return (base - closed) / (base - floor) if base > LEAST_GAP_RATIO * floor else None
+
+
+def _typical_variance(covariance: Array) -> Array:
+    """(d,) medians of the variances of n impacts, from their covariances (n, d, d); NaN without impacts: then all
+    residuals of impacts count as equally large."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    return np.asarray(np.median(variance, axis=0) if len(variance) else np.full(variance.shape[1], np.nan))
 
 
 def _gap(data: Data, residuals: Residuals, variance: Array) -> float:

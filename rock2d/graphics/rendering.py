@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 DATE_VARIABLE = "SOURCE_DATE_EPOCH"  # seconds since 1970; set it to get identical pages at every run
+# the space before a percent sign, where no line breaks; group 1: what stays as it is, tags, and texts to copy or to run
+PERCENT_IN_TEXT = re.compile(r"(<(script|style|pre)\b.*?</\2>|<[^>]*>)|(?<=[\d\])]) %", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -101,4 +104,5 @@ def rendered(package: str, template: str, context: Mapping[str, Any]) -> str:
     )  # fmt: skip
     filters = (breakable, coded, css_text, percent, source_hash, spoken)
     environment.filters |= {own.__name__: own for own in filters}
-    return environment.get_template(template).render({"style": source("style.css"), "live": None, **context})
+    made = environment.get_template(template).render({"style": source("style.css"), "live": None, **context})
+    return PERCENT_IN_TEXT.sub(lambda found: found[1] or "\N{NO-BREAK SPACE}%", made)

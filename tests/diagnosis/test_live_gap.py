@@ -89,8 +89,8 @@ def model_words(page) -> str:
 
 
 def cells(page, row: str) -> list[list[str]]:
-    """Words of the cells of rows."""
-    read = "all => all.map(r => [...r.querySelectorAll('td')].map(c => c.textContent))"
+    """Words of the cells of rows; spaces before a percent sign may break."""
+    read = "all => all.map(r => [...r.querySelectorAll('td')].map(c => c.textContent.replaceAll('\\u00a0%', ' %')))"
     return page.eval_on_selector_all(row, read)
 
 
@@ -124,7 +124,7 @@ def test_each_cause_has_its_share_of_the_budget_and_the_shares_in_the_first_and_
     sets, rows = diagnosed.budget.sets, page.locator("#live table.chart tr").all_inner_texts()
     both = frozenset(EFFECTS)
     for name, own in diagnosed.budget.causes.items():
-        row = next(row for row in rows if row.strip().startswith(spoken(name)))
+        row = next(row for row in rows if row.strip().startswith(spoken(name))).replace("\N{NO-BREAK SPACE}%", " %")
         alone, last = sets[frozenset({name})][1].closes, sets[both][1].closes - sets[both - {name}][1].closes
         assert share_closed(own.closes, own.ci95) in row
         assert f"alone {100 * alone:.0f} %, after all others {100 * last:.0f} %" in row

@@ -58,7 +58,7 @@ class Page(HTMLParser):
         ]
 
     def handle_data(self, data):
-        self.text += data
+        self.text += data.replace("\N{NO-BREAK SPACE}%", " %")
 
     def needs_no_network(self, scripts: int = 0) -> bool:
         """Nothing on it but so many scripts is code or a frame, and all that it shows is in it."""

@@ -9,7 +9,8 @@ from PIL import Image
 
 from rock2d.graphics import pages
 from rock2d.graphics.figure_style import save_figure
-from rock2d.graphics.pages import Section, Table, blank_axes, drawn, embedded, embedded_picture, page
+from rock2d.graphics.pages import Picture, Section, Table, blank_axes, drawn, embedded, embedded_picture, page
+from rock2d.graphics.rendering import PERCENT_IN_TEXT
 
 
 def test_text_is_escaped_and_what_stands_in_backticks_is_code():
@@ -20,6 +21,15 @@ def test_text_is_escaped_and_what_stands_in_backticks_is_code():
     assert "<td>&lt;i&gt;</td><td>&amp;</td>" in shown and "<th>&lt;h&gt;</th>" in shown
     assert "<script" not in shown and "<li>&lt;script&gt;</li>" in shown
     assert "<p>a <code>&lt;tt&gt;</code> b</p>" in shown and 'src="&lt;v&gt;.webm"' in shown
+
+
+def test_no_line_breaks_before_a_percent_sign():
+    section = Section("58 %", ["2 [1, 3] %, in % of"], pictures=[Picture("a.png", "5 %")])
+    shown = page("a", [section])
+    assert "<h2>58\N{NO-BREAK SPACE}%</h2>" in shown and "<p>2 [1, 3]\N{NO-BREAK SPACE}%, in % of</p>" in shown
+    assert 'alt="5 %"' in shown  # what is no text of the page stays as it is
+    copied = "<pre><b>5 %</b></pre><script>5 %</script>"
+    assert PERCENT_IN_TEXT.sub(r"\1", copied) == copied
 
 
 def test_what_a_section_does_not_have_is_left_out():

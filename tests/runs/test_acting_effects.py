@@ -255,7 +255,7 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     assert sum(note in line for line in shown) == 3  # passing, stops, before and after
     rock2d.write_report(result, tmp_path / "page")
     page = (tmp_path / "page" / "report.html").read_text(encoding="utf-8")
-    assert page.count(note) >= 5 and "flight of height (closes 93 %" in page
+    assert page.count(note) >= 5 and "flight of height (closes 93\N{NO-BREAK SPACE}%" in page
 
 
 def test_a_run_says_that_the_soil_of_flights_alone_was_not_fitted(tmp_path):

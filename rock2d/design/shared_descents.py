@@ -20,7 +20,10 @@ from rock2d.scene.cross_section import CrossSection
 EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change only the ground
 SHARING_ENGINE = "batch"  # the engine that can suspend releases
 OVERSHOOT_RADII = 2.0  # by which a release may move beyond the place where it is suspended
-SEARCH_AHEAD_RADII = 5.0  # largest distance ahead of the centroid within which a block searches the ground
+# The ground this far ahead of the place of suspension is the same: releases overshoot the place, and touch the ground
+# within VIEW_RADII of `contact_search`. Balls look farther, BALL_VIEW_RADII, but only for how far they may move before
+# the next search, which changes steps and no contact.
+SEARCH_AHEAD_RADII = 5.0
 
 
 @dataclass(frozen=True)

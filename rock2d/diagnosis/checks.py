@@ -183,12 +183,12 @@ def _check_of_far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Genera
         return []
     found = far_impacts(data, base, fit, rng)
     zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[found.far], minlength=1)
-    most = f"in {zones[int(count.argmax())]}" if found.far.any() else "nowhere"
+    most = f", most in {zones[int(count.argmax())]}" if found.far.any() else ""
     unit = max(float(found.replicates.std()), 1.0)
     return [
         Check(
             "far impacts", f"number of impacts more than {FAR:.0f} standard deviations from the model",
-            most, float(found.far.sum() / unit),
+            f"{found.far.sum()} of {len(found.far)}{most}", float(found.far.sum() / unit),
             np.quantile(found.replicates / unit, np.linspace(0.0, 1.0, 101)), found.p, found.p,
         )
     ]  # fmt: skip

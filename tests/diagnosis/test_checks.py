@@ -101,7 +101,8 @@ def test_an_unknown_cause_that_changes_few_impacts_completely_is_named(fitted):
     left = replace(own, residuals=Residuals(impacts, own.residuals.flights))
     found = predictive_checks(data, own, left, 0)
     out = {c.name: c.largest for c in found.all if c.fails}
-    assert out["far impacts"] == f"in {own.model.setup.cross_section.zone_names[zone]}"
+    name = own.model.setup.cross_section.zone_names[zone]
+    assert out["far impacts"] == f"{len(hit)} of {len(zones)}, most in {name}"
     assert found.p_outside > 0.9 and not [name for name in out if name in checks.IMPACT_MEANS]
     none = predictive_checks(data, own, own, 0)
     assert none.p_outside < 0.3

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.budget import Share
-from rock2d.diagnosis.checks import REPLICATES, Check
+from rock2d.diagnosis.checks import Check
 from rock2d.diagnosis.cross_validation import Validated
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
@@ -236,12 +236,11 @@ def _moving_data(
 
 
 def _check_data(check: Check) -> dict[str, Any]:
-    """Data of a check, with its rank among the replicates."""
+    """Data of a check."""
     low, _, high = check.replicates
-    far = round(check.p * (1 + REPLICATES)) - 1  # p counts the film itself
     said = (
         f"{check.name} ({spoken(check.largest)}): this film {check.value:.2f}; 90 % of the replicates are from "
-        f"{low:.2f} to {high:.2f}, {far} of {REPLICATES} are as far out (p {p_text(check.p)})."
+        f"{low:.2f} to {high:.2f} (p {p_text(check.p)})."
     )
     verdict = "The model would hardly produce this." if check.fails else "The model would produce this."
     return {

@@ -132,6 +132,8 @@ def checks_section(checks: Checks | None) -> dict[str, Any]:
 
 def p_text(p: float) -> str:
     """A p value as text."""
+    if p < 0.0001:
+        return "below 0.0001"
     return f"{p:.4f}" if p < 0.01 else f"{p:.2f}"
 
 

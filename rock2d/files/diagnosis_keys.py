@@ -257,7 +257,7 @@ class Check(Part):
     replicates: list[Number] = Field(
         min_length=3, max_length=3, description="Quantiles 0.05, 0.5 and 0.95 of the replicates"
     )
-    p: Probability = Field(description="Share of the replicates that are as far out; probability of so many far impacts")
+    p: Probability = Field(description="Share of the replicates that are as far out, or probability of so many")
 
 
 class Limit(Part):

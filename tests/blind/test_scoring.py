@@ -190,7 +190,7 @@ def test_a_trial_is_scored_to_a_page_a_table_and_numbers(tmp_path):
     assert found["cases"] == 6 and found["precision"]["all"][3] == 5 and "by_base" not in found
     page = (tmp_path / "score.html").read_text()
     assert "case 002: camera_tilt (probability 0.92); hidden nothing" in page
-    assert "40.0 % [11.8, 76.9] of 5" in page and "Claimed and true closure" in page
+    assert "40.0\N{NO-BREAK SPACE}% [11.8, 76.9] of 5" in page and "Claimed and true closure" in page
     assert page.count("<img ") == 2
     assert (tmp_path / "score.csv").read_text().count("\n") == 7
 

@@ -107,7 +107,7 @@ def test_the_page_lists_both_embankments(site, tmp_path):
     for (number, quantity), (block, estimate) in found.items():
         assert block == "ball" and estimate.value == table[f"arrival_{number}", quantity]
         assert quantity_text(quantity, *estimate) in text
-    assert "Energy that arrives (95 %), embankment 1" in text and "embankment 2</span>" in text
+    assert "Energy that arrives (95\N{NO-BREAK SPACE}%), embankment 1" in text and "embankment 2</span>" in text
     assert not (folder / "embankment.png").exists()
 
 

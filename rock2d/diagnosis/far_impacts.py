@@ -4,6 +4,7 @@ The likelihood is robust, because a few impacts fall on the other side of an edg
 completely, and others not at all, hardly counts in it. In a replicate each impact is simulated again, with drawn noise
 of the camera and drawn soil: it shows how many impacts the model itself puts far away."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -41,30 +42,35 @@ def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> Fa
     """The impacts of the data that are far from a fitted model; `base`: the base law without causes."""
     covariance, limit = fit.covariance(), FAR**2 * fit.residuals.impacts.shape[1]
     far, far_of_base = (chi_square(own.residuals.impacts, own.covariance()) > limit for own in (fit, base))
-    replicates = np.array(
-        [(chi_square(_simulated_again(data, fit, rng), covariance) > limit).sum() for _ in range(SIMULATED_REPLICATES)]
-    )
+    replicates = np.array([(chi_square(r, covariance) > limit).sum() for r in _simulated_again(data, fit, rng)])
     explained = max(float(far_of_base.sum() - far.sum()), 0.0)
     expected = MORE * float(replicates.mean()) + FURTHER + LEFT_BY_FORMS * explained
     # share of a Poisson distribution
-    return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)) if far.any() else 1.0)
+    return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)))
 
 
-def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Array:
-    """(n, d) residuals of a replicate: the difference of impacts with drawn noise and soil from those without."""
-    model, r = fit.model, fit.model.residuals(fit.p, data).impacts
-    shift = _draws(data.state_noise(model.world(fit.p, data.impact_order)), rng)
-    first = len(BASE_WIDTH)
-    law = fit.scatter[:first] * rng.normal(size=(len(r), first))
-    drawn = LeverResponse(1, law=law[..., None], shift=shift[..., None])
-    wider = replace(model, responses=[*model.responses, drawn], widths=np.append(model.widths, 1.0))
-    again = r - wider.residuals(np.append(fit.p, 1.0), data).impacts + _draws(data.outcome_noise(), rng)
+def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Iterator[Array]:
+    """(n, d) residuals of each replicate: the difference of impacts with drawn noise and soil from those without."""
+    model, first = fit.model, len(BASE_WIDTH)
+    expected = model.residuals(fit.p, data).impacts
+    noise_before = _roots(data.state_noise(model.world(fit.p, data.impact_order)))
+    noise_after, widths = _roots(data.outcome_noise()), np.append(model.widths, 1.0)
     further = fit.jacobian.scatter[..., first:] * fit.scatter[first:]  # of effects that widen the scatter
-    return again + np.einsum("ndk,nk->nd", further, rng.normal(size=(len(r), further.shape[-1])))
+    for _ in range(SIMULATED_REPLICATES):
+        shift = _times_normal(noise_before, rng)
+        law = fit.scatter[:first] * rng.normal(size=(len(expected), first))
+        drawn = LeverResponse(1, law=law[..., None], shift=shift[..., None])
+        wider = replace(model, responses=[*model.responses, drawn], widths=widths)
+        again = expected - wider.residuals(np.append(fit.p, 1.0), data).impacts + _times_normal(noise_after, rng)
+        yield again + _times_normal(further, rng)
 
 
-def _draws(covariance: Array, rng: np.random.Generator) -> Array:
-    """(n, d) draws with covariances (n, d, d), which may be singular."""
+def _roots(covariance: Array) -> Array:
+    """(n, d, d) square roots of covariances, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
-    spread = np.sqrt(np.maximum(values, 0.0)) * rng.normal(size=values.shape)
-    return np.einsum("nij,nj->ni", vectors, spread)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
+
+
+def _times_normal(columns: Array, rng: np.random.Generator) -> Array:
+    """(n, d) columns (n, d, k), each times a normal number."""
+    return np.einsum("ndk,nk->nd", columns, rng.normal(size=columns[:, 0].shape))

@@ -89,7 +89,7 @@ def model_words(page) -> str:
 
 
 def cells(page, row: str) -> list[list[str]]:
-    """Words of the cells of rows; spaces before a percent sign may break."""
+    """Words of the cells of rows; with plain spaces before percent signs."""
     read = "all => all.map(r => [...r.querySelectorAll('td')].map(c => c.textContent.replaceAll('\\u00a0%', ' %')))"
     return page.eval_on_selector_all(row, read)
 

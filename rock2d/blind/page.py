@@ -109,11 +109,15 @@ def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
 def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
     """Section on predictions of held-out films; none without predictions."""
     rows = [
-        (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]), *_closure_cells(own))
+        (
+            name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]),
+            share_text(own["told"]), *_closure_cells(own),
+        )
         for name, own in found.items()
         if own["tail_not_worse"][3]
-    ]
-    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's", *CLOSURE_HEAD)
+    ]  # fmt: skip
+    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's", "closure told",
+            *CLOSURE_HEAD)  # fmt: skip
     if rows:
         yield Section("Predictions of held-out films", [PREDICTED_CLOSURE], tables=[Table(head, rows)])
 

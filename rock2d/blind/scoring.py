@@ -139,7 +139,7 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     misses = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
     misses = misses if misses.keys() >= MISS_KEYS else {}
     typical = (diagnosis.get("predicted") or {}).get("typical") if misses else None
-    claimed, found = (None, None) if typical is None else (float(typical["closure"]), found_closure(misses))
+    claimed, found = (None, None) if typical is None else (_number(typical["closure"]), found_closure(misses))
     true = _number(result.get("true_closure"))
     return ScoredCase(
         name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
@@ -352,14 +352,15 @@ def _closure_errors(pairs: Iterable[tuple[float, float]]) -> dict[str, Any]:
 
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
-    relative reduction of the typical miss, share of the cases in which the tail is not worse, and claimed minus found
-    closure."""
+    relative reduction of the typical miss, share of the cases in which the tail is not worse, share of those in which
+    the diagnosis tells a closure, and claimed minus found closure."""
     out = {}
     for name, group in _by_kind(cases).items():
         known = [c.misses for c in group if c.misses]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share([m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]),
+            "told": wilson_share([c.claimed_predicted is not None for c in group if c.found_predicted is not None]),
             **_closure_errors(
                 (c.claimed_predicted, c.found_predicted)
                 for c in group

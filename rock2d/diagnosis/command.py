@@ -104,6 +104,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         has_significant_place,
         physical_misses,
         predicted_words,
+        share_closed,
         unseen_words,
     )
     from rock2d.diagnosis.report.what_to_do import what_to_do
@@ -120,7 +121,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     found = "" if verdict == "none" else f"{gap['augmented']:.3g} with what was found, "
     lines.append(f"gap: {gap['base']:.3g} base, {found}{gap['noise_floor']:.3g} floor; {closed}")
     if (own := content["predicted"]) is not None and verdict != "none":
-        lines.append(f"predictions close {100 * own['typical']['closure']:z.0f} %, {predicted_words(own)}")
+        closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
+        lines.append(f"closed by predictions: {closed}, {predicted_words(own)}")
     if verdict != "none" and (misses := physical_misses(content)):
         lines.append("misses, without → with it: " + ", ".join(map(" ".join, misses)))
     for cause in content["causes"]:

@@ -15,10 +15,12 @@ from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.replay import Segments, with_drawn_soils
 from rock2d.records.columns import THETA
+from rock2d.statistics import NORMAL_95
 
 TAIL_PERCENTILE = 95.0  # percentile of the errors that is their tail
 REPLICATES = 4  # replicates of each segment, for the floor
 DRAWS = 400  # bootstrap draws of the releases
+MOST_UNCERTAIN = 0.15  # standard error above which a closed share is not told
 # ratio to the tail without a change from which on the change is harmful; bootstrap draws of the releases differ less
 HARMFUL_TAIL = 1.02
 SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
@@ -47,11 +49,14 @@ class PredictedGap:
     ends: tuple[tuple[float, float], ...]
 
     def content(self, seed: int) -> dict[str, Any]:
-        """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases."""
+        """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases.
+
+        A share is not told if the gap is so small, or the releases so few, that it is hardly known."""
         base, augmented = (self._medians(own, seed) for own in (self.base, self.augmented))
         floor = np.minimum(self._medians(self.floor.T, seed), augmented)
         closed = closed_share(base, augmented, floor)
         low, high = np.quantile(closed[1:], [0.025, 0.975])
+        known = (high - low) / (2.0 * NORMAL_95) <= MOST_UNCERTAIN
         tail = {
             name: float(np.percentile(own, TAIL_PERCENTILE))
             for name, own in (("base", self.base), ("augmented", self.augmented))
@@ -59,7 +64,7 @@ class PredictedGap:
         return {
             "typical": {
                 "base": float(base[0]), "augmented": float(augmented[0]), "floor": float(floor[0]),
-                "closure": float(closed[0]), "closure_ci95": [float(low), float(high)],
+                "closure": float(closed[0]) if known else None, "closure_ci95": [float(low), float(high)],
             },
             "tail": tail,
             "units": {"mm": 1e3 * float(self.noise[0]), "deg": float(np.rad2deg(self.noise[THETA]))},

@@ -280,7 +280,9 @@ class Typical(BothModels):
     """The typical segment."""
 
     floor: Number = Field(description="What even a perfect model would miss")
-    closure: Number = Field(description="(base - augmented) / (base - floor)")
+    closure: Number | None = Field(
+        description="(base - augmented) / (base - floor); null if its standard error is above 0.15"
+    )
     closure_ci95: Interval
 
 

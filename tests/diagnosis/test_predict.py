@@ -12,6 +12,8 @@ from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import check_and_segment, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction, setup_remarks
+from rock2d.diagnosis.predicted_gap import MOST_UNCERTAIN, REPLICATES, PredictedGap
+from rock2d.diagnosis.report.text import share_closed
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning, UnusualWarning
 from rock2d.files.experiment import Experiment, write_experiment
@@ -220,3 +222,21 @@ def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):
     (tmp_path / "mine" / "notes.txt").write_text("notes")
     assert diagnose_into("out") == diagnose_into("mine") == diagnose_into("film") == "not_a_result"
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(("gap", "told"), [(3.0, True), (0.1, False)])
+def test_the_share_of_a_gap_is_told_if_its_standard_error_is_at_most_15_points(gap, told):
+    """Half of the gap is closed in the mean; each release has its own miss, the same in both models."""
+    rng, count = np.random.default_rng(1), 40
+    floor, release = rng.lognormal(size=count), np.arange(count)
+    noisy = 1.0 + 0.1 * rng.normal(size=count)
+    repetitions = np.tile(floor, (REPLICATES, 1))
+    misses_of = PredictedGap(
+        release, floor + gap, (floor + gap / 2) * noisy, repetitions, np.array([1e-4, 1e-4, 1e-3]), ((0.0, 0.0),) * 2
+    )
+    typical = misses_of.content(seed=0)["typical"]
+    low, high = typical["closure_ci95"]
+    assert (typical["closure"] is not None) == told == (high - low < 4 * MOST_UNCERTAIN)
+    assert low < 0.5 < high
+    words = share_closed(typical["closure"], typical["closure_ci95"])
+    assert words.startswith("not known (") != told

@@ -44,9 +44,11 @@ HINTS = {  # by the lever of a dependence, see `levers`
 }
 
 
-def share_closed(value: float, ci95: Sequence[float]) -> str:
-    """Share of the gap that a model closes, with its interval."""
+def share_closed(value: float | None, ci95: Sequence[float]) -> str:
+    """Share of the gap that a model closes, with its interval; `value`: None if it is hardly known."""
     low, high = (round(100 * v) for v in ci95)
+    if value is None:
+        return f"not known ({low} to {high} %)".replace("-", "−")
     if low == high == 0 and value == 0.0:
         return "nothing"
     text = f"{round(100 * value)} %"

@@ -111,12 +111,12 @@ def _prediction_section(found: dict[str, Any]) -> Iterator[Section]:
     rows = [
         (
             name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]),
-            share_text(own["told"]), *_closure_cells(own),
+            share_text(own["stated"]), *_closure_cells(own),
         )
         for name, own in found.items()
         if own["tail_not_worse"][3]
     ]  # fmt: skip
-    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's", "closure told",
+    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's", "closure stated",
             *CLOSURE_HEAD)  # fmt: skip
     if rows:
         yield Section("Predictions of held-out films", [PREDICTED_CLOSURE], tables=[Table(head, rows)])

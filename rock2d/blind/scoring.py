@@ -353,14 +353,14 @@ def _closure_errors(pairs: Iterable[tuple[float, float]]) -> dict[str, Any]:
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
     relative reduction of the typical miss, share of the cases in which the tail is not worse, share of those in which
-    the diagnosis tells a closure, and claimed minus found closure."""
+    the diagnosis states a closure, and claimed minus found closure."""
     out = {}
     for name, group in _by_kind(cases).items():
         known = [c.misses for c in group if c.misses]
         out[name] = {
             "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share([m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]),
-            "told": wilson_share([c.claimed_predicted is not None for c in group if c.found_predicted is not None]),
+            "stated": wilson_share([c.claimed_predicted is not None for c in group if c.found_predicted is not None]),
             **_closure_errors(
                 (c.claimed_predicted, c.found_predicted)
                 for c in group

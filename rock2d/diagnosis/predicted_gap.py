@@ -20,7 +20,7 @@ from rock2d.statistics import NORMAL_95
 TAIL_PERCENTILE = 95.0  # percentile of the errors that is their tail
 REPLICATES = 4  # replicates of each segment, for the floor
 DRAWS = 400  # bootstrap draws of the releases
-MOST_UNCERTAIN = 0.15  # standard error above which a closed share is not told
+MOST_UNCERTAIN = 0.15  # standard error above which a closed share is not stated
 # ratio to the tail without a change from which on the change is harmful; bootstrap draws of the releases differ less
 HARMFUL_TAIL = 1.02
 SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
@@ -51,7 +51,7 @@ class PredictedGap:
     def content(self, seed: int) -> dict[str, Any]:
         """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases.
 
-        A share is not told if the gap is so small, or the releases so few, that it is hardly known."""
+        A share is not stated if the gap is so small, or the releases so few, that it is hardly known."""
         base, augmented = (self._medians(own, seed) for own in (self.base, self.augmented))
         floor = np.minimum(self._medians(self.floor.T, seed), augmented)
         closed = closed_share(base, augmented, floor)

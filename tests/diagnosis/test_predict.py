@@ -224,8 +224,8 @@ def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
-@pytest.mark.parametrize(("gap", "told"), [(3.0, True), (0.1, False)])
-def test_the_share_of_a_gap_is_told_if_its_standard_error_is_at_most_15_points(gap, told):
+@pytest.mark.parametrize(("gap", "stated"), [(3.0, True), (0.1, False)])
+def test_the_share_of_a_gap_is_stated_if_its_standard_error_is_at_most_15_points(gap, stated):
     """Half of the gap is closed in the mean; each release has its own miss, the same in both models."""
     rng, count = np.random.default_rng(1), 40
     floor, release = rng.lognormal(size=count), np.arange(count)
@@ -236,7 +236,7 @@ def test_the_share_of_a_gap_is_told_if_its_standard_error_is_at_most_15_points(g
     )
     typical = misses_of.content(seed=0)["typical"]
     low, high = typical["closure_ci95"]
-    assert (typical["closure"] is not None) == told == (high - low < 4 * MOST_UNCERTAIN)
+    assert (typical["closure"] is not None) == stated == (high - low < 4 * MOST_UNCERTAIN)
     assert low < 0.5 < high
     words = share_closed(typical["closure"], typical["closure_ci95"])
-    assert words.startswith("not known (") != told
+    assert words.startswith("not known (") != stated

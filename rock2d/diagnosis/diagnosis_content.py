@@ -25,8 +25,9 @@ from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
 LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
 # relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
-# measured on films whose effects are known (`blind.size_errors`)
-MODEL_ERROR = 0.01
+# measured on films whose effects are known (`blind.size_errors`). The scatter of the soil takes a part of an effect that
+# widens the scatter.
+MODEL_ERROR, SCATTER_MODEL_ERROR = 0.02, 0.25
 NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # for an unknown share
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 
@@ -37,8 +38,9 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     model = fit.model
     for effect, parameters, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
         entries, first = [], model.positions[effect.name].start
+        model_error = SCATTER_MODEL_ERROR if effect.scatter else MODEL_ERROR
         for k, (parameter, value) in enumerate(zip(parameters, values, strict=True), first):
-            half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
+            half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), model_error * fit.p[k]))
             if is_factor(parameter):
                 low, high = value * np.exp(-half), value * np.exp(half)
             else:

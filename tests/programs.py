@@ -16,12 +16,16 @@ from rock2d.errors import InputError
 ROOT = Path(__file__).parents[1]
 
 
+def same_imports(**environment: str) -> dict[str, str]:
+    """The environment of a process of its own, which imports what this one does."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)]), **environment}
+
+
 def printed(code: str, **environment: str) -> str:
-    """What Python code prints in a process of its own, which imports what this one does."""
-    paths = os.pathsep.join([str(ROOT), *filter(None, sys.path)])
+    """What Python code prints in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": paths, **environment},
+        env=same_imports(**environment),
     )  # fmt: skip
     return done.stdout.strip()
 

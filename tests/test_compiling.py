@@ -1,12 +1,12 @@
 """Who waits for the compiler is told so: once, by the command line, and only if there is something to compile."""
 
-import os
 import subprocess
 import sys
 
 import pytest
 
 from rock2d.cli import COMPILING
+from tests.programs import same_imports
 
 PROGRAM = """
 import click
@@ -38,11 +38,10 @@ def said(tmp_path):
     """What the program writes to stderr, with a cache that is empty at first."""
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = same_imports(XDG_CACHE_HOME=str(tmp_path / "cache"))
+    environment.pop("NUMBA_CACHE_DIR", None)
 
     def run(*words: str) -> str:
-        environment = {**os.environ, **cache}
-        environment.pop("NUMBA_CACHE_DIR", None)
         options = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
         return subprocess.run([sys.executable, *words], **options).stderr
 
@@ -97,9 +96,7 @@ print(heard.compiled)
 
 
 def test_two_processes_at_once_compile_a_function_once(tmp_path):
-    environment = {
-        **os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)
-    }  # fmt: skip
+    environment = same_imports(NUMBA_CACHE_DIR=str(tmp_path))
     ready = [str(tmp_path / name) for name in ("one", "other")]
     processes = [
         subprocess.Popen([sys.executable, "-c", TOGETHER, *order], env=environment, stdout=subprocess.PIPE, text=True)

@@ -14,6 +14,7 @@ import pytest
 
 from rock2d.processes import as_finished
 from rock2d.progress import Bars
+from tests.programs import same_imports
 
 JOBS = [(k,) for k in range(4)]
 LARGE = 1_000_000  # numbers; more than a pipe takes
@@ -85,10 +86,9 @@ def heed_interrupts() -> None:
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_workers_do_not_outlive_their_parent(how, tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
-    paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
     parent = subprocess.Popen(
         [sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True, env={**os.environ, "PYTHONPATH": paths}, preexec_fn=heed_interrupts,
+        start_new_session=True, env=same_imports(), preexec_fn=heed_interrupts,
     )  # fmt: skip
     assert parent.stdout is not None
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
@@ -113,10 +113,9 @@ list(as_finished(print, [(1,), (2,)], 2, (bytes(1_000_000),)))  # more than a pi
 
 def test_a_script_without_guard_ends_with_a_message_and_works_once(tmp_path):
     (tmp_path / "script.py").write_text(UNGUARDED)
-    paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
     done = subprocess.run(
         [sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": paths},
+        env=same_imports(),
     )  # fmt: skip
     assert done.returncode == 1 and (tmp_path / "begun").read_text() == "once "
     assert 'a script without `if __name__ == "__main__":`' in done.stderr.strip().splitlines()[-1]

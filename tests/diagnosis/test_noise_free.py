@@ -9,7 +9,7 @@ from rock2d.files.diagnosis import diagnosis_text
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
-from tests.kinematics.synthetic_films import effects, film, without_angles, world
+from tests.kinematics.synthetic_films import coarse_fits, effects, film, without_angles, world
 
 EFFECTS = effects("air_drag", "camera_tilt", "viscous_damping")
 
@@ -21,7 +21,8 @@ EFFECTS = effects("air_drag", "camera_tilt", "viscous_damping")
 def test_a_simulation_is_diagnosed_with_the_noise_of_a_camera(noise_m, noise_rad, said):
     """A film with both kinds of noise is in `test_attribution.py`."""
     exact = film(world(), 6, seed=1, noise_m=noise_m, noise_rad=noise_rad, soil=0.0)
-    found = diagnose(exact, effects=EFFECTS)
+    with coarse_fits():
+        found = diagnose(exact, effects=EFFECTS)
     assert found.verdict == "none"
     (remark,) = [line for line in found.sanity.remarks if "shows no noise" in line]
     assert all(part in remark for part in said)
@@ -44,6 +45,7 @@ def test_an_angle_without_marks_stays_unknown():
 
 
 def test_a_table_of_exact_impacts_is_diagnosed():
-    found = diagnose(impacts(plain_world(), 60, seed=1, noise=0.0), effects=EFFECTS)
+    with coarse_fits():
+        found = diagnose(impacts(plain_world(), 60, seed=1, noise=0.0), effects=EFFECTS)
     assert found.verdict == "none"
     assert diagnosis_text(diagnosis_json(found))

@@ -18,7 +18,8 @@ def states(n: int, seed: int) -> np.ndarray:
 
 
 def test_passing_frequencies_agree_with_the_pymunk_engine():
-    start = states(60, 2)
+    """One of 40 releases may pass otherwise, on a knife edge; a fault that changes one in ten is met with 92 %."""
+    start = states(40, 2)
     batch = run_batch(ensemble(SPHERE, TO_CREST), start, stop_when_spent=True)
     passed = np.isfinite(batch.crossings[:, 0, 0])
     # a sphere that passes later counts as a difference

@@ -15,9 +15,9 @@ from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
-EFFORT = Effort(prior=24, refined=8, copies=1, draws=32)
+EFFORT = Effort(prior=24, refined=8, copies=1, draws=16)
 LEAST = Effort(prior=8, refined=2, copies=1, draws=8)  # for forecasts that nobody judges
-FEW_SEEDS = 2  # with 32 draws a forecast has 64 distances
+FEW_SEEDS = 2  # with 16 draws a forecast has 32 distances
 FEW_SOILS = 8  # with which shapes are compared
 # If 90 % intervals hold each of these releases with probability 0.5 only, the share inside is above 0.7 in 4 of 100
 # cases.

@@ -10,7 +10,7 @@ import pytest
 
 from rock2d.commands.profile import ProfileOptions, write_profile
 from rock2d.errors import InputError
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.surveys.profile import checked_profile, simplified
 from rock2d.files.surveys.release_area import release_area
 from rock2d.files.surveys.table import read_table
@@ -18,6 +18,7 @@ from rock2d.runs.run import run
 from tests.programs import refusal
 
 POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
+PLAIN = "0,40\n80,0\n"  # the table of one straight slope
 
 
 @pytest.mark.parametrize(
@@ -89,8 +90,23 @@ def test_simplification_keeps_to_its_tolerance():
 def profile_of(survey, **options) -> np.ndarray:
     """Points of the profile of a survey, whose scenario is written beside it."""
     out = survey.parent / "s.yaml"
-    options = ProfileOptions(**options)
-    return write_profile(survey, out, options, overwrite=True, report=lambda line: None).points_m
+    return write_profile(survey, out, ProfileOptions(**options), overwrite=True, report=str).points_m
+
+
+def scenario_of(folder, survey: str, zones: str = "", name: str = "s.yaml", **options) -> tuple[Scenario, list[str]]:
+    """The scenario that is written for the tables of a survey and of its zones, and the lines that are said."""
+    (folder / "p.csv").write_text(survey)
+    if zones:
+        (folder / "zones.csv").write_text(zones)
+        options["zones"] = folder / "zones.csv"
+    lines: list[str] = []
+    write_profile(folder / "p.csv", folder / name, ProfileOptions(**options), report=lines.append)
+    return load_scenario(folder / name), lines
+
+
+def rows_of(points) -> str:
+    """Stations and heights as a table."""
+    return "\n".join(f"{x},{y}" for x, y in points)
 
 
 @pytest.mark.parametrize("own", ["site.yaml", "site.png"])
@@ -243,13 +259,8 @@ def test_a_grid_in_degrees_is_projected_and_keeps_heights_and_lengths(tmp_path):
 
 
 def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
-    (tmp_path / "p.csv").write_text("x,y\n" + "\n".join(f"{x:g},{y:g}" for x, y in POINTS))
-    (tmp_path / "zones.csv").write_text("start,end,name\n0,30,rock\n50,80,run_out\n")
-    lines: list[str] = []
-    out = tmp_path / "my site.yaml"
-    options = ProfileOptions(zones=tmp_path / "zones.csv")
-    write_profile(tmp_path / "p.csv", out, options, report=lines.append)
-    scenario = load_scenario(out)
+    zones, out = "start,end,name\n0,30,rock\n50,80,run_out\n", tmp_path / "my site.yaml"
+    scenario, lines = scenario_of(tmp_path, f"x,y\n{rows_of(POINTS)}", zones, out.name)
     ground = scenario.make_cross_section()
     assert scenario.name == "my_site" and ground.zones == ("rock", "rock", "slope", "run_out")
     assert ground.points_m[:, 0].tolist() == [0, 20, 30, 50, 80]
@@ -265,18 +276,17 @@ def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
 
 
 def test_a_scenario_holds_no_minus_zero(tmp_path):
-    (tmp_path / "p.csv").write_text("x,y\n0,40\n80,-0.0001\n")
-    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lambda line: None)
+    scenario_of(tmp_path, "x,y\n0,40\n80,-0.0001\n")
     assert "[80.000, 0.000]" in (text := (tmp_path / "s.yaml").read_text(encoding="utf-8")) and "-0.000" not in text
 
 
 def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
-    (tmp_path / "p.csv").write_text(
-        "x,y,zone\n0,40,slope\n40,10,ditch\n45,10,uphill_face\n48,14,crest\n52,14,downhill_face\n60,9,run_out\n90,8,\n"
-    )
+    zones = "slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out", ""
+    points = [(0, 40), (40, 10), (45, 10), (48, 14), (52, 14), (60, 9), (90, 8)]
+    rows = [f"{x},{y},{zone}" for (x, y), zone in zip(points, zones, strict=True)]
     with warnings.catch_warnings(record=True) as told:
-        write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lambda line: None)
-    soils = load_scenario(tmp_path / "s.yaml").model.soils
+        scenario, _ = scenario_of(tmp_path, "\n".join(["x,y,zone", *rows]))
+    soils = scenario.model.soils
     assert {soils[zone] for zone in ("uphill_face", "crest", "downhill_face")} == {"compacted_fill"}
     assert len(told) == len({str(each.message) for each in told}) and not any(
         ".partial" in str(t.message) for t in told
@@ -301,10 +311,7 @@ def test_an_embankment_of_the_survey_is_fill_and_warnings_come_once(tmp_path):
     ],
 )  # fmt: skip
 def test_zones_with_a_mistake_are_refused_with_their_line_and_nothing_is_written(tmp_path, table, said, line):
-    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
-    (tmp_path / "zones.csv").write_text(table)
-    options = ProfileOptions(zones=tmp_path / "zones.csv")
-    found = refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", options, said=said)
+    found = refusal(scenario_of, tmp_path, PLAIN, table, said=said)
     assert found.line == line and found.file == tmp_path / "zones.csv"
     assert not (tmp_path / "s.yaml").exists()
 
@@ -313,14 +320,11 @@ def test_zones_with_a_mistake_are_refused_with_their_line_and_nothing_is_written
 def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, rising):
     heights = POINTS[::-1, 1] if rising else POINTS[:, 1]
     stations = 500.0 + (80.0 - POINTS[::-1, 0] if rising else POINTS[:, 0])
-    (tmp_path / "p.csv").write_text("\n".join(f"{x},{y}" for x, y in zip(stations, heights, strict=True)))
     foot, cliff = ((500, 530), (550, 580)) if rising else ((550, 580), (500, 530))
-    (tmp_path / "zones.csv").write_text(f"name;start;end\nno;{foot[0]};{foot[1]}\nrock wall;{cliff[0]};{cliff[1]}\n")
-    lines: list[str] = []
-    options = ProfileOptions(zones=tmp_path / "zones.csv", release=cliff)
-    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", options, report=lines.append)
-    scenario = load_scenario(tmp_path / "s.yaml")  # "no" is a name, too
-    assert scenario.make_cross_section().zones == ("rock wall", "rock wall", "slope", "no")
+    zones = f"name;start;end\nno;{foot[0]};{foot[1]}\nrock wall;{cliff[0]};{cliff[1]}\n"
+    survey = rows_of(zip(stations, heights, strict=True))
+    scenario, lines = scenario_of(tmp_path, survey, zones, release=cliff)
+    assert scenario.make_cross_section().zones == ("rock wall", "rock wall", "slope", "no")  # "no" is a name, too
     x = scenario.incident["default"].above_ground.x_m.uniform
     assert (x.low, x.high) == (0.0, 30.0)
     line = 3 if rising else 2
@@ -336,24 +340,19 @@ def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, ris
     ],
 )
 def test_a_column_names_the_zone_up_to_the_next_point_and_columns_that_are_not_read_are_told(tmp_path, table, zones):
-    (tmp_path / "p.csv").write_text(table)
-    lines: list[str] = []
-    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lines.append)
-    assert load_scenario(tmp_path / "s.yaml").make_cross_section().zones == zones
+    scenario, lines = scenario_of(tmp_path, table)
+    assert scenario.make_cross_section().zones == zones
     unread = [line.rpartition(": ")[2] for line in lines if "columns that are not read" in line]
     assert unread == {"x,y,so": ["by"], "x;y;z;": ["zone"]}.get(table[:6], [])
 
 
 def test_the_next_command_holds_as_it_is_printed(tmp_path):
-    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
-    lines: list[str] = []
-    write_profile(tmp_path / "p.csv", tmp_path / "my slope.yaml", report=lines.append)
+    _, lines = scenario_of(tmp_path, PLAIN, name="my slope.yaml")
     assert shlex.split(lines[-1].partition("next: ")[2]) == ["rock2d", "run", str(tmp_path / "my slope.yaml")]
 
 
 def test_a_point_without_the_name_of_its_zone_is_refused_with_its_line(tmp_path):
-    (tmp_path / "p.csv").write_text("station,height,zone\n0,40,rock\n20,25,\n80,0,\n")
-    found = refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", said="name of a zone")
+    found = refusal(scenario_of, tmp_path, "station,height,zone\n0,40,rock\n20,25,\n80,0,\n", said="name of a zone")
     assert found.line == 3 and not (tmp_path / "s.yaml").exists()
 
 
@@ -386,27 +385,20 @@ def test_small_steps_are_no_face():
 
 def test_blocks_leave_the_start_that_is_found(tmp_path):
     """On the flat ground above the edge, where the upper end of the survey is, none did."""
-    (tmp_path / "p.csv").write_text("\n".join(f"{x},{y}" for x, y in CLIFF))
-    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=str)
-    passing = run(load_scenario(tmp_path / "s.yaml"), releases=40).to_pandas("stops")
+    scenario, _ = scenario_of(tmp_path, rows_of(CLIFF))
+    passing = run(scenario, releases=40).to_pandas("stops")
     assert (passing["runout_m"] > 5.0).mean() > 0.9
 
 
 def test_a_start_beside_the_survey_is_refused(tmp_path):
-    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
-    options = ProfileOptions(release=(70.0, 90.0))
-    refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", options, said="reaches from 0 to 80 m")
+    refusal(scenario_of, tmp_path, PLAIN, release=(70.0, 90.0), said="reaches from 0 to 80 m")
 
 
 def test_the_ground_is_rough_by_soil_class_and_the_same_obstacle_counts_once(tmp_path):
-    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
-    (tmp_path / "zones.csv").write_text("0,30,rock\n30,60,swamp\n")
-    written = {}
-    for name, smooth in (("rough", False), ("smooth", True)):
-        options = ProfileOptions(zones=tmp_path / "zones.csv", smooth=smooth)
-        write_profile(tmp_path / "p.csv", tmp_path / f"{name}.yaml", options, report=str)
-        written[name] = load_scenario(tmp_path / f"{name}.yaml")
-    rough, smooth = written["rough"], written["smooth"]
+    rough, smooth = (
+        scenario_of(tmp_path, PLAIN, "0,30,rock\n30,60,swamp\n", name, smooth=name == "smooth.yaml")[0]
+        for name in ("rough.yaml", "smooth.yaml")
+    )
     sd_deg = {zone: keys.sd_deg for zone, keys in rough.roughness.items()}
     # the root mean square of U(0, 18°) and U(0, 14°); a swamp is smooth
     assert sd_deg == pytest.approx({"rock": 18 / 3**0.5, "slope": 14 / 3**0.5}, abs=0.01)

@@ -39,20 +39,6 @@ def _places(node: Any, found: list[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
     return found
 
 
-def mutate_data(data: Any, rng: random.Random) -> Any:
-    """Rename, delete, swap, nest or replace something in nested dicts and lists, one to three times; changes `data`."""
-    for _ in range(rng.randint(1, 3)):
-        change_data(data, rng)
-    return data
-
-
-def mutate_bytes(raw: bytes, rng: random.Random) -> bytes:
-    """Flip, cut, repeat, drop or insert bytes, one to four times."""
-    for _ in range(rng.randint(1, 4)):
-        raw = changed_bytes(raw, rng)
-    return raw
-
-
 def change_data(data: Any, rng: random.Random) -> None:
     """One change of nested dicts and lists."""
     places = _places(data, [])

@@ -14,8 +14,10 @@ import pandas as pd
 
 from rock2d.effects import catalogue
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import CrossSection
 from tests.diagnosed_files import CLOSED, GAIN, content
-from tests.kinematics.synthetic_films import SOIL, film, world
+from tests.kinematics.synthetic_films import POINTS, SOIL, ZONES, film, world
 from tests.scenarios_of_tests import SHIPPED
 
 Files = Mapping[str, bytes]
@@ -74,14 +76,19 @@ def _diagnosis(verdict: str, known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _impacts() -> Experiment:
-    """A table of random impacts that lose energy."""
+    """A table of random impacts that lose energy, with a measure line and a block that no release has."""
     rng, n = np.random.default_rng(1), 40
     before = rng.normal([0.05, 0.012, 0, 1, -1.5, -40], [0.03, 0.001, 2, 0.2, 0.2, 10], (n, 6))
     after = before[:, 3:] * [0.7, -0.4, 0.8]
     table = pd.DataFrame(np.column_stack([before, after]), columns=list(REQUIRED_IMPACT_COLUMNS[2:]))
     table.insert(0, "release", np.arange(n) // 2)
     table.insert(1, "block", np.where(np.arange(n) < n // 2, "sphere", "cube"))
-    return replace(film(world(), 1, duration_s=0.01), trajectories=None, impacts=table)
+    own = film(world(), 1, duration_s=0.01)
+    stone = make_block("stone", "polygon", 0.02, vertices_m=[[0.0, 0.0], [0.02, 0.0], [0.015, 0.02]])
+    ground = CrossSection(POINTS, ZONES, {"line_1": [[0.14, 0.02], [0.14, 0.3]]})
+    return replace(
+        own, trajectories=None, impacts=table, cross_section=ground, blocks={**own.blocks, stone.name: stone}
+    )
 
 
 def _first_releases(experiment: Experiment) -> Experiment:

@@ -226,7 +226,7 @@ class FilmRest(Part):
 
     block: str = Field(description="Name of the block")
     rests: Count = Field(description="Releases that end at rest")
-    height_m: Number = Field(description="Height of its lowest point above the stated ground in m, mean")
+    height_m: Number = Field(description="Height of the side on which it lies above the stated ground in m, mean")
     error_m: NotNegative | None = Field(description="Its standard error; null of a single release")
     height_radii: Number = Field(description="The height over the radius of the block")
 

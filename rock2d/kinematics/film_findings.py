@@ -31,6 +31,7 @@ from rock2d.kinematics.rest_poses import (
     FARTHEST_RADII,
     FEWEST_RESTS,
     SHARED_ANGLE_RAD,
+    STEEPEST_SIDE_RAD,
     RestPoses,
     heights_and_angles,
     still_poses,
@@ -61,8 +62,11 @@ OUTLYING_DEPTH_MADS = 6.0  # distance of a depth from the median, in median devi
 
 @dataclass(frozen=True)
 class RestHeight:
-    """Height of the lowest point of a block at rest above the stated ground: mean over `rests` releases in m, its
-    standard error (None for a single release), and the height over the radius of the block."""
+    """Height of a block at rest above the stated ground: mean over `rests` releases in m, its standard error (None for
+    a single release), and the height over the radius of the block.
+
+    It is that of the side on which the block lies, which a wrong tracked angle does not change, or of its lowest point
+    if it lies on none."""
 
     block: str
     rests: int
@@ -81,7 +85,9 @@ def rest_heights(film: Film, world: World) -> list[RestHeight]:
     """Height at rest of each block that comes to rest on the ground of a world, or near it."""
     found = []
     _, block_at, pose = still_poses(film, world)
-    height_m = block_clearances(world, block_at, world.view.true(pose))
+    side_m, angle_rad = heights_and_angles(world, block_at, pose).T
+    lowest_m = block_clearances(world, block_at, world.view.true(pose))
+    height_m = np.where(np.abs(angle_rad) < STEEPEST_SIDE_RAD, side_m, lowest_m)
     for b, (name, block) in enumerate(world.blocks.items()):
         found_m = height_m[(block_at == b) & (np.abs(height_m) < FARTHEST_RADII * block.radius_m)]
         if n := len(found_m):

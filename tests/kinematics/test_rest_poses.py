@@ -9,7 +9,7 @@ import pytest
 from rock2d.diagnosis.data import FilmData
 from rock2d.effects import catalogue
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.film_findings import rest_remarks
+from rock2d.kinematics.film_findings import rest_heights, rest_remarks
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_poses import SHARED_ANGLE_RAD, SHARED_HEIGHT_RADII, RestPoses, heights_and_angles
 from rock2d.kinematics.setup_world import setup_world
@@ -118,3 +118,13 @@ def test_a_wrong_angle_at_rest_is_told():
         assert [
             name for line in remarks for name in ("ball", "square") if f"block {name} lies is turned" in line
         ] == told
+
+
+def test_the_height_at_rest_does_not_depend_on_the_tracked_angle():
+    """A square that seems to stand on a corner by 2° lies on its side all the same."""
+    true = catalogue()["angle_offset"].apply(setup_world(lying(1)), [np.deg2rad(2.0)])
+    experiment = lying(20, true)
+    for own in rest_heights(load_film(experiment), setup_world(experiment)):
+        assert own.error_m is not None
+        assert own.height_m == pytest.approx(0.0, abs=4.0 * own.error_m)
+        assert own.error_m < 0.05 * 0.03 * np.deg2rad(2.0)  # half of the side, times the angle: the corner's height

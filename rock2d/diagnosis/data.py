@@ -132,6 +132,8 @@ class FilmData(FilmSegments):
         start, instants = self.starts(world, states, shift), self.instants_s(world)
         simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
         difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
+        # no film shows how many full turns a fast block makes while it is hidden
+        difference[:, THETA] -= 2.0 * np.pi * np.round(difference[:, THETA] / (2.0 * np.pi))
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
         flights = [states.residuals * seen, as_rows_of_flights(self.rests.residuals(world))]
         return Residuals(difference, np.concatenate(flights))

@@ -25,7 +25,7 @@ from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
 LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
 # relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
-# measured on films whose effects are known (`blind.size_errors`). The scatter of the soil takes a part of an effect that
+# measured on films whose effects are known (`blind.size_errors`). The soil's scatter takes a part of an effect that
 # widens the scatter.
 MODEL_ERROR, SCATTER_MODEL_ERROR = 0.02, 0.25
 NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # for an unknown share

@@ -1,16 +1,18 @@
-"""Impacts of several strikes: which of them the later soil changes, and what that does to the likelihood."""
+"""What a film shows of several strikes and full turns: which strikes the later soil changes, and the likelihood."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.later_strikes import by_later_strikes
 from rock2d.diagnosis.likelihood import fit_scatter, log_likelihood
 from rock2d.diagnosis.model import BASE_MU
 from rock2d.engines.batch import run_world
-from rock2d.records.columns import I_TIME, INSTANT_STATE
+from rock2d.kinematics.flights import load_film
+from rock2d.records.columns import I_TIME, INSTANT_STATE, THETA
 from tests.kinematics.synthetic_films import base_fit, film, world
 
 
@@ -75,3 +77,18 @@ def test_a_soil_that_varies_from_strike_to_strike_is_found_as_such(fitted):
     assert found[:2] == pytest.approx(sigma[:2], rel=0.3)
     totals = [log_likelihood(r, residual_covariance(own, s)).sum() for own, s in ((jacobian, found), (shared, alike))]
     assert totals[0] > totals[1] + 5.0
+
+
+def test_a_full_turn_between_two_flights_is_no_residual():
+    """A block that spins fast while it is hidden has the angle of its marks: a tracker cannot count its full turns."""
+    true = world()
+    counted = load_film(film(true, 4, seed=1))
+    data = FilmData.of(load_film(film(true, 4, seed=1)), true)
+    impacts = data.impacts
+    begin_s = data.basis.middle[impacts.after] + impacts.begin_s
+    for release in np.unique(impacts.release):
+        later = counted.t_s >= begin_s[impacts.release == release].min() - 1e-9
+        counted.pose[(counted.release == release) & later, THETA] += 2.0 * np.pi
+    residuals = FilmData.of(counted, true).residuals(true).impacts
+    assert len(residuals) > 4
+    assert np.abs(residuals[:, THETA]).max() < 0.5  # the angle of a block that leaves on another corner, no full turn

@@ -48,6 +48,7 @@ from rock2d.scene.world import World
 ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow three columns later
 COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)
 START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
+UNSEEN_TURN_RAD = np.pi / 2.0  # turn between two frames from which on full turns cannot be counted for sure
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
 COMPARED_INSTANTS = 5  # within `FlightPairs.window_s`
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
@@ -132,11 +133,20 @@ class FilmData(FilmSegments):
         start, instants = self.starts(world, states, shift), self.instants_s(world)
         simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
         difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
-        # no film shows how many full turns a fast block makes while it is hidden
-        difference[:, THETA] -= 2.0 * np.pi * np.round(difference[:, THETA] / (2.0 * np.pi))
+        spin = np.fmax(*np.abs(states.middle[[self.impacts.before, self.impacts.after], OMEGA]))
+        unseen = spin * self._hidden_s * world.view.time_scale > UNSEEN_TURN_RAD  # full turns cannot be counted
+        difference[unseen, THETA] -= 2.0 * np.pi * np.round(difference[unseen, THETA] / (2.0 * np.pi))
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
         flights = [states.residuals * seen, as_rows_of_flights(self.rests.residuals(world))]
         return Residuals(difference, np.concatenate(flights))
+
+    @cached_property
+    def _hidden_s(self) -> Array:
+        """(n,) longest recorded time between two frames, from the flight before each impact to the flight after."""
+        basis, t_s = self.basis, self.film.t_s
+        first = basis.frames[basis.start[self.impacts.before + 1] - 1]
+        last = basis.frames[basis.start[self.impacts.after]]
+        return np.array([np.diff(t_s[a : b + 1]).max() for a, b in zip(first, last, strict=True)], float)
 
     def starts(self, world: World, states: States, shift: Array | None = None) -> Array:
         """(n, 6) true states a little before each impact, with which simulations begin."""

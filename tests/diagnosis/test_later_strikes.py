@@ -79,16 +79,16 @@ def test_a_soil_that_varies_from_strike_to_strike_is_found_as_such(fitted):
     assert totals[0] > totals[1] + 5.0
 
 
-def test_a_full_turn_between_two_flights_is_no_residual():
-    """A block that spins fast while it is hidden has the angle of its marks: a tracker cannot count its full turns."""
-    true = world()
-    counted = load_film(film(true, 4, seed=1))
-    data = FilmData.of(load_film(film(true, 4, seed=1)), true)
-    impacts = data.impacts
-    begin_s = data.basis.middle[impacts.after] + impacts.begin_s
-    for release in np.unique(impacts.release):
-        later = counted.t_s >= begin_s[impacts.release == release].min() - 1e-9
+@pytest.mark.parametrize(("unseen_rad", "turns"), [(0.0, 0), (np.pi / 2.0, 1)])
+def test_a_full_turn_counts_only_where_the_film_shows_it(monkeypatch, unseen_rad, turns):
+    """A tracker cannot count the full turns of a block that spins fast while it is hidden. Here every frame is seen."""
+    true, record = world(), film(world(), 4, seed=1)
+    counted, data = load_film(record), FilmData.of(load_film(record), true)
+    begin_s = data.basis.middle[data.impacts.after] + data.impacts.begin_s
+    for release in np.unique(data.impacts.release):
+        later = counted.t_s >= begin_s[data.impacts.release == release].min() - 1e-9
         counted.pose[(counted.release == release) & later, THETA] += 2.0 * np.pi
-    residuals = FilmData.of(counted, true).residuals(true).impacts
-    assert len(residuals) > 4
-    assert np.abs(residuals[:, THETA]).max() < 0.5  # the angle of a block that leaves on another corner, no full turn
+    monkeypatch.setattr("rock2d.diagnosis.data.UNSEEN_TURN_RAD", unseen_rad)
+    angles = FilmData.of(counted, true).residuals(true).impacts[:, THETA]
+    assert len(angles) > 4
+    assert np.abs(angles).max() == pytest.approx(2.0 * np.pi * turns, abs=0.5)  # it may leave on another corner

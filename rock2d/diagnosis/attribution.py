@@ -29,7 +29,7 @@ from rock2d.diagnosis.evidence import (
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
-from rock2d.diagnosis.learnt import MOST_LEARNT, Learnt, best_predicting, learn
+from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.levers import Dependence, find_dependences
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.moving_frame import MOTIONS, frame_of_each_release
@@ -223,7 +223,7 @@ def _attribution(search: Search, seed: int) -> Attribution:
     models = [of_final] if of_first is of_final else [of_final, of_first]
     moving = [frame_of_each_release(model.learnt.fit, data) for model in models]
     learnt = best_predicting(data, of_final.learnt, of_first.learnt)
-    if len(learnt.changes) >= MOST_LEARNT:  # as many as evidence needs; predictions can use more
+    if learnt.dependences is None:  # learning ended by the number that evidence needs; predictions can use more
         learnt = learn(learnt, data)
     if isinstance(data, FilmData):
         learnt = without_harmful_changes(data, learnt, search.base)

@@ -48,8 +48,8 @@ from rock2d.scene.world import World
 ALONG, ACROSS = range(2)  # columns of residuals of impacts; their rates follow three columns later
 COARSE_STEPS = 2.0  # factor on time steps: it changes residuals by 0.01 of the noise (median), 0.3 (95 %)
 START_GAP_RADII = 0.3  # block radii by which the block is moved back before the touch
-UNSEEN_TURN_RAD = np.pi / 2.0  # turn between two frames from which on full turns cannot be counted for sure
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
+UNSEEN_TURN_RAD = np.pi / 2.0  # turn between two frames from which on full turns cannot be counted for sure
 COMPARED_INSTANTS = 5  # within `FlightPairs.window_s`
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
 LONGEST_IMPACT = 3.0  # in √(radius / g)

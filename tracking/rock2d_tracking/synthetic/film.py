@@ -5,10 +5,10 @@ The scene is drawn anti-aliased: the share of the block in a pixel is the covere
 from __future__ import annotations
 
 import csv
-import errno
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,11 @@ from rock2d_tracking.synthetic.faults import CLEAN, BlockMotion, Faults, Puff, S
 from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
 if TYPE_CHECKING:
-    import cv2
+    from av.packet import Packet
+    from av.video.stream import VideoStream
 
 TRUTH_COLUMNS = ("frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", *POSE_NAMES)
+MOST_TICKS = 1000  # largest denominator of a frame rate in a film
 
 
 @dataclass(frozen=True)
@@ -138,11 +140,11 @@ def write_film(
     """Write a film as AVI and return its path: Motion JPEG of `quality` 1 to 100, or lossless FFV1 if None.
 
     Its truth is a CSV of `TRUTH_COLUMNS` with the same name: one row for each picture in the order of the film, with
-    empty cells if no block is in the picture. Motion JPEG stores `fps_video` as a whole number.
+    empty cells if no block is in the picture.
 
     Both files are written completely or not at all. Raises InputError if the suffix is not .avi, the size is odd or not
-    that of the shots, there are no shots, or this OpenCV lacks the codec."""
-    import cv2
+    that of the shots, or there are no shots."""
+    import av
 
     path, (width, height) = Path(path), size_px
     if path.suffix.lower() != ".avi":
@@ -155,53 +157,36 @@ def write_film(
         file = stack.enter_context(part_truth.open("w", encoding="utf-8", newline=""))
         table = csv.writer(file, lineterminator="\n")
         table.writerow(TRUTH_COLUMNS)
-        writer = _writer(part, fps_video, size_px, quality)
-        stack.callback(writer.release)
-        if not writer.isOpened():
-            codec = "FFV1" if quality is None else "Motion JPEG"
-            raise InputError(f"{path}: this OpenCV cannot write {codec} video")
+        film = stack.enter_context(av.open(str(part), "w", format="avi"))
+        rate = Fraction(fps_video).limit_denominator(MOST_TICKS)
+        stream = film.add_stream("ffv1" if quality is None else "mjpeg", rate)
+        stream.width, stream.height = int(width), int(height)
+        stream.pix_fmt = "gray" if quality is None else "yuvj420p"
         pictures = 0
         for shot in shots:
             if shot.image.shape != (height, width):
                 found = " x ".join(map(str, shot.image.shape[::-1]))
                 raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
-            # OpenCV's Motion JPEG garbles grey pictures
-            writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+            film.mux(_packets(stream, shot.image, pictures, 1 / rate, quality))
             pictures += 1
             pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
             table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
-        writer.release()
         if not pictures:
             raise InputError(f"{path}: nothing could be written")
-        _check_pictures(part, pictures)
+        film.mux(stream.encode(None))
     return path
 
 
-def _check_pictures(path: Path, count: int) -> None:
-    """Raise OSError unless a film has `count` pictures: OpenCV reports no error when the disk is full."""
+def _packets(stream: VideoStream, image: Array, number: int, tick: Fraction, quality: int | None) -> list[Packet]:
+    """The packets of a picture, (height, width) uint8, at the instant `number` of ticks in s."""
     import av
-
-    try:
-        with av.open(str(path)) as film:
-            found = sum(packet.size > 0 for packet in film.demux(video=0))
-    except av.FFmpegError:
-        found = 0
-    if found < count:
-        said = f"only {found} of {count} pictures could be written; is the disk full?"
-        raise OSError(errno.ENOSPC, said, str(path))
-
-
-def _writer(path: Path, fps_video: float, size_px: tuple[int, int], quality: int | None) -> cv2.VideoWriter:
     import cv2
 
-    # no log line for each picture that cannot be written: `_check_pictures` reports it once
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
-    name, size = str(path), (int(size_px[0]), int(size_px[1]))
     if quality is None:
-        grey = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
-        return cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), fps_video, size, grey)
-    # the only Motion JPEG writer that takes a JPEG quality: FFmpeg takes steps of its quantiser
-    jpeg = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(name, cv2.CAP_OPENCV_MJPEG, jpeg, fps_video, size)
-    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
-    return writer
+        frame = av.VideoFrame.from_ndarray(image, format="gray")
+        frame.pts, frame.time_base = number, tick
+        return stream.encode(frame)
+    # OpenCV takes a JPEG quality; FFmpeg takes steps of its quantiser
+    packet = av.Packet(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
+    packet.stream, packet.pts, packet.dts, packet.time_base = stream, number, number, tick
+    return [packet]

@@ -143,7 +143,7 @@ def test_frames_that_the_film_dropped_are_counted(tracked):
         own = found.film.frames[found.film.frames["release"] == release]
         true = np.array([found.shots[k].frame for k in pictures])
         late = np.diff(true - own["frame"].to_numpy())
-        # a frame that is dropped at an impact or on the first or last frames shows nothing
+        # a frame that is dropped on the first or last frames shows nothing
         assert np.abs(late).sum() <= 2
     assert any("missing in the film" in remark for remark in found.film.remarks)
 

@@ -6,6 +6,7 @@ from rock2d_tracking.film_scale import FilmScale
 from rock2d_tracking.first_setup import ground_of
 from rock2d_tracking.gross_errors import bounces_of, reject_gross_errors
 from rock2d_tracking.sights import SLOW_ERROR_FACTOR, FollowedRelease, Sight, flights_of, set_errors
+from rock2d_tracking.tracked_film import renumber_dropped
 
 from tests.tracking.real_looks import REST_FRAMES, floor_px, path_of
 from tests.tracking.user_films import drawn_user_film
@@ -93,3 +94,45 @@ def test_the_ground_lies_under_the_lowest_bounce_unless_the_ball_was_seen_below(
     assert ground_of([release], g_px_frame2) == pytest.approx(floor_px(film.look, film.size_px) + RADIUS_PX, abs=2.5)
     release.sights[-1].pose = release.sights[-1].pose + np.array([0.0, 80.0, 0.0])
     assert ground_of([release], g_px_frame2) is None
+
+
+def bounce(dropped: int, hidden: range, noise_px: float, seed: int) -> tuple[list[Sight], int]:
+    """A rolling block that a soft ground throws up again: 120 frames, its friction in proportion to the force, which
+    is a half sine from frame 55 to 65. Frame `dropped` is missing, and `hidden` frames are lost. Returns its sights,
+    numbered as in the file, and their true number."""
+    fine = np.linspace(0, 120, 12001)
+    force = np.where((fine > 55) & (fine < 65), np.sin(np.pi * np.clip((fine - 55) / 10, 0, 1)), 0.0)
+    thrown = np.cumsum(force) / force.sum()
+    step = fine[1] - fine[0]
+    u = np.cumsum(1.5 - 0.6 * thrown) * step
+    v = np.cumsum(0.02 * fine + 0.1 - 1.9 * thrown) * step
+    turn = np.cumsum(0.02 + 0.06 * thrown) * step
+    path = np.column_stack([u, v, turn])[:: len(fine) // 120][:120]
+    rng = np.random.default_rng(seed)
+    numbers = [k for k in range(120) if k != dropped]
+    sights = [
+        Sight(i, path[k] + rng.normal(0, noise_px, 3) * [1, 1, 1 / RADIUS_PX], np.full(3, noise_px), 1.0)
+        for i, k in enumerate(numbers)
+    ]
+    for sight, k in zip(sights, numbers, strict=True):
+        if k in hidden:
+            sight.reject("half hidden")
+    return sights, 120
+
+
+@pytest.mark.parametrize(
+    ("dropped", "hidden"), [*((k, range(0)) for k in (30, 56, 60, 63, 90)), *((k, range(57, 62)) for k in (30, 59, 90))]
+)
+def test_a_frame_dropped_in_flight_or_in_contact_is_counted(dropped, hidden):
+    for seed in range(5):
+        sights, frames = bounce(dropped, hidden, 0.01, seed)
+        assert renumber_dropped(sights, RADIUS_PX) == 1
+        assert sights[-1].frame == frames - 1 and sights[10].frame == 10
+
+
+@pytest.mark.parametrize("hidden", [range(0), range(57, 62)])
+@pytest.mark.parametrize("noise_px", [0.01, 0.1])
+def test_no_frame_is_counted_that_was_not_dropped(hidden, noise_px):
+    for seed in range(20):
+        sights, _ = bounce(-1, hidden, noise_px, seed)
+        assert renumber_dropped(sights, RADIUS_PX) == 0

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from rock2d.arrays import Array
 from rock2d.errors import InputError, comma_list, counted
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
 from rock2d.kinematics.film_findings import FilmFindings, film_findings
@@ -15,6 +16,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, 
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import POSE_NAMES
+from rock2d.statistics import MAD_TO_SD
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
@@ -25,7 +27,9 @@ LARGEST_STATED_ERROR_PX, LARGEST_STATED_ERROR_RADII = 1.0, 0.05
 COMPARED_STEPS = 3  # steps on each side with which a step is compared
 SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
 SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
-LONG_STEP_SIGMAS = 7.0  # a step over a dropped frame is longer than the others by at least this much
+WHOLE_FRAME = 0.3  # distance of a duration from a whole number of frames that makes it this number
+LARGEST_DURATION_ERROR = 0.05  # in frames
+PARALLEL = 0.01  # ratio of singular values below which two velocities have one direction
 # standard error of the position of a smeared block, over the length of the smear: root mean square in synthetic films
 # (shiny balls 0.09, uniform ones 0.015)
 SMEAR_OFFSET = 0.045
@@ -78,9 +82,9 @@ def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, s
     remarks += remarks_on_names([release.block for release in kept], setup)
     missing = 0
     for release in kept:
-        missing += _renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)
+        missing += renumber_dropped(release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel)
     if missing:
-        remarks.append(f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there")
+        remarks.append(f"{counted(missing, 'frame')} missing in the film: blocks moved too far for the time there")
     fps = setup.fps
     frames = pd.concat([_frames(k, release, fps) for k, release in enumerate(kept)], ignore_index=True)
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
@@ -131,29 +135,32 @@ def moving_releases(releases: Sequence[FollowedRelease], g_px_frame2: float) -> 
     return [release for release in kept if shows_release(release, g_px_frame2)]
 
 
-def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:
+def renumber_dropped(sights: list[Sight], radius_px: float) -> int:
     """Renumber the frames if the camera or the file dropped some; returns the number of dropped frames.
 
-    Steps over dropped frames, rotation included, are two or three times as long as the steps before and after. If a
-    block hardly moves, dropped frames cannot be seen and do not matter."""
+    A step between two frames is a mean of the velocities before and after it, however they change in between, times
+    its duration: a vector whose product with both velocities is 1 has its duration as product with the step. Rotation
+    counts as a third direction. The velocities are lines, or means, of `COMPARED_STEPS` steps; a step is longer than
+    stated only if both say so. If a block hardly moves, dropped frames cannot be seen and do not matter."""
     seen = [s for s in sights if not s.reason]
-    at = np.array([s.when for s in seen])
-    step = np.diff([s.pose * [1.0, 1.0, radius_px] for s in seen], axis=0)
-    single = np.diff(at) == 1
-    found = np.zeros(len(step), np.int64)
-    sides = np.array([*range(-COMPARED_STEPS, 0), *range(1, COMPARED_STEPS + 1)])
-    line = np.linalg.pinv(np.vander(sides, 2))
-    for k in range(COMPARED_STEPS, len(step) - COMPARED_STEPS):
-        if not single[k] or not single[k + sides].all() or found[k - COMPARED_STEPS : k].any():
-            continue
-        slope, usual = line @ step[k + sides]
-        uneven = step[k + sides] - usual - sides[:, None] * slope
-        # at an impact the steps before and after differ: sigma is large and no step is long
-        sigma = max(float(np.sqrt((uneven**2).sum() / (len(sides) - 2) / 3)), SMALLEST_STEP_SIGMA_PX)
-        times = round(float(step[k] @ usual) / max(float(usual @ usual), 1e-12))
-        longer, off = (float(np.abs(step[k] - n * usual).max()) for n in (1, times))
-        if times > 1 and longer > LONG_STEP_SIGMAS * sigma and off < 0.5 * LONG_STEP_SIGMAS * sigma:
-            found[k] = times - 1
+    found = np.zeros(max(len(seen) - 1, 0), np.int64)
+    if len(seen) > 2 * COMPARED_STEPS + 1:
+        at = np.array([s.when for s in seen])
+        places = np.nan_to_num([s.pose * [1.0, 1.0, radius_px] for s in seen])
+        step, frames, middle = np.diff(places, axis=0), np.diff(at), 0.5 * (at[1:] + at[:-1])
+        pace = step / frames[:, None]
+        uneven = np.diff(pace, 2, axis=0)
+        sigma = max(MAD_TO_SD / np.sqrt(6.0) * float(np.median(np.abs(uneven))), SMALLEST_STEP_SIGMA_PX)
+        for k in range(COMPARED_STEPS, len(step) - COMPARED_STEPS):
+            sides = slice(k - COMPARED_STEPS, k), slice(k + 1, k + 1 + COMPARED_STEPS)
+            if (middle[sides[1]][-1] - middle[sides[0]][0]) > 2.0 * COMPARED_STEPS + frames[k] + COMPARED_STEPS:
+                continue
+            means = [pace[own].mean(axis=0) for own in sides]
+            lines = [_pace_at(when, middle[own], pace[own]) for own, when in zip(sides, at[k : k + 2], strict=True)]
+            missing = [_duration(step[k], np.array(paces), sigma) - frames[k] for paces in (means, lines)]
+            times = round(float(np.mean(np.nan_to_num(missing))))
+            if times > 0 and np.abs(np.array(missing) - times).max() < WHOLE_FRAME:
+                found[k] = times
     later = dict(zip((s.when for s in seen[1:]), np.cumsum(found), strict=True))
     shift = 0
     for sight in sights:
@@ -161,6 +168,18 @@ def _renumber_dropped(sights: list[Sight], radius_px: float) -> int:
         sight.frame += shift
         sight.when += shift
     return int(found.sum())
+
+
+def _pace_at(when: float, middle: Array, pace: Array) -> Array:
+    """(3,) velocity at an instant, from the line through the velocities (n, 3) at `middle` (n,)."""
+    own = middle - middle.mean()
+    return np.asarray(pace.mean(axis=0) + (when - middle.mean()) * (own @ pace) / (own @ own))
+
+
+def _duration(step: Array, paces: Array, sigma: float) -> float:
+    """Duration in frames of a step (3,) between two velocities (2, 3); NaN if steps of noise `sigma` do not show it."""
+    along = np.linalg.pinv(paces, rcond=PARALLEL) @ np.ones(2)
+    return float(along @ step) if np.hypot.reduce(along) * sigma < LARGEST_DURATION_ERROR else np.nan
 
 
 def _frames(number: int, release: FollowedRelease, fps: float) -> pd.DataFrame:

@@ -9,8 +9,9 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import Measured
+from rock2d.kinematics.segmentation import partition
 from rock2d.kinematics.window_gravity import GRAVITY_RATIO
-from rock2d.statistics import weighted_median
+from rock2d.statistics import MAD_TO_SD, weighted_median
 from rock2d_tracking.candidates import CANDIDATE
 from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 
@@ -26,6 +27,7 @@ FEWEST_TO_GROW, GROWN_AREA_RATIO = 8, 2.5
 TRIED_ACCELERATIONS = tuple(0.5 * 2.0**k for k in range(8))
 SAME_ACCELERATION = 0.25  # relative difference of accelerations that may be one
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
+SMALLEST_PLACE_ERROR_RADII = 0.04  # of the centroid of a candidate
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
 STEP_TOLERANCE = 0.04  # ... and share of the step to it
 MOVED_RADII = 1.5  # least length of an arc
@@ -110,9 +112,9 @@ def find_arcs(candidates: list[Array], g_px_frame2: float, clock: Clock = CONSTA
         if search.used[i]:
             continue
         best = search.longest_run(i)
-        arc = search.arc(best) if best else None
-        if arc is not None:
-            arcs.append(arc)
+        found = search.arcs(best) if best else []
+        if found:
+            arcs += found
             search.used[best] = True
     return arcs
 
@@ -264,10 +266,28 @@ class _Search:
             run = run[::step]
         return run
 
-    def arc(self, run: list[int]) -> Arc | None:
-        """The arc of a run and of what lies before and after it on its parabola; None if it hardly moves."""
+    def arcs(self, run: list[int]) -> list[Arc]:
+        """The arcs of a run and of what lies before and after it on its parabola, without those that hardly move."""
         if len(run) >= FEWEST_TO_GROW:
             run = self._with_extended_ends(run)
+        return [arc for part in self._parts(run) if (arc := self._arc(part)) is not None]
+
+    def _parts(self, run: list[int]) -> list[list[int]]:
+        """A run, cut where it does not continue its parabola. A block that moves little from frame to frame is followed
+        through its impacts."""
+        if len(run) <= RECENT_FRAMES or not self._g_px_frame2:
+            return [run]
+        places, t = self._places[run], self._when[run] - self._when[run[0]]
+        uneven = MAD_TO_SD / np.sqrt(6.0) * float(np.median(np.abs(np.diff(places, 2, axis=0))))
+        noise = max(uneven, SMALLEST_PLACE_ERROR_RADII * float(np.sqrt(np.median(self._areas[run]) / np.pi)))
+        data = np.column_stack([places - places[0], np.zeros(len(run))]) / noise
+        g = self._g_px_frame2 / noise
+        _, part = partition(t, data, np.array([0.0, 0.5 * g, 0.0]), np.full(3, 0.5 * abs(g)), FEWEST_ARC_FRAMES)
+        cuts = np.flatnonzero(np.diff(part)) + 1
+        return [own.tolist() for own in np.split(np.array(run), cuts) if len(own) >= FEWEST_ARC_FRAMES]
+
+    def _arc(self, run: list[int]) -> Arc | None:
+        """The arc of a run; None if it hardly moves."""
         rows, when = self.rows[run], self._when[run]
         places, areas, g_px_frame2 = rows["place_px"], rows["area_px2"], self._g_px_frame2
         middle = float(when.mean())

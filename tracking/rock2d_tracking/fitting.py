@@ -4,6 +4,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.scene.cross_section import CrossSection
+from rock2d.statistics import MAD_TO_SD
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.edges import NO_SMEAR, EdgeFit, fit_edges
@@ -15,6 +16,7 @@ from rock2d_tracking.outline import (
     FIT_U,
     FIT_V,
     SMALLEST_BLUR_PX,
+    TUKEY_SIGMAS,
     Outline,
     Patch,
     fit_pose,
@@ -34,6 +36,10 @@ WINDOW_MARGIN_PX = 6.0
 # least confidence of a trusted frame, over the share of the outline with which a block is followed
 TRUSTED_OVER_SEEN = 1.25
 SURE_FIT = 0.9  # confidence above which no other start angles are tried
+VEIL_MARGIN_PX = 2.0  # beyond the block
+FEWEST_VEIL_PIXELS = 60
+FAINTEST_VEIL = 0.25  # in noise of a pixel; a fainter veil stays
+VEIL_ROUNDS = 4
 
 
 class Fitter:
@@ -169,6 +175,9 @@ class Fitter:
             grey = float(np.median(patch.image[part]))
         p = np.array([*own, grey, max(self._blur, SMALLEST_BLUR_PX)])
         p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
+        clear = without_veil(patch, p[[FIT_U, FIT_V]], outline.reach_px)
+        if clear is not patch:
+            p, error, seen, misfit = fit_pose(clear, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
         a, b = int(np.clip(p[FIT_V], 0, height - 1)), int(np.clip(p[FIT_U], 0, width - 1))
         contrast = abs(float(p[FIT_GREY]) - float(patch.background[a, b]))
         pose = p[[FIT_U, FIT_V, FIT_ANGLE]] + corner
@@ -195,6 +204,29 @@ class Fitter:
         )
         self._blur = 0.9 * self._blur + 0.1 * min(float(p[FIT_BLUR]), 4.0)
         return Sight(number, pose, error, float(seen * max(0.0, 1.0 - misfit)))
+
+
+def without_veil(patch: Patch, centre_px: Array, reach_px: float) -> Patch:
+    """A patch without the dust or shadow over it: a smooth surface through what differs from the background beyond
+    `reach_px` from a block's centre. The patch itself if there is no veil to be seen."""
+    height, width = patch.visible.shape
+    v, u = np.indices((height, width))
+    x, y = (u - centre_px[0]) / reach_px, (v - centre_px[1]) / reach_px
+    outside = np.hypot(x, y) > 1.0 + VEIL_MARGIN_PX / reach_px
+    if outside.sum() < FEWEST_VEIL_PIXELS:
+        return patch
+    surface = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    known, apart = surface[outside], (patch.image - patch.background)[outside]
+    left = apart - np.median(apart)
+    for _ in range(VEIL_ROUNDS):
+        limit = TUKEY_SIGMAS * max(MAD_TO_SD * float(np.median(np.abs(left))), patch.noise)
+        root = np.clip(1.0 - (left / limit) ** 2, 0.0, None)
+        found = np.linalg.lstsq(known * root[:, None], apart * root, rcond=None)[0]
+        left = apart - known @ found
+    veil = (surface @ found).astype(np.float32)
+    if np.median(np.abs(veil)) < FAINTEST_VEIL * patch.noise:
+        return patch
+    return patch._replace(image=patch.image - veil)
 
 
 def start_angles(outline: Outline) -> Array:

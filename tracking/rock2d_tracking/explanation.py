@@ -94,7 +94,8 @@ def keys_to_try(seen: TrackingAttempt) -> list[str]:
     _, motion, follower = seen
     setup = follower.setup if follower is not None else None
     found: list[str] = []
-    curved = [a for a in motion.arcs if (a.falls_otherwise or a.falls) and len(a.frames) >= FEWEST_CURVED]
+    long = [a for a in motion.arcs if len(a.frames) >= FEWEST_CURVED]
+    curved = [a for a in long if a.falls] or [a for a in long if a.falls_otherwise]  # what slides is bent otherwise
     if curved:
         best = max(curved, key=lambda a: len(a.frames) * a.contrast)
         ratio = best.gravity_ratio

@@ -136,9 +136,14 @@ class FilmData(FilmSegments):
         spin = np.fmax(*np.abs(states.middle[[self.impacts.before, self.impacts.after], OMEGA]))
         unseen = spin * self._hidden_s * world.view.time_scale > UNSEEN_TURN_RAD  # full turns cannot be counted
         difference[unseen, THETA] -= 2.0 * np.pi * np.round(difference[unseen, THETA] / (2.0 * np.pi))
-        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
-        flights = [states.residuals * seen, as_rows_of_flights(self.rests.residuals(world))]
+        seen = self.film.measured * self.film.noise / self._coefficient_noise
+        flights = [states.residuals * seen[..., None], as_rows_of_flights(self.rests.residuals(world))]
         return Residuals(difference, np.concatenate(flights))
+
+    @cached_property
+    def _coefficient_noise(self) -> Array:
+        """(flown, 3) standard deviations of the recorded coefficients of flights, of degree 2 and higher."""
+        return np.asarray(self.film.long_noise * np.sqrt(1.0 + (self.slow / 2.0) ** 2))
 
     @cached_property
     def _hidden_s(self) -> Array:
@@ -225,7 +230,7 @@ class FilmData(FilmSegments):
 
     def flight_noise(self, world: World) -> Array:
         """(m, 3) standard deviations of the true coefficients of flights; residuals of flights are in these units."""
-        noise = np.tile(self.film.long_noise, (self.flown, 1))
+        noise = self._coefficient_noise.copy()
         middle = self.states(world).middle
         for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
             noise[:, c] *= world.view.true_per_recorded(middle, np.array(axis))

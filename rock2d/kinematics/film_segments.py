@@ -10,11 +10,25 @@ from rock2d.arrays import Array
 from rock2d.kinematics.flights import Film, Flights, find_flights
 from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
 from rock2d.kinematics.rest_poses import RestPoses
-from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
-from rock2d.records.columns import N_POSE, N_STATE, OMEGA, RATES, THETA, VX, VY, X, Y
+from rock2d.kinematics.states import (
+    RESIDUAL_DEGREES,
+    Basis,
+    States,
+    fit_states,
+    flight_basis,
+    free_motion_key,
+    move_freely,
+)
+from rock2d.records.columns import N_POSE, N_STATE, OMEGA, POSITION, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
+from rock2d.statistics import MAD_TO_SD
 
 KEPT_STATES = 4  # worlds whose states are kept
+# degrees of a flight's residuals that show slow errors: forces reach the lower ones
+SLOW_DEGREES = np.arange(4, 2 + RESIDUAL_DEGREES)
+FEWEST_SLOW_FLIGHTS = 8
+MEDIAN_ERROR = 1.17  # standard error of the median size of n normal numbers, over that size, times √n
+CLEARLY_SLOW = 4.0  # standard errors by which they must exceed the noise
 
 
 @dataclass
@@ -29,6 +43,7 @@ class FilmSegments:
     mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
+    slow : (flights, 3) see `slow_errors`
     order : (releases,) number of earlier releases of the same block
     rests : blocks that lie on the ground at the end"""
 
@@ -39,6 +54,7 @@ class FilmSegments:
     mid_air: FlightPairs
     start_s: Array
     unknown_spin: Array
+    slow: Array
     order: Array
     rests: RestPoses
     _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -56,7 +72,8 @@ class FilmSegments:
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
         rests = RestPoses.of(film, world)
-        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, order, rests)
+        slow, film.long_noise = slow_errors(film, flights, basis, states)
+        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, slow, order, rests)
 
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
@@ -69,7 +86,8 @@ class FilmSegments:
             each.before, each.after = index[each.before], index[each.after]
         return replace(
             self, flights=flights, basis=self.basis.only(keep), impacts=pairs[0], mid_air=pairs[1],
-            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep], rests=self.rests.only(releases),
+            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep], slow=self.slow[keep],
+            rests=self.rests.only(releases),
         )  # fmt: skip
 
     def states(self, world: World) -> States:
@@ -101,7 +119,7 @@ class FilmSegments:
         out = np.zeros((len(which), N_STATE, N_STATE))
         rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
         for c in range(N_POSE):
-            variance = self.film.long_noise[c] ** 2
+            variance = self.film.long_noise[c] ** 2 * (1.0 + self.slow[which, c] ** 2)
             out[:, c, c] = variance * (level + rate * dt**2)
             out[:, c, VX + c] = out[:, VX + c, c] = variance * rate * dt
             out[:, VX + c, VX + c] = variance * rate
@@ -110,6 +128,34 @@ class FilmSegments:
             out[no_angle, c, :] = out[no_angle, :, c] = 0.0
             out[no_angle, c, c] = variance
         return out
+
+
+def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> tuple[Array, Array]:
+    """(flights, 3) errors of x, y and theta that change slowly, over the noise of averages over many frames, and (3,)
+    that noise without them.
+
+    Dust, shadow and soil pull the outline of a block for as long as it is near the ground, that is in flights after a
+    contact. Such errors do not average out. They are like a random walk: their coefficients of degree k in a flight
+    fall as 1/k. Degrees 4 to 6, which forces, lens and perspective hardly reach, show them: they are larger in flights
+    after a contact than in those before."""
+    found, noise = np.zeros((len(flights), N_POSE)), film.long_noise.copy()
+    size = np.abs(states.residuals[:, :, SLOW_DEGREES - 2]) * film.noise[:, None]
+    long, later = basis.degrees == RESIDUAL_DEGREES, flights.follows >= 0
+    after, before = long & later, long & ~later
+    if after.sum() < FEWEST_SLOW_FLIGHTS:
+        return found, noise
+    typical, usual = MAD_TO_SD * np.median(size[after], axis=0), noise[:, None] * np.ones(len(SLOW_DEGREES))
+    unsure = MEDIAN_ERROR / np.sqrt(after.sum())
+    if before.sum() >= FEWEST_SLOW_FLIGHTS:
+        usual = MAD_TO_SD * np.median(size[before], axis=0)
+        unsure = np.hypot(unsure, MEDIAN_ERROR / np.sqrt(before.sum()))
+    for which in (POSITION, slice(THETA, THETA + 1)):  # x and y come from one outline
+        own, expected = typical[which], usual[which]
+        if own.mean() > expected.mean() * (1.0 + CLEARLY_SLOW * unsure / np.sqrt(own.size)):
+            noise[which] = np.clip(expected.mean(axis=1), film.noise[which], noise[which])
+            excess = SLOW_DEGREES**2 * (own**2 - expected**2) / noise[which, None] ** 2
+            found[later, which] = np.sqrt(max(float(excess.mean()), 0.0))
+    return found, noise
 
 
 def _rolling(world: World, flights: Flights, states: States) -> Array:

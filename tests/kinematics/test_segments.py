@@ -18,6 +18,7 @@ from rock2d.kinematics.flights import Flights, find_flights, flight_noise, load_
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.states import fit_states, flight_basis, move_freely
+from rock2d.records.columns import VX
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import data_of, film, world
 
@@ -84,6 +85,32 @@ def test_states_are_unbiased_and_as_sure_as_they_say(view):
     z = error / sigma
     assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(len(z))
     assert z.std(axis=0) == pytest.approx(np.ones(6), abs=0.25)
+
+
+def test_errors_that_wander_after_a_contact_do_not_average_out():
+    """As where dust hides a part of the outline: states after contacts are as uncertain as they are wrong; the flights
+    before them, and films whose noise is white, stay as sure as they are."""
+    experiment = film(world(), 12, seed=5, noise_m=2e-5, noise_rad=2e-3)
+    clean = load_film(experiment)
+    data = FilmData.of(clean, setup_world(experiment))
+    assert not data.slow.any()
+    wandering, rng = load_film(experiment), np.random.default_rng(2)
+    first = data.flights.follows < 0
+    for release, end in zip(data.flights.release[first], data.flights.last[first], strict=True):
+        later = np.flatnonzero(wandering.release == release)
+        later = later[later >= end]
+        wandering.pose[later] += np.cumsum(rng.normal(size=(len(later), 3)) * [1e-5, 1e-5, 1e-3], axis=0)
+    found = FilmData.of(wandering, setup_world(experiment))
+    assert not found.slow[found.flights.follows < 0].any() and (found.slow[found.flights.follows >= 0] > 3.0).all()
+    true = setup_world(experiment)
+    exact = replace(found, film=load_film(film(world(), 12, seed=5, noise_m=0.0, noise_rad=0.0)))
+    exact.film.noise = found.film.noise
+    error = (found.states(true).middle - exact.states(true).middle)[:, VX:]
+    every = np.arange(len(error))
+    variance = np.diagonal(found.state_covariance(every, np.zeros(len(error))), axis1=1, axis2=2)[:, VX:]
+    pulls = error / np.sqrt(variance)
+    for own in (found.flights.follows < 0, found.flights.follows >= 0):
+        assert np.sqrt(np.mean(pulls[own] ** 2, axis=0)) == pytest.approx(1.0, abs=0.45)
 
 
 def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():

@@ -28,7 +28,7 @@ COMPARED_STEPS = 3  # steps on each side with which a step is compared
 SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
 SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
 WHOLE_FRAME = 0.3  # distance of a duration from a whole number of frames that makes it this number
-LARGEST_DURATION_ERROR = 0.05  # in frames
+LARGEST_DURATION_ERROR = 0.1  # in frames
 PARALLEL = 0.01  # ratio of singular values below which two velocities have one direction
 # standard error of the position of a smeared block, over the length of the smear: root mean square in synthetic films
 # (shiny balls 0.09, uniform ones 0.015)

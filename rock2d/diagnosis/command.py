@@ -114,9 +114,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     if len(content["group"]) > 1:
         lines.append("not separated: " + ", ".join(content["group"]))
     gap = content["gap"]
-    low, high = gap["closure_ci95"]
-    closed = f"share closed {100 * gap['closure']:z.0f} % ({100 * low:z.0f} to {100 * high:z.0f} %)"
-    if gap["closure"] == 0.0 and high == 0.0:
+    closed = f"share closed {share_closed(gap['closure'], gap['closure_ci95'])}"
+    if gap["closure"] == 0.0 and gap["closure_ci95"][1] == 0.0:
         closed = "no significant gap" if verdict == "none" else "nothing closes a part of it"
     found = "" if verdict == "none" else f"{gap['augmented']:.3g} with what was found, "
     lines.append(f"gap: {gap['base']:.3g} base, {found}{gap['noise_floor']:.3g} floor; {closed}")

@@ -33,7 +33,7 @@
     const [reason, meaning] = data.reasons[frames.reason[row]], block = blocks[releases[state.release][1]];
     if (reason) return `lost: ${reason}. ${meaning}`;
     const worst = Math.max(frames.u_error_px[row] ?? 0, frames.v_error_px[row] ?? 0);
-    return `trusted: ${number(100 * frames.confidence[row], 0)} % ${block.how}; ` +
+    return `trusted: ${number(100 * frames.confidence[row], 0)}\u00a0% ${block.how}; ` +
       `its standard error of ${error(worst)} px is below the limit of ${block.limit} px, and it agrees with its neighbours`;
   }
   function facts(row) {

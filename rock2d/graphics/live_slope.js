@@ -195,7 +195,7 @@
     pen.fillStyle = colours.ink;
     pen.fillRect(px(run.stations[state.station][0]) - 1, 24, 2, curve.clientHeight - 32);
     const dashes = ["dotted", "line", "dashed"].map((word, k) => `${word}: ${data.percentiles[k]}`).join(", ");
-    find("key").textContent = q === 0 ? "band: 95 % interval" : dashes;
+    find("key").textContent = q === 0 ? "band: 95\u00a0% interval" : dashes;
     drawHistogram();
   }
   function bars(own, station, b) { // how many blocks in each bin of the chosen quantity, and the upper end of the last

@@ -106,7 +106,7 @@ def test_every_frame_says_what_the_tables_say(page, frames):
         turn, off = map(float, re.match(rf"{number}° ± {number}°", said["angle"]).groups())
         assert turn == pytest.approx(np.rad2deg(own.theta_rad), abs=0.06)
         assert np.deg2rad(off) == pytest.approx(float(own.angle_error_rad), rel=0.06)
-        seen = float(re.match(r"trusted: (\d+) % of the outline", said["why"])[1])
+        seen = float(re.match(r"trusted: (\d+)\s% of the outline", said["why"])[1])
         assert seen == pytest.approx(100 * own.confidence, abs=0.56)  # rounded twice
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from rock2d_tracking.fitting import with_veil
 from rock2d_tracking.outline import Patch, cover, fit_pose, outline_of
 
 from rock2d.scene.blocks import Block, make_block
@@ -68,7 +69,7 @@ def test_a_noisy_picture_gives_the_pose_within_its_stated_errors(shape):
     for _ in range(20):
         pose = np.array([*rng.uniform(39, 41, 2), rng.uniform(-3, 3)])
         image = behind - 90.0 * picture(block, pose) + rng.normal(0.0, 2.0, behind.shape)
-        start = np.array([*(pose + rng.uniform(-1, 1, 3) * [3.0, 3.0, 0.3]), 80.0, 1.0])
+        start = np.array([*(pose + rng.uniform(-1, 1, 3) * [3.0, 3.0, 0.3]), 80.0, 1.0, 0.0, 0.0])
         patch = Patch(image.astype(np.float32), behind, np.ones(behind.shape, np.uint8), 2.0)
         found, se, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
         assert seen > 0.95 and misfit < 0.05
@@ -90,10 +91,36 @@ def test_half_a_block_that_soil_hides_is_still_found_where_it_is():
     image = behind - 90.0 * picture(block, pose).astype(np.float32)
     image[44:] = behind[44:] = 110.0  # soil in front of it
     counts = np.ones(behind.shape, np.uint8)
-    start = np.array([41.5, 38.5, 0.3, 70.0, 1.0])
+    start = np.array([41.5, 38.5, 0.3, 70.0, 1.0, 0.0, 0.0])
     for mask in (counts, np.where(np.arange(SIZE)[:, None] < 44, 1, 0) * counts):  # unknown, surveyed
         patch = Patch(image, behind, mask.astype(np.uint8), 2.0)
         found, _, seen, _ = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
         np.testing.assert_allclose(found[:2], pose[:2], atol=0.1)
         assert found[2] == pytest.approx(pose[2], abs=0.01)
         assert 0.5 < seen < 0.75
+
+
+@pytest.mark.parametrize("shape", ["circle", "square", "rectangle"])
+@pytest.mark.parametrize("side", [(0.0, 14.0), (12.0, 6.0)])
+@pytest.mark.parametrize("grey", [50.0, 160.0, 215.0])
+def test_dust_over_a_block_is_measured_beside_it(shape, side, grey):
+    """A cloud of 185 grey levels covers 30 % in its middle, before a ground of 120 and a block of another grey."""
+    block, rng = BLOCKS[shape], np.random.default_rng(1)
+    outline, pose = outline_of(block, PIXEL_M, -1), np.array([40.2, 39.9, 0.4])
+    behind = np.full((SIZE, SIZE), 120.0, np.float32)
+    v, u = np.mgrid[0:SIZE, 0:SIZE]
+    cloud = 0.3 * np.exp(-0.5 * ((u - pose[0] - side[0]) ** 2 + (v - pose[1] - side[1]) ** 2) / 18.0**2)
+    free, noise = behind + (grey - 120.0) * picture(block, pose), rng.normal(0.0, 2.0, behind.shape)
+    veiled, plain = (
+        Patch((own + noise).astype(np.float32), behind, np.ones(behind.shape, np.uint8), 2.0)
+        for own in (free + cloud * (185.0 - free), free)
+    )
+    start = np.array([*pose, grey, 1.0, 0.0, 0.0])
+    start[:3] += 1.0, -1.0, 0.05
+
+    def miss_px(patch: Patch, sloped: bool = False) -> float:
+        found = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25, sloped)[0]
+        return float(np.hypot(*(found[:2] - pose[:2])))
+
+    assert with_veil(plain, outline, pose) is plain
+    assert miss_px(with_veil(veiled, outline, pose), sloped=True) < min(0.08, miss_px(veiled))

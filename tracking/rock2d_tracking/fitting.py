@@ -36,7 +36,7 @@ WINDOW_MARGIN_PX = 6.0
 # least confidence of a trusted frame, over the share of the outline with which a block is followed
 TRUSTED_OVER_SEEN = 1.25
 SURE_FIT = 0.9  # confidence above which no other start angles are tried
-VEIL_MARGIN_PX = 2.0  # beyond the block
+VEIL_PX = 2.0, 8.0  # least and largest distance from the outline at which it is measured
 FEWEST_VEIL_PIXELS = 60
 FAINTEST_VEIL = 0.25  # in noise of a pixel; a fainter veil stays
 VEIL_ROUNDS = 4
@@ -173,11 +173,11 @@ class Fitter:
             # median of a part that is larger than the marks
             part = np.s_[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]
             grey = float(np.median(patch.image[part]))
-        p = np.array([*own, grey, max(self._blur, SMALLEST_BLUR_PX)])
+        p = np.array([*own, grey, max(self._blur, SMALLEST_BLUR_PX), 0.0, 0.0])
         p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
-        clear = without_veil(patch, p[[FIT_U, FIT_V]], outline.reach_px)
-        if clear is not patch:
-            p, error, seen, misfit = fit_pose(clear, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
+        veiled = with_veil(patch, outline, p[[FIT_U, FIT_V, FIT_ANGLE]])
+        if veiled is not patch:
+            p, error, seen, misfit = fit_pose(veiled, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS, True)
         a, b = int(np.clip(p[FIT_V], 0, height - 1)), int(np.clip(p[FIT_U], 0, width - 1))
         contrast = abs(float(p[FIT_GREY]) - float(patch.background[a, b]))
         pose = p[[FIT_U, FIT_V, FIT_ANGLE]] + corner
@@ -206,27 +206,27 @@ class Fitter:
         return Sight(number, pose, error, float(seen * max(0.0, 1.0 - misfit)))
 
 
-def without_veil(patch: Patch, centre_px: Array, reach_px: float) -> Patch:
-    """A patch without the dust or shadow over it: a smooth surface through what differs from the background beyond
-    `reach_px` from a block's centre. The patch itself if there is no veil to be seen."""
-    height, width = patch.visible.shape
-    v, u = np.indices((height, width))
-    x, y = (u - centre_px[0]) / reach_px, (v - centre_px[1]) / reach_px
-    outside = np.hypot(x, y) > 1.0 + VEIL_MARGIN_PX / reach_px
-    if outside.sum() < FEWEST_VEIL_PIXELS:
+def with_veil(patch: Patch, outline: Outline, pose: Array) -> Patch:
+    """A patch whose background contains the dust or shadow about an outline at a pose (3,): a smooth surface through
+    what differs from the background beside the outline. The patch itself if there is none to be seen."""
+    v, u = np.indices(patch.visible.shape)
+    place = np.stack([u, v], axis=-1) - pose[:2]
+    beside_px = outline.distance_px(place, pose[2])
+    beside = (beside_px > VEIL_PX[0]) & (beside_px < VEIL_PX[1])
+    if beside.sum() < FEWEST_VEIL_PIXELS:
         return patch
+    x, y = np.moveaxis(place / outline.reach_px, -1, 0)
     surface = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    known, apart = surface[outside], (patch.image - patch.background)[outside]
+    known, apart = surface[beside], (patch.image - patch.background)[beside]
     left = apart - np.median(apart)
     for _ in range(VEIL_ROUNDS):
         limit = TUKEY_SIGMAS * max(MAD_TO_SD * float(np.median(np.abs(left))), patch.noise)
         root = np.clip(1.0 - (left / limit) ** 2, 0.0, None)
         found = np.linalg.lstsq(known * root[:, None], apart * root, rcond=None)[0]
         left = apart - known @ found
-    veil = (surface @ found).astype(np.float32)
-    if np.median(np.abs(veil)) < FAINTEST_VEIL * patch.noise:
+    if np.median(np.abs(known @ found)) < FAINTEST_VEIL * patch.noise:
         return patch
-    return patch._replace(image=patch.image - veil)
+    return patch._replace(background=patch.background + (surface @ found).astype(np.float32))
 
 
 def start_angles(outline: Outline) -> Array:

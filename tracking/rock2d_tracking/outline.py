@@ -18,7 +18,8 @@ from rock2d.arrays import Array
 from rock2d.compiled import kernel, njit
 from rock2d.scene.blocks import Block
 
-FIT_U, FIT_V, FIT_ANGLE, FIT_GREY, FIT_BLUR = range(5)  # parameters of `fit_pose`
+FIT_U, FIT_V, FIT_ANGLE, FIT_GREY, FIT_BLUR, FIT_GREY_U, FIT_GREY_V = range(7)  # parameters of `fit_pose`
+N_FIT = 7
 SHARP_EDGE_BLURS = 4.0  # distance from an edge, in blurs, beyond which a pixel is all block or all background
 SMALLEST_BLUR_PX = 0.3  # a pixel is a square and blurs by itself
 TUKEY_SIGMAS = 4.685  # misfit in standard deviations beyond which nothing has weight (Tukey's biweight)
@@ -85,6 +86,16 @@ class Outline:
     def radius_px(self) -> float:
         """Radius of the circle of its area."""
         return float(np.sqrt(self.area_px2 / np.pi))
+
+    def distance_px(self, place: Array, turn: float) -> Array:
+        """(...) distance in px of places (..., 2) about the centre from the outline, turned by `turn`; negative inside.
+
+        It is exact beside straight sides and for a circle."""
+        c, s = np.cos(turn), np.sin(turn)
+        own = place @ np.array([[c, -s], [s, c]])
+        if len(self.edges):
+            return np.asarray((own @ self.edges[:, :2].T - self.edges[:, 2]).max(axis=-1))
+        return np.asarray((np.hypot(*np.moveaxis(own / self.semi_axes_px, -1, 0)) - 1.0) * self.semi_axes_px.min())
 
     def scaled(self, factor: float) -> Outline:
         """The outline, `factor` times as large."""
@@ -185,16 +196,17 @@ class FitSums(NamedTuple):
 
 
 @njit
-def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
-    """Fill `curve` (5, 5; lower half) and `grad` (5,) of a Gauss-Newton step at `p`; returns `FitSums`.
+def _normal_equations(patch, edges, semi_axes, slope_scale, p, tukey, curve, grad):
+    """Fill `curve` (7, 7; lower half) and `grad` (7,) of a Gauss-Newton step at `p`; returns `FitSums`.
 
+    slope_scale : what a slope of the grey is multiplied with for the change per px; 0 if there is none
     tukey : residual in grey levels beyond which a pixel has no weight"""
     image, background, visible, _ = patch
     curve[:], grad[:] = 0.0, 0.0
     seen = whole = squares = band = difference = covered = 0.0
     turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
     c, s = math.cos(p[FIT_ANGLE]), math.sin(p[FIT_ANGLE])
-    slope, j = np.zeros(3), np.zeros(5)
+    slope, j = np.zeros(3), np.zeros(N_FIT)
     height, width = image.shape
     for v in range(height):
         for u in range(width):
@@ -203,7 +215,7 @@ def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
             share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[FIT_BLUR], slope)
             if share == 0.0:
                 continue
-            step = p[FIT_GREY] - background[v, u]
+            step = p[FIT_GREY] + slope_scale * (p[FIT_GREY_U] * rx + p[FIT_GREY_V] * ry) - background[v, u]
             edge = share * (1.0 - share)
             whole += edge
             if visible[v, u] == 0:
@@ -219,16 +231,19 @@ def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
             covered += share
             if weight == 0.0:
                 continue
+            j[FIT_GREY], j[FIT_GREY_U], j[FIT_GREY_V] = share, share * slope_scale * rx, share * slope_scale * ry
             if share == 1.0:  # inside, only the grey matters
-                grad[FIT_GREY] += weight * r
-                curve[FIT_GREY, FIT_GREY] += weight
+                for a in (FIT_GREY, FIT_GREY_U, FIT_GREY_V):
+                    grad[a] += weight * j[a] * r
+                    for b in (FIT_GREY, FIT_GREY_U, FIT_GREY_V):
+                        curve[a, b] += weight * j[a] * j[b]
                 continue
             # derivatives by the pose: the axes of the body move and turn
             j[FIT_U] = -step * (c * slope[0] - s * slope[1])
             j[FIT_V] = -step * (s * slope[0] + c * slope[1])
             j[FIT_ANGLE] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
-            j[FIT_GREY], j[FIT_BLUR] = share, step * slope[2]
-            for a in range(5):
+            j[FIT_BLUR] = step * slope[2]
+            for a in range(N_FIT):
                 grad[a] += weight * j[a] * r
                 for b in range(a + 1):
                     curve[a, b] += weight * j[a] * j[b]
@@ -236,27 +251,31 @@ def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
 
 
 @njit
-def fit_pose(patch, edges, semi_axes, start, rounds):
-    """Fit position, angle, grey and blur of an outline to a patch of a frame by robust Gauss-Newton steps.
+def fit_pose(patch, edges, semi_axes, start, rounds, sloped=False):
+    """Fit position, angle, grey with its slope, and blur of an outline to a patch of a frame by robust Gauss-Newton
+    steps.
 
     patch : `Patch`
     edges, semi_axes : of an `Outline`
-    start : (5,) u, v in px and angle in rad in the patch, grey, blur in px, in the order FIT_U to FIT_BLUR
+    start : (7,) u, v in px and angle in rad in the patch, grey, blur in px, change of the grey from the centre to the
+        edge along u and v, in the order FIT_U to FIT_GREY_V
     rounds : largest number of steps
-    Returns (5,) the fit, (3,) standard errors of u, v, angle, share of the outline that is seen as fitted, and root
+    sloped : whether the grey of the block may change along u and v
+    Returns (7,) the fit, (3,) standard errors of u, v, angle, share of the outline that is seen as fitted, and root
     mean square of the residuals in the band of the edge, over the contrast."""
     p = start.copy()
-    curve, grad = np.zeros((5, 5)), np.zeros(5)
+    curve, grad = np.zeros((N_FIT, N_FIT)), np.zeros(N_FIT)
     sums, contrast = FitSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
     turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
     reach = max(semi_axes[0], 1.0) if edges.shape[0] == 0 else max(np.max(edges[:, 2]), 1.0)
+    slope_scale = 1.0 / reach if sloped else 0.0
     for it in range(rounds):
         # larger misfits are no part of the block; in the first rounds, far from the solution, they are the signal
         scale = max(patch.noise, GREY_ROUGHNESS * contrast) if it > 0 else 1e9
         tukey = TUKEY_SIGMAS * scale * (3.0 if it < COARSE_ROUNDS else 1.0)
-        sums = _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad)
+        sums = _normal_equations(patch, edges, semi_axes, slope_scale, p, tukey, curve, grad)
         contrast = max(sums.difference / max(sums.covered, 1e-9), 1e-9)
-        for a in range(5):
+        for a in range(N_FIT):
             for b in range(a):
                 curve[b, a] = curve[a, b]
             curve[a, a] = curve[a, a] * (1.0 + 1e-6) + 1e-9
@@ -265,7 +284,7 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
         step_p = np.linalg.solve(curve, grad)
         length = max(abs(step_p[FIT_U]), abs(step_p[FIT_V]), abs(step_p[FIT_ANGLE]) * reach)
         short = min(1.0, 0.5 * reach / max(length, 1e-9))
-        for a in range(5):
+        for a in range(N_FIT):
             p[a] += short * step_p[a]
         p[FIT_BLUR] = min(max(p[FIT_BLUR], SMALLEST_BLUR_PX), 0.5 * reach)
         if length < CONVERGED_STEP_PX and it > COARSE_ROUNDS:

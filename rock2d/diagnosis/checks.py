@@ -4,7 +4,8 @@ Each check looks for a pattern in the residuals of the film, compared with repli
 1996, Statistica Sinica 6, 733-807). In a replicate, all residuals of a release have the same random sign. That keeps
 sizes, tails and correlations within a release, and removes what is systematic. The part of each pattern that the fitted
 parameters can absorb is subtracted first (Hemerik, Goeman and Finos 2020, J. R. Stat. Soc. B 82(3), 841-864). So no
-simulation and no assumption on distributions is needed.
+simulation and no assumption on distributions is needed. Slow errors of a track, as those of dust, can be alike in all
+releases; a replicate has one normal number for each, instead of signs.
 
 A check contains several patterns, for example one for each zone and channel. Its value is the largest of them, in
 standard deviations of the replicates. The smallest p value of all checks is compared with that of the same replicates
@@ -144,7 +145,9 @@ def predictive_checks(data: Data, base: Fit, fit: Fit, seed: int) -> Checks:
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
-    left = _RemainingPatterns(data, fit, signs)
+    shared = rng.normal(size=(1 + REPLICATES, data.slow_outcomes().shape[-1]))
+    shared[0] = 0.0
+    left = _RemainingPatterns(data, fit, np.hstack([signs, shared]))
     return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, base, fit, rng))
 
 
@@ -204,6 +207,7 @@ class _Residuals(NamedTuple):
         derivatives
     names, channels : names of the three tested channels, and (n, 3, d) their weights on z, in standard deviations
     quantities : name -> (n,) measured quantities
+    slow : (n, d, s) whitened slow errors, 1 sigma, that all releases may share
     bends : (n,) factors of the functions: `FilmData.unit_bends` of flights, 1 of impacts"""
 
     release: Array
@@ -213,6 +217,7 @@ class _Residuals(NamedTuple):
     names: tuple[str, str, str]
     channels: Array
     quantities: Mapping[str, Array]
+    slow: Array
     bends: Array
 
 
@@ -236,7 +241,7 @@ class _RemainingPatterns:
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],
             ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
-            data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
+            data.impact_quantities(world) if len(r) else {}, whiten @ data.slow_outcomes(), np.ones(len(r)),
         )  # fmt: skip
         m, degrees = data.flown, fit.residuals.flights.shape[-1]
         z, quantities, bends = fit.residuals.flights[:m].reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
@@ -247,20 +252,28 @@ class _RemainingPatterns:
         self._flights = _Residuals(
             data.flight_release[:m], z, flight_weight(z),
             fit.jacobian.flights[:m, ..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
-            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, bends,
+            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities,
+            np.zeros((*z.shape, self._impacts.slow.shape[-1])), bends,
         )  # fmt: skip
 
     @cached_property
     def _parameter_shifts(self) -> Array:
-        """(releases, P) shift of the parameters by the residuals of each release, for the sign +1."""
+        """(releases + s, P) shift of the parameters by the residuals of each release, for the sign +1, and by each
+        shared slow error."""
         count = self._impacts.jacobian.shape[-1]
-        pull, curvature = np.zeros((len(self._data.order), count)), np.zeros((count, count))
+        pull, curvature = np.zeros((self._signs.shape[1], count)), np.zeros((count, count))
         for side in (self._impacts, self._flights):
             pulled = side.weight[..., None] * side.jacobian
-            pull += self._summed(side.release, np.einsum("ndp,nd->np", pulled, side.z))
+            pull += self._pulls(side, pulled)
             curvature += np.einsum("ndp,ndq->pq", pulled, side.jacobian, optimize=True)
         size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
         return pull / size @ np.linalg.pinv(curvature / size / size[:, None], 1e-9, hermitian=True) / size
+
+    def _pulls(self, side: _Residuals, columns: Array) -> Array:
+        """(releases + s, k) products of columns (n, d, k) with the residuals of each release, and with each shared slow
+        error."""
+        own = self._summed(side.release, np.einsum("ndk,nd->nk", columns, side.z))
+        return np.vstack([own, np.einsum("ndk,nds->sk", columns, side.slow)])
 
     def _summed(self, release: Array, values: Array) -> Array:
         """(releases, k) sums of values (n, k)."""
@@ -291,11 +304,11 @@ class _RemainingPatterns:
     def _unabsorbed(
         self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
-        """A check from the contributions of the releases, `sums` (releases, k), and the part that the parameters
-        absorb; no check if they absorb all."""
+        """A check from the contributions of the releases (and of shared slow errors), `sums` (r, k), and the part that
+        the parameters absorb; no check if they absorb all."""
         left = sums - absorbed
         kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * (sums**2).sum(axis=0)).tolist()
-        patterns = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
+        patterns = _Patterns(name, compared, [parts[k] for k in kept], self._signs[:, : len(left)] @ left[:, kept])
         return [patterns] if kept else []
 
     def _mean(
@@ -303,9 +316,8 @@ class _RemainingPatterns:
     ) -> list[_Patterns]:
         """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
         pulled = side.weight[..., None] * columns
-        sums = self._summed(side.release, np.einsum("ndk,nd->nk", pulled, side.z))
         moved = np.einsum("ndk,ndp->pk", pulled, side.jacobian, optimize=True)
-        return self._unabsorbed(name, compared, parts, sums, self._parameter_shifts @ moved)
+        return self._unabsorbed(name, compared, parts, self._pulls(side, pulled), self._parameter_shifts @ moved)
 
     def means(self) -> list[_Patterns]:
         """Patterns of the means of residuals of impacts and flights."""
@@ -337,9 +349,10 @@ class _RemainingPatterns:
         if not pairs:
             return []
         root = np.sqrt(impacts.weight)
-        # (n, d, releases) residuals as a function of the signs
+        # (n, d, releases + s) residuals as a function of the signs and the shared slow errors
         free = -np.einsum("ndp,rp->ndr", root[..., None] * impacts.jacobian, self._parameter_shifts)
         free[np.arange(len(free)), :, impacts.release] += root * impacts.z
+        free[..., len(self._data.order) :] += root[..., None] * impacts.slow
         first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
         agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
         words = "agreement of the residuals of impacts from nearly the same state"

@@ -18,7 +18,9 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import (
+    chi_square,
     flight_log_likelihood,
+    impact_weight,
     log_likelihood,
     newton_step,
     normal_equations,
@@ -77,14 +79,27 @@ def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
     reference for both. It is None if only one of them has an effect that widens the scatter: the means do not show it.
     """
     scored = model.held_out, reference.held_out
-    gain = scored[0].score - scored[1].score
+    gain, shared = scored[0].score - scored[1].score, _shared_error(data, model, reference)
     if [e.name for e in model.fit.model.scatter_effects] != [e.name for e in reference.fit.model.scatter_effects]:
-        return Gain(gain)
+        return Gain(gain, None, shared)
     crossed = [
         by_release(data, held_out.residuals, fit.covariance())
         for held_out, fit in zip(scored, (reference.fit, model.fit), strict=True)
     ]
-    return Gain(gain, 0.5 * (gain + crossed[0] - crossed[1]))
+    return Gain(gain, 0.5 * (gain + crossed[0] - crossed[1]), shared)
+
+
+def _shared_error(data: Data, model: Validated, reference: Validated) -> float:
+    """Standard deviation of a gain by slow errors of the track: all releases may share them, so that held-out releases
+    do not show them."""
+    slow = data.slow_outcomes()
+    if not slow.shape[-1]:
+        return 0.0
+    covariance, other = reference.fit.covariance(), model.held_out.residuals.impacts
+    residuals = np.nan_to_num(reference.held_out.residuals.impacts)
+    weight = impact_weight(chi_square(residuals, covariance), residuals.shape[1])
+    differ = np.linalg.solve(covariance, np.nan_to_num(residuals - other)[..., None])[..., 0]
+    return float(np.linalg.norm(np.einsum("n,nds,nd->s", weight, slow, differ)))
 
 
 def rests_z(data: Data, model: Validated, other: Validated) -> float:

@@ -188,13 +188,31 @@ class FilmData(FilmSegments):
 
     def outcome_noise(self) -> Array:
         """(n, 6, 6) covariance of the states after the impacts, along the ground and across it."""
-        after = self.state_covariance(self.impacts.after, self.impacts.begin_s)
-        turn = np.zeros_like(after)
+        turn = self._to_ground_axes()
+        return turn @ self.state_covariance(self.impacts.after, self.impacts.begin_s) @ turn.transpose(0, 2, 1)
+
+    def _to_ground_axes(self) -> Array:
+        """(n, 6, 6) from states x, y, theta and their rates to those along the ground and across it."""
+        turn = np.zeros((len(self.impacts), N_STATE, N_STATE))
         tx, ty = self.impacts.tangent.T
         for x, y, theta in ((X, Y, THETA), (VX, VY, OMEGA)):
             turn[:, x, x], turn[:, x, y], turn[:, y, x], turn[:, y, y] = tx, ty, -ty, tx
             turn[:, theta, theta] = 1.0
-        return turn @ after @ turn.transpose(0, 2, 1)
+        return turn
+
+    def slow_outcomes(self) -> Array:
+        """(n, 6, k) columns: slow errors of pose and velocity after the impacts, along the ground and across it, 1
+        sigma; k = 6, or 0 if the track has none."""
+        if not self.slow.any():
+            return np.empty((len(self.impacts), N_STATE, 0))
+        which = self.impacts.after
+        size = self.slow[which] * self.film.long_noise
+        level, rate = (np.zeros((len(which), N_STATE, N_STATE)) for _ in range(2))
+        for c in range(N_POSE):
+            level[:, c, c] = size[:, c] * self.basis.level[which]
+            rate[:, VX + c, VX + c] = size[:, c] * self.basis.slope[which]
+            rate[:, c, VX + c] = rate[:, VX + c, VX + c] * self.impacts.begin_s
+        return self._to_ground_axes() @ (level + rate)
 
     def extra_scatter(self) -> Array:
         """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter. A film has none: its noise is
@@ -319,6 +337,10 @@ class TableData(ImpactTable):
     def outcome_noise(self) -> Array:
         """(n, 3, 3) covariance of rounding errors: a table gives numbers with a few digits."""
         return np.eye(3) * (RELATIVE_PRECISION * self._spread()) ** 2 * np.ones((len(self.before), 1, 1))
+
+    def slow_outcomes(self) -> Array:
+        """(n, 3, 0): a table has no slow errors of a track."""
+        return np.empty((len(self.before), 3, 0))
 
     def extra_scatter(self) -> Array:
         """(n, 3, 3) directions of the measurement noise: the velocities, in units of their spread."""

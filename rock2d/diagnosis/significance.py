@@ -51,10 +51,12 @@ class Gain(SummedGain):
     Attributes
     ----------
     gain : (releases,) difference in log likelihood
-    by_means : (releases,) the same with equal covariances in both models; None if unknown or not meaningful"""
+    by_means : (releases,) the same with equal covariances in both models; None if unknown or not meaningful
+    shared_error : standard deviation of the sum by slow errors of the track that all releases may share"""
 
     gain: Array
     by_means: Array | None = None
+    shared_error: float = 0.0
 
     @property
     def comparable(self) -> Array:
@@ -65,7 +67,7 @@ class Gain(SummedGain):
     @property
     def significance(self) -> float:
         """Significance of the gain, in standard errors."""
-        return significance(self.comparable)
+        return significance(self.comparable, self.shared_error)
 
     @property
     def p_of_addition(self) -> float:
@@ -75,12 +77,14 @@ class Gain(SummedGain):
         a gain G to an addition in a share exp(-G) of films at most (Ville's inequality for likelihood ratios), unless
         it acts through unusual releases, of which only the number counts."""
         p = float(ndtr(-self.significance))
-        of_ratio = math.exp(-TRUSTED_SHARE * max(float(_clipped(self.comparable).sum()), 0.0))
+        sure = float(_clipped(self.comparable).sum()) - 2.0 * self.shared_error
+        of_ratio = math.exp(-TRUSTED_SHARE * max(sure, 0.0))
         return min(p, UNUSUAL * p + of_ratio)
 
     def plus(self, further: Array) -> Gain:
         """The gain plus a `further` gain (releases,) with equal covariances."""
-        return Gain(self.gain + further, None if self.by_means is None else self.by_means + further)
+        by_means = None if self.by_means is None else self.by_means + further
+        return Gain(self.gain + further, by_means, self.shared_error)
 
     @property
     def significant(self) -> bool:
@@ -93,11 +97,12 @@ class Gain(SummedGain):
         return self.total > LEAST_GAIN and self.p_of_addition < ndtr(-LEAST_GAIN_Z)
 
 
-def significance(per_release: Array) -> float:
+def significance(per_release: Array, shared_error: float = 0.0) -> float:
     """Sum of the gains (releases,), each clipped to ±LARGEST_GAIN, in standard errors; for few releases these are
-    enlarged by Student's distribution."""
+    enlarged by Student's distribution. `shared_error`: of the sum, by errors that all releases share."""
     gain = _clipped(per_release)
-    return float(gain.sum()) / (max(standard_error(gain), SMALLEST_ERROR) * student(len(gain) - 1))
+    error = max(standard_error(gain), SMALLEST_ERROR) * student(len(gain) - 1)
+    return float(gain.sum()) / math.hypot(error, shared_error)
 
 
 def _clipped(per_release: Array) -> Array:

@@ -7,10 +7,12 @@ import pytest
 
 from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
+from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.far_impacts import far_impacts
-from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
+from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.report.sections import checks_sentence
 from rock2d.kinematics.setup_world import base_start
 from tests.kinematics.synthetic_films import base_fit, film, series_order, world
@@ -63,6 +65,33 @@ def test_true_model_fails_as_often_as_stated(fitted, monkeypatch):
     for p in (np.array([own.p for own in found]), np.array([min(c.p_of_all for c in own.spreads) for own in found])):
         assert (p < FALSE_ALARMS).mean() < 0.12
         assert 0.3 < np.median(p) < 0.7
+
+
+@pytest.fixture(scope="module")
+def soiled(fitted) -> tuple[FilmData, Fit, Fit]:
+    """The film with slow errors of the track that are three times the noise of its states, and its fit without and
+    with one and a half such errors that all releases share."""
+    film_data, _ = fitted
+    slow = np.where((film_data.flights.follows >= 0)[:, None], 3.0, 0.0) * np.ones(3)
+    data = replace(film_data, slow=slow)
+    found = fit(Model(fitted[1].model.setup, fitted[1].model.base), data)
+    shift = data.slow_outcomes() @ [0.0, 1.5, 0.0, 0.0, -1.5, 0.0]
+    return data, found, replace(found, residuals=Residuals(found.residuals.impacts + shift, found.residuals.flights))
+
+
+def test_a_slow_error_that_all_releases_share_fails_no_check(soiled):
+    data, found, shifted = soiled
+    assert not any(c.fails for c in predictive_checks(data, found, shifted, 0).means)
+    sure = replace(data, slow=np.zeros_like(data.slow))
+    assert any(c.fails for c in predictive_checks(sure, found, shifted, 0).means)
+
+
+def test_a_gain_that_a_shared_slow_error_makes_is_not_significant(soiled):
+    data, found, shifted = soiled
+    model, reference = (Validated.of(own, data) for own in (found, shifted))
+    gain = held_out_gain(data, model, reference)
+    assert gain.total > 10.0 and not gain.significant
+    assert held_out_gain(replace(data, slow=np.zeros_like(data.slow)), model, reference).significant
 
 
 def test_shift_in_one_zone_is_named(fitted):

@@ -201,9 +201,9 @@ class FilmData(FilmSegments):
         return turn
 
     def slow_outcomes(self) -> Array:
-        """(n, 6, k) columns: slow errors of pose and velocity after the impacts that all releases may share, along the
-        ground and across it, 1 sigma; k = 6, or 0 if the ground causes none."""
-        if not self.slow_of_ground:
+        """(n, 6, k) columns: slow errors of pose and velocity after the impacts, along the ground and across it, 1
+        sigma; k = 6, or 0 if the track has none."""
+        if not self.slow.any():
             return np.empty((len(self.impacts), N_STATE, 0))
         which = self.impacts.after
         size = self.slow[which] * self.film.long_noise

@@ -44,7 +44,6 @@ class FilmSegments:
     start_s : (flights,) see `impacts.start_instants`
     unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
     slow : (flights, 3) see `slow_errors`
-    slow_of_ground : whether flights before a contact show that the ground causes them
     order : (releases,) number of earlier releases of the same block
     rests : blocks that lie on the ground at the end"""
 
@@ -56,7 +55,6 @@ class FilmSegments:
     start_s: Array
     unknown_spin: Array
     slow: Array
-    slow_of_ground: bool
     order: Array
     rests: RestPoses
     _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -74,9 +72,8 @@ class FilmSegments:
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
         rests = RestPoses.of(film, world)
-        slow, film.long_noise, of_ground = slow_errors(film, flights, basis, states)
-        impacts, mid_air = pairs.only(real), pairs.only(~real)
-        return cls(film, flights, basis, impacts, mid_air, start, spin, slow, of_ground, order, rests)
+        slow, film.long_noise = slow_errors(film, flights, basis, states)
+        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, slow, order, rests)
 
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
@@ -133,9 +130,9 @@ class FilmSegments:
         return out
 
 
-def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> tuple[Array, Array, bool]:
-    """(flights, 3) errors of x, y and theta that change slowly, over the noise of averages over many frames, (3,) that
-    noise without them, and whether enough flights before a contact are without them.
+def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> tuple[Array, Array]:
+    """(flights, 3) errors of x, y and theta that change slowly, over the noise of averages over many frames, and (3,)
+    that noise without them.
 
     Dust, shadow and soil pull the outline of a block for as long as it is near the ground, that is in flights after a
     contact. Such errors do not average out. They are like a random walk: their coefficients of degree k in a flight
@@ -145,12 +142,11 @@ def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> t
     size = np.abs(states.residuals[:, :, SLOW_DEGREES - 2]) * film.noise[:, None]
     long, later = basis.degrees == RESIDUAL_DEGREES, flights.follows >= 0
     after, before = long & later, long & ~later
-    compared = before.sum() >= FEWEST_SLOW_FLIGHTS
     if after.sum() < FEWEST_SLOW_FLIGHTS:
-        return found, noise, False
+        return found, noise
     typical, usual = MAD_TO_SD * np.median(size[after], axis=0), noise[:, None] * np.ones(len(SLOW_DEGREES))
     unsure = MEDIAN_ERROR / np.sqrt(after.sum())
-    if compared:
+    if before.sum() >= FEWEST_SLOW_FLIGHTS:
         usual = MAD_TO_SD * np.median(size[before], axis=0)
         unsure = np.hypot(unsure, MEDIAN_ERROR / np.sqrt(before.sum()))
     for which in (POSITION, slice(THETA, THETA + 1)):  # x and y come from one outline
@@ -159,7 +155,7 @@ def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> t
             noise[which] = np.clip(expected.mean(axis=1), film.noise[which], noise[which])
             excess = SLOW_DEGREES**2 * (own**2 - expected**2) / noise[which, None] ** 2
             found[later, which] = np.sqrt(max(float(excess.mean()), 0.0))
-    return found, noise, bool(compared and found.any())
+    return found, noise
 
 
 def _rolling(world: World, flights: Flights, states: States) -> Array:

@@ -73,7 +73,7 @@ def soiled(fitted) -> tuple[FilmData, Fit, Fit]:
     with one and a half such errors that all releases share."""
     film_data, _ = fitted
     slow = np.where((film_data.flights.follows >= 0)[:, None], 3.0, 0.0) * np.ones(3)
-    data = replace(film_data, slow=slow, slow_of_ground=True)
+    data = replace(film_data, slow=slow)
     found = fit(Model(fitted[1].model.setup, fitted[1].model.base), data)
     shift = data.slow_outcomes() @ [0.0, 1.5, 0.0, 0.0, -1.5, 0.0]
     return data, found, replace(found, residuals=Residuals(found.residuals.impacts + shift, found.residuals.flights))
@@ -82,7 +82,7 @@ def soiled(fitted) -> tuple[FilmData, Fit, Fit]:
 def test_a_slow_error_that_all_releases_share_fails_no_check(soiled):
     data, found, shifted = soiled
     assert not any(c.fails for c in predictive_checks(data, found, shifted, 0).means)
-    sure = replace(data, slow_of_ground=False)
+    sure = replace(data, slow=np.zeros_like(data.slow))
     assert any(c.fails for c in predictive_checks(sure, found, shifted, 0).means)
 
 
@@ -91,7 +91,7 @@ def test_a_gain_that_a_shared_slow_error_makes_is_not_significant(soiled):
     model, reference = (Validated.of(own, data) for own in (found, shifted))
     gain = held_out_gain(data, model, reference)
     assert gain.total > 10.0 and not gain.significant
-    assert held_out_gain(replace(data, slow_of_ground=False), model, reference).significant
+    assert held_out_gain(replace(data, slow=np.zeros_like(data.slow)), model, reference).significant
 
 
 def test_shift_in_one_zone_is_named(fitted):

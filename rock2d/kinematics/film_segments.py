@@ -142,13 +142,10 @@ def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> t
     size = np.abs(states.residuals[:, :, SLOW_DEGREES - 2]) * film.noise[:, None]
     long, later = basis.degrees == RESIDUAL_DEGREES, flights.follows >= 0
     after, before = long & later, long & ~later
-    if after.sum() < FEWEST_SLOW_FLIGHTS:
+    if min(after.sum(), before.sum()) < FEWEST_SLOW_FLIGHTS:
         return found, noise
-    typical, usual = MAD_TO_SD * np.median(size[after], axis=0), noise[:, None] * np.ones(len(SLOW_DEGREES))
-    unsure = MEDIAN_ERROR / np.sqrt(after.sum())
-    if before.sum() >= FEWEST_SLOW_FLIGHTS:
-        usual = MAD_TO_SD * np.median(size[before], axis=0)
-        unsure = np.hypot(unsure, MEDIAN_ERROR / np.sqrt(before.sum()))
+    typical, usual = (MAD_TO_SD * np.median(size[own], axis=0) for own in (after, before))
+    unsure = MEDIAN_ERROR * np.sqrt(1.0 / after.sum() + 1.0 / before.sum())
     for which in (POSITION, slice(THETA, THETA + 1)):  # x and y come from one outline
         own, expected = typical[which], usual[which]
         if own.mean() > expected.mean() * (1.0 + CLEARLY_SLOW * unsure / np.sqrt(own.size)):

@@ -11,7 +11,6 @@ from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import BASE
 from rock2d.effects import catalogue
-from rock2d.effects.effect import Effect
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
@@ -96,7 +95,8 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
     Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
     is not where the blocks strike it, some impacts are missed, and flights are cut short."""
     effects_by_name, registered = catalogue(), None
-    effects = [_with_one_scale(effects_by_name[name]) for name in REGISTERED + IMITATES_REGISTERED]
+    # different scales along x and y would take up what the law of impacts misses
+    effects = [effects_by_name[name].without_refinement() for name in REGISTERED + IMITATES_REGISTERED]
     setup = base.model.setup
     model = Model(setup, base.model.base, effects)
     p = extended(base, model)
@@ -114,14 +114,6 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
             break
         data, registered = again, (again, world)
     return registered
-
-
-def _with_one_scale(effect: Effect) -> Effect:
-    """The effect without different scales along x and y: they would take up what the law of impacts misses."""
-    if effect.name != "scale_error":
-        return effect
-    fewer = [q for q in effect.parameters if q.name != "aspect"]
-    return replace(effect, parameters=fewer, apply=lambda world, v: effect.apply(world, [v[0], 1.0, *v[1:]]))
 
 
 def ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:

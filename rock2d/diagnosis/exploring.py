@@ -6,6 +6,7 @@ parameters are tried first, on some of the releases."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -91,7 +92,8 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
 
 def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. For an effect with a compulsory choice, fits from a grid of the law follow, because
+    reacts to large residuals. An effect with optional parameters is also explored without them: a scan of all can end
+    at a pair of wrong values. For an effect with a compulsory choice, fits from a grid of the law follow, because
     `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.
 
     The fits keep the derivatives of `base`: they only provide a start."""
@@ -101,6 +103,7 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
         p = scan(cached, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in [start, *starts]):
             starts.append(p)
+    starts += _starts_without_refinement(model, data, base)
     fits = [_short_fit(cached, p, base) for p in starts]
     fits += [fit(model, data, p, convergence=FEW_ROUNDS) for p in _starts_with_choices(model, data)]
     best = max(fits, key=Fit.total)
@@ -113,6 +116,18 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
             break
         best = other
     return best
+
+
+def _starts_without_refinement(model: Model, data: Data, base: Fit) -> list[Array]:
+    """The best short fit of the last effect with its optional parameters neutral, if it has any, as a start."""
+    last = model.effects[-1]
+    plain = replace(model, effects=[*model.effects[:-1], last.without_refinement()])
+    if plain.size == model.size:
+        return []
+    start, kept = model.start(), np.ones(model.size, bool)
+    kept[model.positions[last.name]] = [not q.optional for q in last.parameters]
+    start[kept] = _best_short_fit(plain, data, base).p
+    return [start]
 
 
 def _must_choose(model: Model) -> bool:

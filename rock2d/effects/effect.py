@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ class Parameter:
 
     `choices`: possible values of a parameter that is not continuous, with the names `choice_names`. `length`, `time`:
     exponents of its unit; the range (and a neutral value other than 0) is stated for a laboratory and scales with the
-    set-up, see `at`. `optional`: files may omit it, as those of earlier versions do."""
+    set-up, see `at`. `optional`: it only refines the effect; files may omit it, as those of earlier versions do."""
 
     name: str
     unit: str
@@ -122,6 +123,20 @@ class Effect:
     def camera(self) -> bool:
         """Whether it changes only the record, not the motion."""
         return self.origin == CAMERA
+
+    def without_refinement(self) -> Effect:
+        """The effect with its optional parameters neutral; itself if it has none."""
+        kept = [not q.optional for q in self.parameters]
+        if all(kept):
+            return self
+
+        def apply(world: World, values: Sequence[float]) -> World:
+            given = iter(values)
+            return self.apply(
+                world, [next(given) if own else q.neutral for q, own in zip(self.parameters, kept, strict=True)]
+            )
+
+        return replace(self, parameters=list(compress(self.parameters, kept)), apply=apply)
 
     def on_blocks(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
         """The world with the effect on some blocks; `values`: block -> values of the parameters. Only for an effect

@@ -281,3 +281,17 @@ def test_an_eccentric_mass_keeps_the_moment_of_inertia_about_the_centroid():
     small = replace(base.blocks["cube"], inertia_kg_m2=1e-3 * base.blocks["cube"].inertia_kg_m2)
     tiny = CATALOGUE["mass_eccentricity"].apply(replace(base, blocks={"cube": small}), (0.15, 0.15))
     assert 0.0 < tiny.blocks["cube"].inertia_kg_m2 < small.inertia_kg_m2
+
+
+def test_an_effect_without_its_refinement_is_the_effect_with_a_neutral_one():
+    refined = {name: effect for name, effect in CATALOGUE.items() if any(q.optional for q in effect.parameters)}
+    assert "scale_error" in refined
+    for effect in refined.values():
+        plain, values = effect.without_refinement(), {q.name: 0.7 * q.high + 0.3 * q.neutral for q in effect.parameters}
+        whole = [q.neutral if q.optional else values[q.name] for q in effect.parameters]
+        expected, found = (
+            own.apply(world(), v) for own, v in ((effect, whole), (plain, [values[q.name] for q in plain.parameters]))
+        )
+        assert found.view == expected.view and (found.contact == expected.contact).all()
+        assert len(plain.parameters) < len(effect.parameters)
+    assert all(CATALOGUE[name].without_refinement() is CATALOGUE[name] for name in CATALOGUE.keys() - refined)

@@ -22,7 +22,14 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as fault_codes
-from rock2d.kinematics.film_findings import FilmFindings, film_findings, flightless_remarks, rest_remarks, shape_remarks
+from rock2d.kinematics.film_findings import (
+    FilmFindings,
+    film_findings,
+    flightless_remarks,
+    rest_remarks,
+    shape_remarks,
+    slow_remarks,
+)
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -133,7 +140,7 @@ def diagnose(
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         if isinstance(data, FilmData):  # in the image that fits, as the findings
-            sanity.remarks += rest_remarks(data, sanity.registered or setup)
+            sanity.remarks += rest_remarks(data, sanity.registered or setup) + slow_remarks(data)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(

@@ -108,6 +108,20 @@ def rest_remarks(data: FilmSegments, world: World) -> list[str]:
     return lies_above + inclined_rest_remarks(data.rests, world)
 
 
+def slow_remarks(data: FilmSegments) -> list[str]:
+    """A remark on errors of the track that change slowly, if it has any."""
+    times = float(data.slow[:, X].max(initial=0.0))
+    if not times:
+        return []
+    of_flights = data.slow[:, X] * data.film.long_noise[X] * data.basis.level
+    off_mm = 1e3 * float(np.median(of_flights[data.slow[:, X] > 0.0]))
+    return [
+        f"in flights after a contact the track is off by about {off_mm:.1g} mm, {times:.0f} times as much as the noise "
+        "explains: dust, shadow or soil may pull the outline. All releases may share this error, and nothing is named "
+        "for it"
+    ]
+
+
 def inclined_rest_remarks(rests: RestPoses, world: World) -> list[str]:
     """A remark on each polygon whose side is clearly not parallel to the ground of a world at rest."""
     remarks = list[str]()

@@ -13,7 +13,7 @@ from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.kinematics.film_findings import flightless_remarks
+from rock2d.kinematics.film_findings import flightless_remarks, slow_remarks
 from rock2d.kinematics.flights import Flights, find_flights, flight_noise, load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -102,6 +102,8 @@ def test_errors_that_wander_after_a_contact_do_not_average_out():
         wandering.pose[later] += np.cumsum(rng.normal(size=(len(later), 3)) * [1e-5, 1e-5, 1e-3], axis=0)
     found = FilmData.of(wandering, setup_world(experiment))
     assert not found.slow[found.flights.follows < 0].any() and (found.slow[found.flights.follows >= 0] > 3.0).all()
+    (said,) = slow_remarks(found)
+    assert "off by about 0.0" in said and not slow_remarks(data)
     true = setup_world(experiment)
     exact = replace(found, film=load_film(film(world(), 12, seed=5, noise_m=0.0, noise_rad=0.0)))
     exact.film.noise = found.film.noise

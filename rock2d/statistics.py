@@ -86,6 +86,11 @@ def weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(passed, 0.5 * passed[-1])]) if passed[-1] > 0 else np.inf
 
 
+def noise_of_path(rows: Array) -> float:
+    """Noise, 1 sigma, of the rows (n, k) of a smooth path, from their second differences; few jumps do not count."""
+    return float(MAD_TO_SD / np.sqrt(6.0) * np.median(np.abs(np.diff(rows, 2, axis=0))))
+
+
 @cache
 def least_count(percentile: float) -> int:
     """The least number of values of which a percentile has a 95 % interval: 6, 72 and 368 for 50, 95 and 99 %."""

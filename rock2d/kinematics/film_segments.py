@@ -61,7 +61,9 @@ class FilmSegments:
 
     @classmethod
     def of(cls, film: Film, world: World) -> Self:
-        """Divide a film into segments in `world`, which is the stated one or that of `sanity.Sanity.registered`."""
+        """Divide a film into segments in `world`, which is the stated one or that of `sanity.Sanity.registered`.
+
+        `film.noise` and `film.long_noise` become those of its flights, without slow errors."""
         flights = find_flights(world, film)
         basis = flight_basis(film, flights)
         states = fit_states(world, film, flights, basis)

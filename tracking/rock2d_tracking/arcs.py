@@ -11,7 +11,7 @@ from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import Measured
 from rock2d.kinematics.segmentation import partition
 from rock2d.kinematics.window_gravity import GRAVITY_RATIO
-from rock2d.statistics import MAD_TO_SD, weighted_median
+from rock2d.statistics import noise_of_path, weighted_median
 from rock2d_tracking.candidates import CANDIDATE
 from rock2d_tracking.film_reading import CONSTANT_RATE, Clock
 
@@ -278,8 +278,9 @@ class _Search:
         if len(run) <= RECENT_FRAMES or not self._g_px_frame2:
             return [run]
         places, t = self._places[run], self._when[run] - self._when[run[0]]
-        uneven = MAD_TO_SD / np.sqrt(6.0) * float(np.median(np.abs(np.diff(places, 2, axis=0))))
-        noise = max(uneven, SMALLEST_PLACE_ERROR_RADII * float(np.sqrt(np.median(self._areas[run]) / np.pi)))
+        noise = max(
+            noise_of_path(places), SMALLEST_PLACE_ERROR_RADII * float(np.sqrt(np.median(self._areas[run]) / np.pi))
+        )
         data = np.column_stack([places - places[0], np.zeros(len(run))]) / noise
         g = self._g_px_frame2 / noise
         _, part = partition(t, data, np.array([0.0, 0.5 * g, 0.0]), np.full(3, 0.5 * abs(g)), FEWEST_ARC_FRAMES)

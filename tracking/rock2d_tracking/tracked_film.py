@@ -16,7 +16,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, find_flights, 
 from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import POSE_NAMES
-from rock2d.statistics import MAD_TO_SD
+from rock2d.statistics import noise_of_path
 from rock2d_tracking.film_tables import flights_table, impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
@@ -149,11 +149,10 @@ def renumber_dropped(sights: list[Sight], radius_px: float) -> int:
         places = np.nan_to_num([s.pose * [1.0, 1.0, radius_px] for s in seen])
         step, frames, middle = np.diff(places, axis=0), np.diff(at), 0.5 * (at[1:] + at[:-1])
         pace = step / frames[:, None]
-        uneven = np.diff(pace, 2, axis=0)
-        sigma = max(MAD_TO_SD / np.sqrt(6.0) * float(np.median(np.abs(uneven))), SMALLEST_STEP_SIGMA_PX)
+        sigma = max(noise_of_path(pace), SMALLEST_STEP_SIGMA_PX)
         for k in range(COMPARED_STEPS, len(step) - COMPARED_STEPS):
             sides = slice(k - COMPARED_STEPS, k), slice(k + 1, k + 1 + COMPARED_STEPS)
-            if (middle[sides[1]][-1] - middle[sides[0]][0]) > 2.0 * COMPARED_STEPS + frames[k] + COMPARED_STEPS:
+            if middle[k + COMPARED_STEPS] - middle[k - COMPARED_STEPS] > 3.0 * COMPARED_STEPS + frames[k]:
                 continue
             means = [pace[own].mean(axis=0) for own in sides]
             lines = [_pace_at(when, middle[own], pace[own]) for own, when in zip(sides, at[k : k + 2], strict=True)]

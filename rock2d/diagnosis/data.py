@@ -6,9 +6,9 @@ the next flight by the differences of pose and velocity at the beginning of that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from rock2d.diagnosis.quantities import (
     moving_quantities,
 )
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
-from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_segments import FilmSegments, LastValues
 from rock2d.kinematics.flights import block_clearances
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, FlightPairs, ImpactTable, ground_axes
-from rock2d.kinematics.states import RESIDUAL_DEGREES, States, move_freely
+from rock2d.kinematics.states import RESIDUAL_DEGREES, free_motion_key, move_freely
 from rock2d.kinematics.turned_ground import run_on_turned_ground
 from rock2d.records.columns import (
     AFTER,
@@ -72,6 +72,28 @@ class Residuals:
         return Residuals(np.nan_to_num(self.impacts - other.impacts), self.flights - other.flights)
 
 
+class Measured(NamedTuple):
+    """What a film shows in a world, whatever its contact law.
+
+    Attributes
+    ----------
+    starts : (n, 6) true states a little before each impact, with which simulations begin
+    moments_s : (n, k) true times after the beginning of the next flight at which outcomes are compared
+    instants_s : (n, k) the same times after the starts
+    poses : (n, k, 3) true poses then, from the next flight
+    units_m : (n, 2) true lengths along the ground and across it for a recorded length of 1 m
+    uncounted : (n,) whether the block turns so fast that its full turns cannot be counted
+    flights : residuals of flights and rests"""
+
+    starts: Array
+    moments_s: Array
+    instants_s: Array
+    poses: Array
+    units_m: Array
+    uncounted: Array
+    flights: Array
+
+
 @dataclass
 class FilmData(FilmSegments):
     """n impacts and m flights of a film. `step_fraction`: that of the simulated impacts, see `run_batch`.
@@ -85,6 +107,7 @@ class FilmData(FilmSegments):
     flight_release, flight_block : (m,) index of release and block of each flight, then of the rests of each block"""
 
     step_fraction: float = BATCH_STEP_FRACTION
+    _measured: LastValues[Measured] = field(default_factory=LastValues, init=False, repr=False, compare=False)
 
     def coarse(self) -> Self:
         """The same data with fewer steps in simulated impacts, for exploring."""
@@ -129,16 +152,40 @@ class FilmData(FilmSegments):
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
-        states = self.states(world)
-        start, instants = self.starts(world, states, shift), self.instants_s(world)
-        simulated = _simulated_poses(world, self.impacts, start, instants, self.step_fraction)
-        difference = self.outcomes(world, states, simulated - _measured_poses(world, self.impacts, states))
-        spin = np.fmax(*np.abs(states.middle[[self.impacts.before, self.impacts.after], OMEGA]))
-        unseen = spin * self._hidden_s * world.view.time_scale > UNSEEN_TURN_RAD  # full turns cannot be counted
-        difference[unseen, THETA] -= 2.0 * np.pi * np.round(difference[unseen, THETA] / (2.0 * np.pi))
-        seen = self.film.measured * self.film.noise / self._coefficient_noise
-        flights = [states.residuals * seen[..., None], as_rows_of_flights(self.rests.residuals(world))]
-        return Residuals(difference, np.concatenate(flights))
+        known = self.measured(world)
+        starts = known.starts if shift is None else known.starts + shift
+        simulated = _simulated_poses(world, self.impacts, starts, known.instants_s, self.step_fraction)
+        difference = self.outcomes(world, simulated - known.poses)
+        turns = difference[known.uncounted, THETA] / (2.0 * np.pi)
+        difference[known.uncounted, THETA] -= 2.0 * np.pi * np.round(turns)
+        return Residuals(difference, known.flights)
+
+    def measured(self, world: World) -> Measured:
+        """What the film shows in a world, whatever its contact law."""
+        key = free_motion_key(world), self.rests.key(world)
+        return self._measured.of(key, lambda: self._measure(world))
+
+    def _measure(self, world: World) -> Measured:
+        impacts, states, pace = self.impacts, self.states(world), world.view.time_scale
+        starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * pace)
+        recorded_s = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
+        block, after = (np.repeat(own, COMPARED_INSTANTS, axis=0) for own in (
+            impacts.block, states.middle[impacts.after],
+        ))  # fmt: skip
+        poses = move_freely(world, block, after, ((impacts.begin_s[:, None] + recorded_s) * pace).ravel())[:, POSE]
+        along = impacts.tangent
+        units_m = np.column_stack([
+            world.view.true_per_recorded(states.middle[impacts.after], direction)
+            for direction in (along, np.column_stack([-along[:, Y], along[:, X]]))
+        ])  # fmt: skip
+        spin = np.fmax(*np.abs(states.middle[[impacts.before, impacts.after], OMEGA]))
+        noise = self.film.measured * self.film.noise / self._coefficient_noise
+        flights = [states.residuals * noise[..., None], as_rows_of_flights(self.rests.residuals(world))]
+        return Measured(
+            starts, recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
+            poses.reshape(len(impacts), COMPARED_INSTANTS, N_POSE), units_m,
+            spin * self._hidden_s * pace > UNSEEN_TURN_RAD, np.concatenate(flights),
+        )  # fmt: skip
 
     @cached_property
     def _coefficient_noise(self) -> Array:
@@ -153,25 +200,13 @@ class FilmData(FilmSegments):
         last = basis.frames[basis.start[self.impacts.after]]
         return np.array([np.diff(t_s[a : b + 1]).max() for a, b in zip(first, last, strict=True)], float)
 
-    def starts(self, world: World, states: States, shift: Array | None = None) -> Array:
-        """(n, 6) true states a little before each impact, with which simulations begin."""
-        impacts = self.impacts
-        starts = move_freely(
-            world, impacts.block, states.middle[impacts.before], impacts.start_s * world.view.time_scale
-        )
-        return starts if shift is None else starts + shift
-
-    def instants_s(self, world: World) -> Array:
-        """(n, k) true times after the starts at which outcomes are compared."""
-        return (self.impacts.wait_s[:, None] + _moments_s(self.impacts)) * world.view.time_scale
-
-    def outcomes(self, world: World, states: States, difference: Array) -> Array:
-        """Residuals (n, 6), in the camera's units, from differences of true poses (n, k, 3) at the instants."""
-        difference = _level_and_rate(self.impacts.tangent, _moments_s(self.impacts) * world.view.time_scale, difference)
-        at, along = states.middle[self.impacts.after], self.impacts.tangent
-        across = np.column_stack([-along[:, Y], along[:, X]])
-        for c, direction in ((ALONG, along), (ACROSS, across)):
-            difference[:, [c, VX + c]] /= world.view.true_per_recorded(at, direction)[:, None]
+    def outcomes(self, world: World, difference: Array) -> Array:
+        """Residuals (n, 6), in the camera's units, from differences of true poses (n, k, 3) at the compared
+        instants."""
+        known = self.measured(world)
+        difference = _level_and_rate(self.impacts.tangent, known.moments_s, difference)
+        for c in (ALONG, ACROSS):
+            difference[:, [c, VX + c]] /= known.units_m[:, [c]]
         difference[:, RATES] *= world.view.time_scale
         no_angle = self.unknown_spin[self.impacts.after] > 0.0
         difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # not measured
@@ -393,21 +428,6 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
         ).samples
     samples[~possible] = np.nan
     return samples
-
-
-def _moments_s(impacts: FlightPairs) -> Array:
-    """(n, k) recorded times after the beginnings of the next flights at which outcomes are compared."""
-    return np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
-
-
-def _measured_poses(world: World, impacts: FlightPairs, states: States) -> Array:
-    """(n, k, 3) true poses at the compared instants, from the measured flights."""
-    return move_freely(
-        world,
-        np.repeat(impacts.block, COMPARED_INSTANTS),
-        np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),
-        ((impacts.begin_s[:, None] + _moments_s(impacts)) * world.view.time_scale).ravel(),
-    )[:, POSE].reshape(len(impacts), COMPARED_INSTANTS, N_POSE)
 
 
 def _level_and_rate(tangent: Array, t: Array, difference: Array) -> Array:

@@ -26,8 +26,8 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
     if not (isinstance(data, FilmData) and count):
         return np.zeros((count, data.outcome_noise().shape[-1], size))
     world, shift = model.acting(p, data.impact_order)
-    states, instants_s = data.states(world), data.instants_s(world)
-    starts = data.starts(world, states, shift)
+    known = data.measured(world)
+    starts, instants_s = known.starts if shift is None else known.starts + shift, known.instants_s
     possible = np.isfinite(starts).all(axis=1)
     starts, instants_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], instants_s, 0.0)
     second_s, left = _second_strikes(world, data, starts, instants_s)
@@ -49,7 +49,7 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
         same, *changed = np.split(poses, len(worlds))
         for k, (pose, step) in enumerate(zip(changed, steps, strict=True)):
             changes[own, ..., k] = (pose - same) / step
-    return np.nan_to_num(np.stack([data.outcomes(world, states, changes[..., k]) for k in range(size)], axis=-1))
+    return np.nan_to_num(np.stack([data.outcomes(world, changes[..., k]) for k in range(size)], axis=-1))
 
 
 def _second_strikes(world: World, data: FilmData, starts: Array, instants_s: Array) -> tuple[Array, Array]:

@@ -38,6 +38,7 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 FIRST_KNOTS = 4096  # first room for the knots of a track
+CACHED_ENSEMBLES = 8  # ensembles whose packed blocks and cross-sections are kept
 KNOTS_PER_IMPACT = 64  # knots per impact for which there is room
 BATCH_STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
 PACKED_MASS, PACKED_INERTIA = 2, 3  # columns of Packed.block_reals
@@ -105,18 +106,25 @@ class BatchResult(NamedTuple):
 
 def pack(ensemble: Ensemble) -> Packed:
     """Flat arrays of an ensemble."""
-    blocks = [block_arrays(b) for b in ensemble.blocks]
-    grounds = [ground_arrays(c) for c in ensemble.cross_sections]
-    trees = [_tree(c) for c in ensemble.cross_sections]
-    lines = np.full((len(grounds), max(len(c.measure_lines) for c in ensemble.cross_sections), 4), np.nan)
-    for i, cross_section in enumerate(ensemble.cross_sections):
+    shapes = _packed_shapes(tuple(ensemble.blocks), tuple(ensemble.cross_sections))
+    return Packed._make((*shapes, _tables(ensemble)))
+
+
+@lru_cache(CACHED_ENSEMBLES)
+def _packed_shapes(of_blocks: tuple[Block, ...], cross_sections: tuple[CrossSection, ...]) -> tuple[Array, ...]:
+    """The fields of `Packed` without the tables."""
+    blocks = [block_arrays(b) for b in of_blocks]
+    grounds = [ground_arrays(c) for c in cross_sections]
+    trees = [_tree(c) for c in cross_sections]
+    lines = np.full((len(grounds), max(len(c.measure_lines) for c in cross_sections), 4), np.nan)
+    for i, cross_section in enumerate(cross_sections):
         for k, line in enumerate(cross_section.measure_lines.values()):
             lines[i, k] = line.reshape(4)
 
     def starts(lengths: list[int]) -> Array:
         return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
-    return Packed(
+    return (
         np.concatenate([b.sides for b in blocks]),
         starts([len(b.sides) for b in blocks]),
         np.concatenate([b.air for b in blocks]),
@@ -131,7 +139,6 @@ def pack(ensemble: Ensemble) -> Packed:
         starts([len(t) for t in trees]),
         np.array([[g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m, g.facets[:, CONVEX].sum()] for g in grounds]),
         lines,
-        _tables(ensemble),
     )
 
 
@@ -278,7 +285,8 @@ def _contact_steps(
 ) -> Array:
     """(n, 2) contact steps in s of every release."""
     if len(tables) == 1:
-        each = [contact_step.contact_steps_s(block, tables[0], fraction) for block in blocks]
+        stiffest = contact_step.Stiffest.of(tables[0])
+        each = [stiffest.steps_s(block, fraction) for block in blocks]
         return np.array(each, float)[block_ids]
     steps = np.empty((len(block_ids), 2))
     for b in np.unique(block_ids):

@@ -4,7 +4,7 @@ The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *
 step, features do not change, and the law is evaluated at four Runge-Kutta stages. `trial_step` ends the step at the
 first event. Without contacts a step is exact."""
 
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -63,25 +63,42 @@ FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation th
 
 
 def contact_steps_s(block: Block, tables: np.ndarray, fraction: float = FINE_STEP_FRACTION) -> tuple[Any, Any]:
-    """Contact steps in s: (while every contact is in first loading, otherwise).
+    """Contact steps in s, see `Stiffest.steps_s`: for parameters (zones, columns) two numbers; for tables (n, zones,
+    columns) two (n,) arrays."""
+    return Stiffest.of(tables).steps_s(block, fraction)
 
-    A step covers the phase `fraction` in rad of the stiffest oscillation, ω² = k (1/m + r²/I), with the largest lever r
-    of the force; the normal force of a circle has no lever. Damping c of effects counts as the rate c (1/m + r²/I). For
-    parameters (zones, columns) two numbers; for tables (n, zones, columns) two (n,) arrays."""
-    lever = block.reach_m
-    if block.smooth:
-        lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) + float(np.hypot(*block.centre_of_mass_m))
-    inverse_mass_n = 1 / block.mass_kg + lever**2 / block.inertia_kg_m2
-    inverse_mass_t = 1 / block.mass_kg + block.reach_m**2 / block.inertia_kg_m2
 
-    def greatest(values: np.ndarray) -> Any:
-        return np.fmax.reduce(values, axis=-1)  # zones that a table lacks are NaN
+class Stiffest(NamedTuple):
+    """Largest stiffnesses of all zones in N/m, `k_r` in N m/rad, and largest `damping_Ns_m`."""
 
-    tangential = greatest(tables[..., K_T]) * inverse_mass_t
-    others = np.maximum(tangential, greatest(tables[..., K_R]) / block.inertia_kg_m2)
-    damping = (greatest(damping_Ns_m(tables)) * inverse_mass_t) ** 2
-    loading, unloading = (np.maximum(greatest(tables[..., k]) * inverse_mass_n, others) for k in (K_L, K_UL))
-    return fraction / np.sqrt(loading + damping), fraction / np.sqrt(unloading + damping)
+    k_l: Any
+    k_ul: Any
+    k_t: Any
+    k_r: Any
+    damping: Any
+
+    @classmethod
+    def of(cls, tables: np.ndarray) -> Self:
+        """Those of parameters (zones, columns), or of each of tables (n, zones, columns)."""
+        columns = [tables[..., k] for k in (K_L, K_UL, K_T, K_R)]
+        # zones that a table lacks are NaN
+        return cls(*(np.fmax.reduce(values, axis=-1) for values in (*columns, damping_Ns_m(tables))))
+
+    def steps_s(self, block: Block, fraction: float) -> tuple[Any, Any]:
+        """Contact steps in s: (while every contact is in first loading, otherwise).
+
+        A step covers the phase `fraction` in rad of the stiffest oscillation, ω² = k (1/m + r²/I), with the largest
+        lever r of the force; the normal force of a circle has no lever. Damping c of effects counts as the rate
+        c (1/m + r²/I)."""
+        lever = block.reach_m
+        if block.smooth:
+            lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) + float(np.hypot(*block.centre_of_mass_m))
+        inverse_mass_n = 1 / block.mass_kg + lever**2 / block.inertia_kg_m2
+        inverse_mass_t = 1 / block.mass_kg + block.reach_m**2 / block.inertia_kg_m2
+        others = np.maximum(self.k_t * inverse_mass_t, self.k_r / block.inertia_kg_m2)
+        damping = (self.damping * inverse_mass_t) ** 2
+        loading, unloading = (np.maximum(k * inverse_mass_n, others) for k in (self.k_l, self.k_ul))
+        return fraction / np.sqrt(loading + damping), fraction / np.sqrt(unloading + damping)
 
 
 @kernel

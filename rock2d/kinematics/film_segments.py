@@ -1,8 +1,9 @@
 """Flights and impacts of a film with measured states, without a model of contact."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
+from functools import partial
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -23,12 +24,26 @@ from rock2d.records.columns import N_POSE, N_STATE, OMEGA, POSITION, RATES, THET
 from rock2d.scene.world import World
 from rock2d.statistics import MAD_TO_SD
 
-KEPT_STATES = 4  # worlds whose states are kept
+Value = TypeVar("Value")
+
+KEPT_VALUES = 4
 # degrees of a flight's residuals that show slow errors: forces reach the lower ones
 SLOW_DEGREES = np.arange(4, 2 + RESIDUAL_DEGREES)
 FEWEST_SLOW_FLIGHTS = 8
 MEDIAN_ERROR = 1.17  # standard error of the median size of n normal numbers, over that size, times √n
 CLEARLY_SLOW = 4.0  # standard errors by which they must exceed the noise
+
+
+class LastValues(dict[Hashable, Value]):
+    """Values of the last KEPT_VALUES keys."""
+
+    def of(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """The value of a key, made if it is not known."""
+        if key not in self:
+            if len(self) >= KEPT_VALUES:
+                del self[next(iter(self))]
+            self[key] = make()
+        return self[key]
 
 
 @dataclass
@@ -57,7 +72,7 @@ class FilmSegments:
     slow: Array
     order: Array
     rests: RestPoses
-    _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _states: LastValues[States] = field(default_factory=LastValues, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, film: Film, world: World) -> Self:
@@ -94,12 +109,8 @@ class FilmSegments:
 
     def states(self, world: World) -> States:
         """The states of the flights in a world; they do not depend on the ground."""
-        key = free_motion_key(world)
-        if key not in self._states:
-            if len(self._states) >= KEPT_STATES:
-                del self._states[next(iter(self._states))]
-            self._states[key] = fit_states(world, self.film, self.flights, self.basis)
-        return self._states[key]
+        make = partial(fit_states, world, self.film, self.flights, self.basis)
+        return self._states.of(free_motion_key(world), make)
 
     def states_at(self, world: World, which: Array, dt: Array) -> Array:
         """(n, 6) true states of flights `which` in a world, at recorded instants dt (n,) from their middle."""

@@ -5,6 +5,7 @@ any law of contact whether ground, scale and tracked angle are as stated."""
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -81,6 +82,11 @@ class RestPoses:
     def first_release(self) -> Array:
         """(k,) first release with a rest of each of `blocks`."""
         return np.array([self.release[self.block == b][0] for b in self.blocks], np.int64)
+
+    def key(self, world: World) -> Hashable:
+        """Key of everything in a world on which `residuals` depend."""
+        profiles = [(block.semi_axes_m, block.corners_m.tobytes()) for block in world.blocks.values()]
+        return world.view, world.cross_section.points_m.tobytes(), tuple(profiles)
 
     def residuals(self, world: World) -> Array:
         """(k, 3) mean height, mean angle, and slope of the line of rests along the ground, of each of `blocks` in a

@@ -24,9 +24,9 @@ def fitted():
 def test_the_soil_of_later_strikes_acts_where_there_are_later_strikes(fitted):
     data, base = fitted
     true = base.model.world(base.p, data.impact_order)
-    instants_s = data.instants_s(true)
+    known = data.measured(true)
     strikes = run_world(
-        true, data.starts(true, data.states(true)), data.impact_block, time_limit_s=instants_s[:, -1], impact_room=4,
+        true, known.starts, data.impact_block, time_limit_s=known.instants_s[:, -1], impact_room=4,
         step_fraction=data.step_fraction,
     ).impact_count  # fmt: skip
     later = np.abs(by_later_strikes(base.model, base.p, data, np.full(5, 0.02))).max(axis=(1, 2))
@@ -40,9 +40,9 @@ def test_what_is_left_is_the_soil_of_the_first_strike(fitted):
     data, base = fitted
     true, step = base.model.world(base.p, data.impact_order), 0.02 * (np.arange(5) == BASE_MU)
     other = base.model.world(base.p + step, data.impact_order)
-    states, instants_s = data.states(true), data.instants_s(true)
+    known = data.measured(true)
+    starts, instants_s = known.starts, known.instants_s
     block, limits_s, options = data.impact_block, instants_s[:, -1] + 1e-9, {"step_fraction": data.step_fraction}
-    starts = data.starts(true, states)
     second_s = run_world(other, starts, block, time_limit_s=limits_s, impact_limit=2, impact_room=2, **options).impacts[
         :, 1, I_TIME
     ]
@@ -54,7 +54,7 @@ def test_what_is_left_is_the_soil_of_the_first_strike(fitted):
     )
     poses = np.where((instants_s > split_s[:, None])[..., None], onward.samples, first.samples)
     level = run_world(true, starts, block, time_limit_s=limits_s, times_s=instants_s, **options).samples
-    change = data.outcomes(true, states, poses - level) / 0.02
+    change = data.outcomes(true, poses - level) / 0.02
     jacobian = base.jacobian
     expected = (jacobian.scatter - jacobian.later)[..., BASE_MU]
     several = np.isfinite(second_s)

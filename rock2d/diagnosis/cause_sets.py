@@ -17,7 +17,14 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, load_fit, rests_z, save_fit
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explore_on_some, fit_effects, total_on_some
+from rock2d.diagnosis.exploring import (
+    REFIT_GAIN,
+    Explored,
+    explore_on_some,
+    fit_effects,
+    narrowed_starts,
+    total_on_some,
+)
 from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
@@ -58,7 +65,8 @@ class Search:
     folder : keeps finished fits
     known : names -> fitted set
     best : the best set so far
-    expected : names of a set -> gain that screening expects of each further effect"""
+    expected : names of a set -> gain that screening expects of each further effect
+    reduced : (names of a set, member) from which the set without the member was fitted"""
 
     data: Data
     effects: Mapping[str, Effect]
@@ -69,9 +77,10 @@ class Search:
     known: dict[Names, Validated] = field(init=False)
     best: Validated = field(init=False)
     expected: dict[Names, dict[str, Expected]] = field(init=False)
+    reduced: set[tuple[Names, str]] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.known, self.best, self.expected = {frozenset(): self.base}, self.base, {}
+        self.known, self.best, self.expected, self.reduced = {frozenset(): self.base}, self.base, {}, set()
 
     def try_alone(self) -> None:
         """Fit the base law with each effect alone. All are explored first, so that a fit far behind another one ends
@@ -106,10 +115,23 @@ class Search:
                 self._grow()
 
     def without(self, cause_set: Validated) -> dict[str, Validated]:
-        """The sets that leave out one member each; name of the member -> set."""
-        missing = [name for name in sorted(cause_set.names) if cause_set.names - {name} not in self.known]
-        self._fit([Reduction(cause_set.fit, name) for name in missing])
-        return {name: self.known[cause_set.names - {name}] for name in sorted(cause_set.names)}
+        """The sets that leave out one member each; name of the member -> set.
+
+        Known ones that fit much worse are fitted again from this set, once: what the member seems to gain may be the
+        way out of a worse optimum."""
+        smaller = {name: cause_set.names - {name} for name in sorted(cause_set.names)}
+        self._fit([Reduction(cause_set.fit, name) for name, names in smaller.items() if names not in self.known])
+        least = cause_set.fit.total() - REFIT_GAIN
+        again = [
+            name for name, names in smaller.items()
+            if names and self.known[names].fit.total() < least and (cause_set.names, name) not in self.reduced
+        ]  # fmt: skip
+        self.reduced |= {(cause_set.names, name) for name in smaller}
+        for own in self._results([Reduction(cause_set.fit, name) for name in again]):
+            if own.fit.total() > self.known[own.names].fit.total() + REFIT_GAIN:
+                self.known[own.names] = own
+                self.expected.pop(own.names, None)
+        return {name: self.known[names] for name, names in smaller.items()}
 
     def find_rivals(self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
@@ -181,6 +203,10 @@ class Search:
                 return
             previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
             self._prune(self.best.names - previous.names)
+            refitted = self.known[previous.names]
+            if refitted is not previous and not self.gain(self.best, refitted).significant_addition:
+                self.best = refitted
+                seen.remove(refitted.names)
 
     def _promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
@@ -301,7 +327,9 @@ class _Addition:
 
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
-            return fit(self.model, data, self.start, self.before, Convergence(rival_total=self.rival_total))
+            starts, convergence = [self.start], Convergence(rival_total=self.rival_total)
+            starts += narrowed_starts(self.model, data.coarse(), self.before)
+            return max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
         found = self.found or explore_on_some(self.model, data, self.before)
         return fit_effects(self.model, data, self.before, found, self.rival_total)
 

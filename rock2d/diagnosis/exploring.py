@@ -17,6 +17,7 @@ from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import (
     LARGEST_CHI_SQUARE,
+    chi_square,
     flight_log_likelihood,
     log_likelihood,
     normal_equations,
@@ -26,6 +27,13 @@ from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, scatter_p
 
 BASE_STARTS = 2  # places from which the law is fitted
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
+# Share of the impacts that the widest covariance brings within one standard error, if that takes more than WIDE_SCAN.
+# Its factor is then narrowed by these powers.
+SEEN_SHARE, NARROWING = 0.8, (1.0, 2.0 / 3.0, 1.0 / 3.0)
+WIDE_STARTS, MOST_WIDE_POINTS = (
+    2,
+    6,
+)  # places from which it is narrowed, and binary logarithm of the most that are tried
 SCAN_VALUES = 9  # tried values of a parameter in a scan
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
@@ -92,9 +100,10 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
 
 def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. An effect with optional parameters is also explored without them: a scan of all can end
-    at a pair of wrong values. For an effect with a compulsory choice, fits from a grid of the law follow, because
-    `base` has adapted to the other choice. If the best fit gains enough, scans around it follow.
+    reacts to large residuals; see also `narrowed_starts`. An effect with optional parameters is also explored without
+    them: a scan of all can end at a pair of wrong values. For an effect with a compulsory choice, fits from a grid of
+    the law follow, because `base` has adapted to the other choice. If the best fit gains enough, scans around it
+    follow.
 
     The fits keep the derivatives of `base`: they only provide a start."""
     start, cached = extended(base, model), CachedResiduals(model, data)
@@ -103,7 +112,7 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
         p = scan(cached, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in [start, *starts]):
             starts.append(p)
-    starts += _starts_without_refinement(model, data, base)
+    starts += narrowed_starts(model, data, base) + _starts_without_refinement(model, data, base)
     fits = [_short_fit(cached, p, base) for p in starts]
     fits += [fit(model, data, p, convergence=FEW_ROUNDS) for p in _starts_with_choices(model, data)]
     best = max(fits, key=Fit.total)
@@ -116,6 +125,42 @@ def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:
             break
         best = other
     return best
+
+
+def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
+    """Ends of short fits with covariances that are wide at first, as starts; none if `base` is near most impacts.
+
+    The likelihood is nearly the same for all impacts that are many standard errors away, so it does not show a fit the
+    way to them. A wide covariance does. The fits begin at the best of some points of the last effect's parameters."""
+    covariance, d = base.covariance(), base.residuals.impacts.shape[1]
+    misfit = np.quantile(chi_square(base.residuals.impacts, covariance, np.inf) / d, SEEN_SHARE)
+    own = sorted({*range(len(base.p), model.size)} - {*scatter_positions(model)})
+    if not (misfit > WIDE_SCAN and own):
+        return []
+    start = extended(base, model)
+    points = [start, *_spread_points(model, start, own)]
+    totals = [_total(model.residuals(p, data), misfit * covariance) for p in points]
+    starts = [points[k] for k in np.argsort(totals)[-WIDE_STARTS:]]
+    for power in NARROWING:
+        wide = replace(base, jacobian=replace(base.jacobian, covariance=misfit**power * covariance))
+        starts = [fit(model, data, p, wide, FEW_ROUNDS).p for p in starts]
+    return starts
+
+
+def _spread_points(model: Model, start: Array, own: Sequence[int]) -> list[Array]:
+    """`start` with other values of the parameters at the positions `own`, spread evenly over their bounds or choices:
+    Sobol (1967, USSR Comput. Math. Math. Phys. 7(4), 86-112)."""
+    from scipy.stats.qmc import Sobol  # takes over a second to import
+
+    shares = Sobol(len(own), seed=0).random_base2(min(2 + len(own), MOST_WIDE_POINTS))
+    (low, high), parameters = model.bounds(), [q for each in model.parameters for q in each]
+    points = np.tile(start, (len(shares), 1))
+    points[:, own] = low[own] + shares * (high - low)[own]
+    for k, share in zip(own, shares.T, strict=True):
+        if choices := parameters[k - len(BASE_WIDTH)].choices:
+            values = np.array([to_scale(parameters[k - len(BASE_WIDTH)], v) for v in choices])
+            points[:, k] = values[(share * len(values)).astype(int)]
+    return list(points)
 
 
 def _starts_without_refinement(model: Model, data: Data, base: Fit) -> list[Array]:
@@ -197,11 +242,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
     parameters = [q for own in model.parameters for q in own]
     first = model.size - len(parameters)
 
-    def value(residuals: Residuals) -> float:
-        impacts = log_likelihood(residuals.impacts, covariance).sum()
-        return float(impacts + flight_log_likelihood(residuals.flights).sum())
-
-    best = value(cached.residuals(p))
+    best = _total(cached.residuals(p), covariance)
     for k, parameter in enumerate(parameters, first):
         if k in scatter_positions(model):
             continue
@@ -211,16 +252,22 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
         adapted: list[tuple[float, Array]] = []
         for trial in trials:
             residuals = cached.residuals(trial)
-            total = value(residuals)
+            total = _total(residuals, covariance)
             if total > best:
                 best, p = total, trial
             if jacobian is not None:
                 step, after = _base_step(model, trial, residuals, jacobian, covariance)
-                adapted.append((value(after), np.clip(trial - step, low, high)))
+                adapted.append((_total(after, covariance), np.clip(trial - step, low, high)))
         expected, other = max(adapted, key=lambda pair: pair[0], default=(-np.inf, p))
-        if expected > best and (total := value(cached.residuals(other))) > best:
+        if expected > best and (total := _total(cached.residuals(other), covariance)) > best:
             best, p = total, other
     return p
+
+
+def _total(residuals: Residuals, covariance: Array) -> float:
+    """Log likelihood of all impacts and flights, up to a constant."""
+    flights = flight_log_likelihood(residuals.flights)
+    return float(log_likelihood(residuals.impacts, covariance).sum() + flights.sum())
 
 
 def _base_step(

@@ -39,11 +39,12 @@ def log_likelihood(r: Array, covariance: Array) -> Array:
     return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(chi2 / IMPACT_STUDENT_DF)
 
 
-def chi_square(r: Array, covariance: Array) -> Array:
-    """(n,) chi-square of impacts, at most LARGEST_CHI_SQUARE. An impact that cannot be simulated gets that value."""
+def chi_square(r: Array, covariance: Array, largest: float = LARGEST_CHI_SQUARE) -> Array:
+    """(n,) chi-square of impacts; LARGEST_CHI_SQUARE if it is not below `largest`, or the impact cannot be
+    simulated."""
     tame = np.nan_to_num(r, nan=0.0, posinf=0.0, neginf=0.0)
     chi2 = np.einsum("ni,ni->n", tame, np.linalg.solve(covariance, tame[..., None])[..., 0])
-    return np.where(np.isfinite(r).all(axis=1) & (chi2 < LARGEST_CHI_SQUARE), chi2, LARGEST_CHI_SQUARE)
+    return np.where(np.isfinite(r).all(axis=1) & (chi2 < largest), chi2, LARGEST_CHI_SQUARE)
 
 
 def flight_log_likelihood(r: Array) -> Array:

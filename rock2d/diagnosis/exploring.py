@@ -27,9 +27,9 @@ from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, scatter_p
 
 BASE_STARTS = 2  # places from which the law is fitted
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
-# Share of the impacts that the widest covariance brings within one standard error, if that takes more than WIDE_SCAN.
-# Its factor is then narrowed by these powers.
-SEEN_SHARE, NARROWING = 0.8, (1.0, 2.0 / 3.0, 1.0 / 3.0)
+# Share of the impacts that the widest covariance brings within one standard error, and the factor that this must take.
+# The factor is then narrowed by these powers.
+SEEN_SHARE, FAR_MISFIT, NARROWING = 0.8, 1e3, (1.0, 2.0 / 3.0, 1.0 / 3.0)
 WIDE_STARTS, MOST_WIDE_POINTS = (
     2,
     6,
@@ -135,7 +135,7 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
     covariance, d = base.covariance(), base.residuals.impacts.shape[1]
     misfit = np.quantile(chi_square(base.residuals.impacts, covariance, np.inf) / d, SEEN_SHARE)
     own = sorted({*range(len(base.p), model.size)} - {*scatter_positions(model)})
-    if not (misfit > WIDE_SCAN and own):
+    if not (misfit > FAR_MISFIT and own):
         return []
     start = extended(base, model)
     points = [start, *_spread_points(model, start, own)]

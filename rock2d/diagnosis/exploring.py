@@ -132,8 +132,10 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
 
     The likelihood is nearly the same for all impacts that are many standard errors away, so it does not show a fit the
     way to them. A wide covariance does. The fits begin at the best of some points of the last effect's parameters."""
-    covariance, d = base.covariance(), base.residuals.impacts.shape[1]
-    misfit = np.quantile(chi_square(base.residuals.impacts, covariance, np.inf) / d, SEEN_SHARE)
+    covariance, r = base.covariance(), base.residuals.impacts
+    simulated = np.isfinite(r).all(axis=1)
+    chi2 = chi_square(r[simulated], covariance[simulated], np.inf)
+    misfit = np.quantile(chi2, SEEN_SHARE) / r.shape[1] if len(chi2) else 0.0
     own = sorted({*range(len(base.p), model.size)} - {*scatter_positions(model)})
     if not (misfit > FAR_MISFIT and own):
         return []

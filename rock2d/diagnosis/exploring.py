@@ -23,7 +23,7 @@ from rock2d.diagnosis.likelihood import (
     normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, scatter_positions, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, choice_positions, scatter_positions, to_scale
 
 BASE_STARTS = 2  # places from which the law is fitted
 WIDE_SCAN = 10.0  # factor on the variance of the second scan
@@ -136,7 +136,7 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
     simulated = np.isfinite(r).all(axis=1)
     chi2 = chi_square(r[simulated], covariance[simulated], np.inf)
     misfit = np.quantile(chi2, SEEN_SHARE) / r.shape[1] if len(chi2) else 0.0
-    own = sorted({*range(len(base.p), model.size)} - {*scatter_positions(model)})
+    own = sorted({*range(len(base.p), model.size)} - {*scatter_positions(model), *choice_positions(model)})
     if not (misfit > FAR_MISFIT and own):
         return []
     start = extended(base, model)
@@ -150,18 +150,14 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
 
 
 def _spread_points(model: Model, start: Array, own: Sequence[int]) -> list[Array]:
-    """`start` with other values of the parameters at the positions `own`, spread evenly over their bounds or choices:
-    Sobol (1967, USSR Comput. Math. Math. Phys. 7(4), 86-112)."""
+    """`start` with other values of the parameters at the positions `own`, spread evenly over their bounds: Sobol (1967,
+    USSR Comput. Math. Math. Phys. 7(4), 86-112)."""
     from scipy.stats.qmc import Sobol  # takes over a second to import
 
     shares = Sobol(len(own), seed=0).random_base2(min(2 + len(own), MOST_WIDE_POINTS))
-    (low, high), parameters = model.bounds(), [q for each in model.parameters for q in each]
+    low, high = model.bounds()
     points = np.tile(start, (len(shares), 1))
     points[:, own] = low[own] + shares * (high - low)[own]
-    for k, share in zip(own, shares.T, strict=True):
-        if choices := parameters[k - len(BASE_WIDTH)].choices:
-            values = np.array([to_scale(parameters[k - len(BASE_WIDTH)], v) for v in choices])
-            points[:, k] = values[(share * len(values)).astype(int)]
     return list(points)
 
 

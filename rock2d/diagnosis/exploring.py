@@ -30,10 +30,8 @@ WIDE_SCAN = 10.0  # factor on the variance of the second scan
 # Share of the impacts that the widest covariance brings within one standard error, and the factor that this must take.
 # The factor is then narrowed by these powers.
 SEEN_SHARE, FAR_MISFIT, NARROWING = 0.8, 1e3, (1.0, 2.0 / 3.0, 1.0 / 3.0)
-WIDE_STARTS, MOST_WIDE_POINTS = (
-    2,
-    6,
-)  # places from which it is narrowed, and binary logarithm of the most that are tried
+WIDE_STARTS = 2  # places from which it is narrowed
+MOST_WIDE_POINTS = 6  # binary logarithm of the largest number of places that are tried
 SCAN_VALUES = 9  # tried values of a parameter in a scan
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain

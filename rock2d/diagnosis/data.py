@@ -72,7 +72,7 @@ class Residuals:
         return Residuals(np.nan_to_num(self.impacts - other.impacts), self.flights - other.flights)
 
 
-class Measured(NamedTuple):
+class Observed(NamedTuple):
     """What a film shows in a world, whatever its contact law.
 
     Attributes
@@ -107,7 +107,7 @@ class FilmData(FilmSegments):
     flight_release, flight_block : (m,) index of release and block of each flight, then of the rests of each block"""
 
     step_fraction: float = BATCH_STEP_FRACTION
-    _measured: LastValues[Measured] = field(default_factory=LastValues, init=False, repr=False, compare=False)
+    _observed: LastValues[Observed] = field(default_factory=LastValues, init=False, repr=False, compare=False)
 
     def coarse(self) -> Self:
         """The same data with fewer steps in simulated impacts, for exploring."""
@@ -152,7 +152,7 @@ class FilmData(FilmSegments):
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
-        known = self.measured(world)
+        known = self.observed(world)
         starts = known.starts if shift is None else known.starts + shift
         simulated = _simulated_poses(world, self.impacts, starts, known.instants_s, self.step_fraction)
         difference = self.outcomes(world, simulated - known.poses)
@@ -160,12 +160,12 @@ class FilmData(FilmSegments):
         difference[known.uncounted, THETA] -= 2.0 * np.pi * np.round(turns)
         return Residuals(difference, known.flights)
 
-    def measured(self, world: World) -> Measured:
+    def observed(self, world: World) -> Observed:
         """What the film shows in a world, whatever its contact law."""
         key = free_motion_key(world), self.rests.key(world)
-        return self._measured.of(key, lambda: self._measure(world))
+        return self._observed.of(key, lambda: self._observe(world))
 
-    def _measure(self, world: World) -> Measured:
+    def _observe(self, world: World) -> Observed:
         impacts, states, pace = self.impacts, self.states(world), world.view.time_scale
         starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * pace)
         recorded_s = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
@@ -181,7 +181,7 @@ class FilmData(FilmSegments):
         spin = np.fmax(*np.abs(states.middle[[impacts.before, impacts.after], OMEGA]))
         noise = self.film.measured * self.film.noise / self._coefficient_noise
         flights = [states.residuals * noise[..., None], as_rows_of_flights(self.rests.residuals(world))]
-        return Measured(
+        return Observed(
             starts, recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
             poses.reshape(len(impacts), COMPARED_INSTANTS, N_POSE), units_m,
             spin * self._hidden_s * pace > UNSEEN_TURN_RAD, np.concatenate(flights),
@@ -203,7 +203,7 @@ class FilmData(FilmSegments):
     def outcomes(self, world: World, difference: Array) -> Array:
         """Residuals (n, 6), in the camera's units, from differences of true poses (n, k, 3) at the compared
         instants."""
-        known = self.measured(world)
+        known = self.observed(world)
         difference = _level_and_rate(self.impacts.tangent, known.moments_s, difference)
         for c in (ALONG, ACROSS):
             difference[:, [c, VX + c]] /= known.units_m[:, [c]]

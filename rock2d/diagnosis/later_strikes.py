@@ -26,7 +26,7 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
     if not (isinstance(data, FilmData) and count):
         return np.zeros((count, data.outcome_noise().shape[-1], size))
     world, shift = model.acting(p, data.impact_order)
-    known = data.measured(world)
+    known = data.observed(world)
     starts, instants_s = known.starts if shift is None else known.starts + shift, known.instants_s
     possible = np.isfinite(starts).all(axis=1)
     starts, instants_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], instants_s, 0.0)

@@ -24,7 +24,7 @@ def fitted():
 def test_the_soil_of_later_strikes_acts_where_there_are_later_strikes(fitted):
     data, base = fitted
     true = base.model.world(base.p, data.impact_order)
-    known = data.measured(true)
+    known = data.observed(true)
     strikes = run_world(
         true, known.starts, data.impact_block, time_limit_s=known.instants_s[:, -1], impact_room=4,
         step_fraction=data.step_fraction,
@@ -40,7 +40,7 @@ def test_what_is_left_is_the_soil_of_the_first_strike(fitted):
     data, base = fitted
     true, step = base.model.world(base.p, data.impact_order), 0.02 * (np.arange(5) == BASE_MU)
     other = base.model.world(base.p + step, data.impact_order)
-    known = data.measured(true)
+    known = data.observed(true)
     starts, instants_s = known.starts, known.instants_s
     block, limits_s, options = data.impact_block, instants_s[:, -1] + 1e-9, {"step_fraction": data.step_fraction}
     second_s = run_world(other, starts, block, time_limit_s=limits_s, impact_limit=2, impact_room=2, **options).impacts[

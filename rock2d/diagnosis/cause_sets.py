@@ -130,7 +130,8 @@ class Search:
         for own in self._results([Reduction(cause_set.fit, name) for name in again]):
             if own.fit.total() > self.known[own.names].fit.total() + REFIT_GAIN:
                 self.known[own.names] = own
-                self.expected.pop(own.names, None)
+                if self.expected.pop(own.names, None) is not None:
+                    self.expected_beside(own)  # rivals of the members are read from it
         return {name: self.known[names] for name, names in smaller.items()}
 
     def find_rivals(self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()) -> dict[str, float]:

@@ -129,10 +129,21 @@ class Search:
         self.reduced |= {(cause_set.names, name) for name in smaller}
         for own in self._results([Reduction(cause_set.fit, name) for name in again]):
             if own.fit.total() > self.known[own.names].fit.total() + REFIT_GAIN:
-                self.known[own.names] = own
-                if self.expected.pop(own.names, None) is not None:
-                    self.expected_beside(own)  # rivals of the members are read from it
+                self._replace(own, {cause_set.names, self.best.names})
         return {name: self.known[names] for name, names in smaller.items()}
+
+    def _replace(self, better: Validated, kept: Collection[Names]) -> None:
+        """Put a better fit in place of a known set. Larger sets that began at the old one are forgotten, but for those
+        `kept`."""
+        stale = {names for names in self.known if names > better.names} - {*kept}
+        self.known = {names: own for names, own in self.known.items() if names not in stale} | {better.names: better}
+        self.reduced = {(names, member) for names, member in self.reduced if names not in stale}
+        screened = better.names in self.expected
+        self.expected = {
+            names: own for names, own in self.expected.items() if names not in stale and names != better.names
+        }
+        if screened:  # rivals of the members are read from it
+            self.expected_beside(better)
 
     def find_rivals(self, cause_set: Validated, name: str, z: float, fitted: Collection[str] = ()) -> dict[str, float]:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in

@@ -93,6 +93,10 @@ class Observed(NamedTuple):
     uncounted: Array
     flights: Array
 
+    def starts_with(self, shift: Array | None) -> Array:
+        """(n, 6) `starts` with `shift` (6,) or (n, 6) added."""
+        return self.starts if shift is None else self.starts + shift
+
 
 @dataclass
 class FilmData(FilmSegments):
@@ -153,8 +157,8 @@ class FilmData(FilmSegments):
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
         known = self.observed(world)
-        starts = known.starts if shift is None else known.starts + shift
-        simulated = _simulated_poses(world, self.impacts, starts, known.instants_s, self.step_fraction)
+        starts, instants_s = known.starts_with(shift), known.instants_s
+        simulated = _simulated_poses(world, self.impacts, starts, instants_s, self.step_fraction)
         difference = self.outcomes(world, simulated - known.poses)
         turns = difference[known.uncounted, THETA] / (2.0 * np.pi)
         difference[known.uncounted, THETA] -= 2.0 * np.pi * np.round(turns)

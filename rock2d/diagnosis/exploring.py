@@ -15,14 +15,7 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import FEW_ROUNDS, Convergence, Fit, extended, fit, some_releases
-from rock2d.diagnosis.likelihood import (
-    LARGEST_CHI_SQUARE,
-    chi_square,
-    flight_log_likelihood,
-    log_likelihood,
-    normal_equations,
-    prior,
-)
+from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE, chi_square, normal_equations, prior, total_log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model, choice_positions, scatter_positions, to_scale
 
 BASE_STARTS = 2  # places from which the law is fitted
@@ -139,7 +132,7 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
         return []
     start = extended(base, model)
     points = [start, *_spread_points(model, start, own)]
-    totals = [_total(model.residuals(p, data), misfit * covariance) for p in points]
+    totals = [total_log_likelihood(model.residuals(p, data), misfit * covariance) for p in points]
     starts = [points[k] for k in np.argsort(totals)[-WIDE_STARTS:]]
     for power in NARROWING:
         wide = replace(base, jacobian=replace(base.jacobian, covariance=misfit**power * covariance))
@@ -238,7 +231,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
     parameters = [q for own in model.parameters for q in own]
     first = model.size - len(parameters)
 
-    best = _total(cached.residuals(p), covariance)
+    best = total_log_likelihood(cached.residuals(p), covariance)
     for k, parameter in enumerate(parameters, first):
         if k in scatter_positions(model):
             continue
@@ -248,22 +241,16 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
         adapted: list[tuple[float, Array]] = []
         for trial in trials:
             residuals = cached.residuals(trial)
-            total = _total(residuals, covariance)
+            total = total_log_likelihood(residuals, covariance)
             if total > best:
                 best, p = total, trial
             if jacobian is not None:
                 step, after = _base_step(model, trial, residuals, jacobian, covariance)
-                adapted.append((_total(after, covariance), np.clip(trial - step, low, high)))
+                adapted.append((total_log_likelihood(after, covariance), np.clip(trial - step, low, high)))
         expected, other = max(adapted, key=lambda pair: pair[0], default=(-np.inf, p))
-        if expected > best and (total := _total(cached.residuals(other), covariance)) > best:
+        if expected > best and (total := total_log_likelihood(cached.residuals(other), covariance)) > best:
             best, p = total, other
     return p
-
-
-def _total(residuals: Residuals, covariance: Array) -> float:
-    """Log likelihood of all impacts and flights, up to a constant."""
-    flights = flight_log_likelihood(residuals.flights)
-    return float(log_likelihood(residuals.impacts, covariance).sum() + flights.sum())
 
 
 def _base_step(

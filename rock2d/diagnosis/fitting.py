@@ -13,13 +13,12 @@ from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, jacobian_by_
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     fit_scatter,
-    flight_log_likelihood,
-    log_likelihood,
     newton_step,
     normal_equations,
     posterior_cost,
     prior,
     scatter_errors,
+    total_log_likelihood,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions
 
@@ -64,8 +63,7 @@ class Fit:
 
     def total(self) -> float:
         """Log likelihood of all impacts and flights."""
-        flights = flight_log_likelihood(self.residuals.flights)
-        return float(log_likelihood(self.residuals.impacts, self.covariance()).sum() + flights.sum())
+        return total_log_likelihood(self.residuals, self.covariance())
 
     def only(self, releases: Array, data: Data) -> Fit:
         """The fit restricted to some of the releases of its data, given as a mask."""

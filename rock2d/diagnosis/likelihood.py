@@ -52,6 +52,12 @@ def flight_log_likelihood(r: Array) -> Array:
     return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
 
 
+def total_log_likelihood(residuals: Residuals, covariance: Array) -> float:
+    """Log likelihood of all impacts and flights, up to a constant."""
+    flights = flight_log_likelihood(residuals.flights)
+    return float(log_likelihood(residuals.impacts, covariance).sum() + flights.sum())
+
+
 def newton_step(curvature: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
     """(P,) Newton step, to subtract from `p`; the shortest one if no data tell two parameters apart. A parameter at a
     bound that the step would cross stays fixed."""

@@ -23,13 +23,16 @@ const live = (() => {
 
   // ---- state in the address ---------------------------------------------------------------------------------------
   const address = () => new URLSearchParams(location.hash.slice(1));
-  let writing = 0;
+  let writing = 0, shown = location.hash;
   function writeAddress(fields) { // browsers slow down pages that do this at every move
     clearTimeout(writing);
     writing = setTimeout(() => {
+      if (location.hash !== shown) return; // the reader asked for another address, which is not read yet
       history.replaceState(null, "", `#${decodeURIComponent(new URLSearchParams(fields()))}`);
+      shown = location.hash;
     }, ADDRESS_MS);
   }
+  window.addEventListener("hashchange", () => { shown = location.hash; });
   const every = (n) => new Set(Array(n).keys());
   const sorted = (set) => [...set].sort((a, b) => a - b);
   const whole = (text, n) => (/^\d+$/.test(text ?? "") && +text < n ? +text : ""); // one of the numbers from 0 to n - 1

@@ -425,6 +425,17 @@ def test_an_address_that_is_wrong_shows_the_page_as_it_opens(browser, report, pa
     other.close()
 
 
+def test_an_address_is_read_although_an_older_one_is_still_to_be_written(page):
+    busy = "const end = performance.now() + 500; while (performance.now() < end);"  # both are due when it ends
+    for i in range(4):  # which of them comes first is by chance
+        page.locator("#live-item").select_option(index=1)
+        page.evaluate(f"() => {{ setTimeout(() => {{ {busy} }}, 20) }}")
+        page.wait_for_timeout(30)
+        page.evaluate(f"() => {{ location.hash = '#visit=asked{i}' }}")
+        page.wait_for_timeout(500)
+        assert page.input_value("#live-item") == ""
+
+
 def test_a_phone_shows_it_without_scrolling_sideways(page):
     with on_a_phone(page):
         page.locator("#live-item").select_option(index=1)

@@ -172,6 +172,12 @@ class Search:
         """Gain of a set over another one."""
         return held_out_gain(self.data, cause_set, other)
 
+    def share_in_place(self, name: str, other: str) -> float:
+        """Share of the gain of a member of the best set that another effect gains in its place."""
+        smaller = self.without(self.best)[name]
+        in_place = self._with_each([other], smaller)[0]
+        return self.gain(in_place, smaller).total / max(self.gain(self.best, smaller).total, 1e-9)
+
     def _lead_over(self, cause_set: Validated, less: Validated, name: str) -> Gain | None:
         """Gain of a set over the set `less` with one more effect, fitted or expected; None if neither is known."""
         if (found := self.known.get(less.names | {name})) is not None:

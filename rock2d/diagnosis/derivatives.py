@@ -10,11 +10,20 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.later_strikes import by_later_strikes
-from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, Model, choice_positions, from_scale, scatter_positions
+from rock2d.diagnosis.model import (
+    BASE_WIDTH,
+    LeverDerivatives,
+    LeverResponse,
+    Model,
+    choice_positions,
+    from_scale,
+    scatter_positions,
+)
 from rock2d.effects.effect import Effect
 from rock2d.records.columns import N_STATE
 
 DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
+NOISE_DRAWS, NOISE_SEED = 20, 0  # draws of noise and soil that show what they do beyond first order; seed of them
 
 
 @dataclass
@@ -98,7 +107,7 @@ def jacobian_by_differences(
     of_later, law = np.zeros_like(scatter), slice(len(BASE_WIDTH))
     of_later[..., law] = by_later_strikes(model, p, data, steps[law]) if later is None else later[..., law]
     if covariance is None:
-        covariance = _noise_covariance(model, p, data, at, soil) if n else data.outcome_noise()
+        covariance = _noise_covariance(model, p, data, at, soil, np.nan_to_num(by_law)) if n else data.outcome_noise()
     return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, of_later, bend, covariance)
 
 
@@ -117,35 +126,49 @@ def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect
     return ((ahead - behind) / (2.0 * step))[..., None], bend[..., None]
 
 
-def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
-    """(n, d, d) covariance of the residuals, from the noise of the measured states before and after, and from the
-    second-order part of the soil's scatter (5,).
+def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array, by_law: Array) -> Array:
+    """(n, d, d) covariance of the residuals, from the noise of the measured states before and after, and from what the
+    soil's scatter (5,) does beyond first order; `by_law` (n, d, 5): first order of the soil.
 
-    Second order matters where a small change of the state before changes the impact, for example which corner lands
-    first. There the slope alone understates the variance of the state after. For r = a x + b x² with a standard normal
-    x, the variance is a² + 2 b²."""
+    First order is not enough where a small change before an impact changes it, for example which corner lands first.
+    Draws of noise and soil show how far such impacts are spread. The draws are the same at each call. So the covariance
+    hardly changes with p, and fits with different effects can be compared."""
     before = data.state_noise(model.world(p, data.impact_order))
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
-    slope, bend = [], []
+    slope = []
     for k in range(N_STATE):
         shift = sigma[k] * (np.arange(N_STATE) == k)
-        ahead, behind = model.residuals(p, data, shift), model.residuals(p, data, -shift)
-        slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
-        bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
-    by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
-    variance_of_square = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
-    curved = []
-    for k in range(len(BASE_WIDTH)):
-        step = scatter[k] * (np.arange(model.size) == k)
-        ahead, behind = model.residuals(p + step, data), model.residuals(p - step, data)
-        curved.append((ahead.impacts + behind.impacts - 2 * at.impacts) / np.sqrt(2.0))
-    by_soil = np.nan_to_num(np.stack(curved, axis=-1))
-    return (
-        by_soil @ by_soil.transpose(0, 2, 1)
-        + by_state @ before @ by_state.transpose(0, 2, 1)
-        + (by_square * variance_of_square[:, None]) @ by_square.transpose(0, 2, 1)
-        + data.outcome_noise()
-    )
+        slope.append(model.residuals(p, data, shift).minus(model.residuals(p, data, -shift)).impacts / (2 * sigma[k]))
+    by_state = np.nan_to_num(np.stack(slope, axis=-1))
+    rng, root = np.random.default_rng(np.random.SeedSequence(NOISE_SEED)), square_roots(before)
+    covariance = by_state @ before @ by_state.transpose(0, 2, 1) + data.outcome_noise()
+    for _ in range(NOISE_DRAWS):
+        shift, soil = (
+            times_normal(root, rng),
+            scatter[: len(BASE_WIDTH)] * rng.normal(size=(len(at.impacts), len(BASE_WIDTH))),
+        )
+        first_order = np.einsum("ndk,nk->nd", by_state, shift) + np.einsum("ndk,nk->nd", by_law, soil)
+        beyond = np.nan_to_num(drawn_impacts(model, p, data, soil, shift) - at.impacts - first_order)
+        covariance += beyond[:, :, None] * beyond[:, None, :] / NOISE_DRAWS
+    return np.asarray(covariance)
+
+
+def drawn_impacts(model: Model, p: Array, data: Data, soil: Array, shift: Array) -> Array:
+    """(n, d) residuals of impacts with changes (n, 5) of the soil, as the scatter, and (n, 6) of the states before."""
+    drawn = LeverResponse(1, law=soil[..., None], shift=shift[..., None])
+    model = replace(model, responses=[*model.responses, drawn], widths=np.append(model.widths, 1.0))
+    return model.residuals(np.append(p, 1.0), data).impacts
+
+
+def square_roots(covariance: Array) -> Array:
+    """(n, d, d) symmetric square roots of covariances, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ vectors.transpose(0, 2, 1))
+
+
+def times_normal(columns: Array, rng: np.random.Generator) -> Array:
+    """(n, d) columns (n, d, k), each times a normal number."""
+    return np.einsum("ndk,nk->nd", columns, rng.normal(size=columns[:, 0].shape))
 
 
 def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:

@@ -5,7 +5,6 @@ completely, and others not at all, hardly counts in it. In a replicate each impa
 of the camera and drawn soil: it shows how many impacts the model itself puts far away."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +12,10 @@ from scipy.special import gammainc
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.derivatives import drawn_impacts, square_roots, times_normal
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import chi_square
-from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
+from rock2d.diagnosis.model import BASE_WIDTH
 
 FAR = 5.0  # root mean square of the residuals, in standard deviations, from which on an impact is far from the model
 SIMULATED_REPLICATES = 20
@@ -51,26 +51,13 @@ def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> Fa
 
 def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Iterator[Array]:
     """(n, d) residuals of each replicate: the difference of impacts with drawn noise and soil from those without."""
-    model, first = fit.model, len(BASE_WIDTH)
-    expected = model.residuals(fit.p, data).impacts
-    noise_before = _roots(data.state_noise(model.world(fit.p, data.impact_order)))
-    noise_after, widths = _roots(data.outcome_noise()), np.append(model.widths, 1.0)
+    first = len(BASE_WIDTH)
+    expected = fit.model.residuals(fit.p, data).impacts
+    noise_before = square_roots(data.state_noise(fit.model.world(fit.p, data.impact_order)))
+    noise_after = square_roots(data.outcome_noise())
     further = fit.jacobian.scatter[..., first:] * fit.scatter[first:]  # of effects that widen the scatter
     for _ in range(SIMULATED_REPLICATES):
-        shift = _times_normal(noise_before, rng)
-        law = fit.scatter[:first] * rng.normal(size=(len(expected), first))
-        drawn = LeverResponse(1, law=law[..., None], shift=shift[..., None])
-        wider = replace(model, responses=[*model.responses, drawn], widths=widths)
-        again = expected - wider.residuals(np.append(fit.p, 1.0), data).impacts + _times_normal(noise_after, rng)
-        yield again + _times_normal(further, rng)
-
-
-def _roots(covariance: Array) -> Array:
-    """(n, d, d) square roots of covariances, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
-
-
-def _times_normal(columns: Array, rng: np.random.Generator) -> Array:
-    """(n, d) columns (n, d, k), each times a normal number."""
-    return np.einsum("ndk,nk->nd", columns, rng.normal(size=columns[:, 0].shape))
+        shift = times_normal(noise_before, rng)
+        soil = fit.scatter[:first] * rng.normal(size=(len(expected), first))
+        again = expected - drawn_impacts(fit.model, fit.p, data, soil, shift) + times_normal(noise_after, rng)
+        yield again + times_normal(further, rng)

@@ -24,6 +24,7 @@ REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
 LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause
 # gain in log likelihood of a step below which a fit that locates the ground has converged
 REGISTERED_GAIN = 3.0
+NOISE_RENEWALS = 2  # the noise depends on the soil's scatter, which depends on the noise
 SAME_FIT = 3.0  # standard errors within which a fit from a grid leads back to the known one
 
 
@@ -72,7 +73,9 @@ def fit_from_grid(
     best = fit(best.model, data, best.p)
     if bar is not None:
         bar.step("all releases")
-    return fit(best.model, data, best.p, old=best, renew_noise=True, residuals=best.residuals)
+    for _ in range(NOISE_RENEWALS):
+        best = fit(best.model, data, best.p, old=best, renew_noise=True, residuals=best.residuals)
+    return best
 
 
 def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None) -> list[Fit]:

@@ -5,7 +5,6 @@ returns it."""
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from rock2d.registry import registered
@@ -34,7 +33,6 @@ class Indicator(NamedTuple):
     applies: Callable[[Simulation], bool] = lambda run: True
 
 
-@cache
 def indicators() -> Mapping[str, Indicator]:
     """Every indicator by its name, in the order of the names. Raises ValueError if two share a name."""
-    return registered(__name__, __file__, "INDICATOR")
+    return registered(__name__, "INDICATOR")

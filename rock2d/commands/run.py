@@ -229,7 +229,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
         def also(partial: Path) -> None:
             found.write(partial, figures)
             if request.page_command is not None:
-                from rock2d.design.report import REPORTED_TABLES
+                from rock2d.design.report_sections import REPORTED_TABLES
 
                 of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
                 _write_page(result, of_run, found, partial, request, figures)
@@ -340,12 +340,11 @@ def _write_page(
     request: RunRequest,
     figures: Figures,
 ) -> None:
-    from rock2d.design.report import ReportContent, write_report
+    from rock2d.design.report import write_report
+    from rock2d.design.report_sections import ReportContent
 
-    scenario = sample.scenario
-    remarks = unresolved_remarks(tables, scenario.longest_release_s())
     results = ReportContent(
-        scenario, sample, tables, remarks, found.assessment, before_after=found.before_after, models=found.models,
+        sample, tables, found.assessment, before_after=found.before_after, models=found.models,
         views=_views(sample, request),
     )  # fmt: skip
     write_report(results, folder, request.page_command or "", request.pdf, figures)

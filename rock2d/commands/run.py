@@ -13,8 +13,9 @@ from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.csv_tables import write_tables
 from rock2d.files.folders import check_output_folder
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.pages import check_printer
 from rock2d.runs.before_after import Model, diagnosed_models, model_table

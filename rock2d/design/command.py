@@ -25,8 +25,8 @@ from rock2d.design.norms import norm_remarks
 from rock2d.errors import counted
 from rock2d.files.folders import atomic_folder, check_output_folder, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
-from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_checks import engine_remarks
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.graphics.pages import check_printer

@@ -15,7 +15,7 @@ from rock2d.design.live_slope import View
 from rock2d.design.report import report_page
 from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
 from rock2d.design.report_tables import quantity_text
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.graphics.rendering import Made
 from rock2d.runs.indicators.envelopes import QUANTITIES

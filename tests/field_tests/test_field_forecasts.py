@@ -12,7 +12,7 @@ from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, PartForecast, naive_forecast, score_table
 from rock2d.field_tests.study import FOLDS, Effort, fold_indices
 from rock2d.files.field_releases import FieldReleases
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
 EFFORT = Effort(prior=24, refined=8, copies=1, draws=16)

@@ -142,10 +142,9 @@ def run_scenarios(
             raise InputError("--predict is for one scenario", code="wrong_kind", option="predict")
         from rock2d.field_tests.command import predict_releases
 
-        predict_releases(
-            loaded[0], predict, request.out, seed=request.options.seed, overwrite=request.overwrite,
-            progress=request.progress, report=request.report,
-        )  # fmt: skip
+        seed, overwrite, progress = request.options.seed, request.overwrite, request.progress
+        text = predict_releases(loaded[0], predict, request.out, seed=seed, overwrite=overwrite, progress=progress)
+        request.report(text)
         return True
     if request.pdf:
         check_printer()

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from rock2d.files.experiment import Experiment as Experiment
     from rock2d.files.experiment import load_experiment as load_experiment
     from rock2d.files.scenario import Scenario as Scenario
-    from rock2d.files.scenario import load_scenario as load_scenario
+    from rock2d.files.scenario_reading import load_scenario as load_scenario
     from rock2d.files.scenario_variants import variant as variant
     from rock2d.laws.contact import ContactParameters as ContactParameters
     from rock2d.laws.rebound import ReboundParameters as ReboundParameters
@@ -69,7 +69,8 @@ _NAMES = {  # module -> public names
     "effects": ("catalogue",),
     "errors": ("InputError",),
     "files.experiment": ("Experiment", "load_experiment"),
-    "files.scenario": ("Scenario", "load_scenario"),
+    "files.scenario": ("Scenario",),
+    "files.scenario_reading": ("load_scenario",),
     "files.scenario_variants": ("variant",),
     "laws.contact": ("ContactParameters",),
     "laws.rebound": ("ReboundParameters",),

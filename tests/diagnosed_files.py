@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import load_scenario
 from tests.scenarios_of_tests import BALL, THROWN, scenario_file
 
 SOIL = {"k_l_N_m": 4e6, "k_ul_N_m": 2.4e7, "k_t_N_m": 1e6, "friction_angle_deg": 30.0, "k_r_Nm_rad": 4e3}

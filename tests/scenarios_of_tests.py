@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import load_scenario
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"
 TEXT = """

@@ -7,6 +7,8 @@ from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = {"rock2d": ROOT, "rock2d_tracking": ROOT / "tracking", "rock2d_figures": ROOT / "figures"}
 # from top to bottom: rooms -> what they hold; rooms of the first and the last floor may import one another
@@ -42,20 +44,28 @@ def room(module: str) -> str:
     return parts[0] if package == "rock2d" and parts else package
 
 
+MODULES = {
+    ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__"): path
+    for package, folder in PACKAGES.items()
+    for path in (folder / package).rglob("*.py")
+}
+
+
+def module_of(name: str) -> str:
+    """The module that is imported, or from which a name is imported."""
+    return name if name in MODULES else name.rpartition(".")[0]
+
+
 @cache
 def imports() -> tuple[tuple[str, str], ...]:
-    """(module, what it imports) of this project, also inside functions and for type checking."""
+    """(module, module that it imports) of this project, also inside functions and for type checking."""
     found: list[tuple[str, str]] = []
-    for package, folder in PACKAGES.items():
-        for path in (folder / package).rglob("*.py"):
-            module = ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.ImportFrom) and node.module:
-                    names = [f"{node.module}.{alias.name}" for alias in node.names]
-                    names += [node.module] if "." in node.module else []
-                else:
-                    names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                found += ((module, name) for name in names if name.split(".")[0] in PACKAGES)
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+                names = [f"{start}{alias.name}" for alias in node.names]
+                found += ((module, module_of(name)) for name in names if name.split(".")[0] in PACKAGES)
     return tuple(found)
 
 
@@ -71,32 +81,18 @@ def test_rooms_import_only_from_the_floors_below():
     assert not upwards
 
 
-def test_no_room_imports_itself_through_others():
+@pytest.mark.parametrize("part", [room, str])
+def test_no_room_and_no_module_imports_itself_through_others(part):
     graph: dict[str, set[str]] = {}
     for module, name in imports():
-        if room(module) != room(name):
-            graph.setdefault(room(module), set()).add(room(name))
+        if part(module) != part(name):
+            graph.setdefault(part(module), set()).add(part(name))
     assert list(TopologicalSorter(graph).static_order())  # raises CycleError for a circle
-
-
-def within(*packages: str) -> dict[str, set[str]]:
-    """Module -> what it imports, of all modules of these packages of rock2d."""
-    own: dict[str, set[str]] = {}
-    for module, name in imports():
-        if module.startswith(tuple(f"rock2d.{package}" for package in packages)):
-            own.setdefault(module, set()).add(name)
-    return own
-
-
-def test_no_circle_of_imports_in_kinematics_and_diagnosis():
-    own = within("kinematics", "diagnosis")
-    order = TopologicalSorter({module: names & set(own) for module, names in own.items()})
-    assert list(order.static_order())  # raises CycleError for a circle
 
 
 def test_only_the_command_of_the_diagnosis_writes_its_report():
     report = "rock2d.diagnosis.report"
-    users = {m for m, own in within("diagnosis").items() if any(name.startswith(report) for name in own)}
+    users = {module for module, name in imports() if room(module) == "diagnosis" and name.startswith(report)}
     assert {m for m in users if not m.startswith(report)} == {"rock2d.diagnosis.command"}
 
 

@@ -176,7 +176,7 @@ def results_page() -> str:
 def result_columns() -> dict[str, tuple[str, ...]]:
     """Columns of the tables of a run, by the name of the table."""
     from rock2d.files.experiment import TRAJECTORY_COLUMNS
-    from rock2d.runs.indicators import indicators
+    from rock2d.runs.simulation import indicators
 
     own = {name: tuple(indicator.columns) for name, indicator in indicators().items()}
     return {"trajectories": tuple(TRAJECTORY_COLUMNS)} | own

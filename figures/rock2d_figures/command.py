@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from rock2d.files.folders import atomic_folder
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_style import save_figure
 from rock2d.progress import Bars
 from rock2d.reproduction.calibrations import Effort

@@ -24,7 +24,8 @@ from matplotlib.figure import Figure
 from rock2d.arrays import Array
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
-from rock2d.files.scenario import Scenario, load_scenario, scenario_file
+from rock2d.files.scenario import Scenario, scenario_file
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_style import blank_figure, finish, save_figure
 from rock2d.graphics.palette import block_colours
 from rock2d.laws.contact import contact_table

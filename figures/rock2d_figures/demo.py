@@ -38,7 +38,8 @@ def run_demo(out: Path, progress: bool = True) -> None:
     """Run the paper's set-up with both laws, write everything under `out`, and print Table 2 side by side."""
     from rock2d.files.csv_tables import write_csv
     from rock2d.files.folders import check_folder, write_whole
-    from rock2d.files.scenario import load_scenario, scenario_file
+    from rock2d.files.scenario import scenario_file
+    from rock2d.files.scenario_reading import load_scenario
     from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.pages import page
     from rock2d.runs.results import KIND

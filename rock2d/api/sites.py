@@ -27,8 +27,7 @@ class RunResult(results.RunResult):
 
     def view(self, *, assessment: Assessment | None = None) -> Path:
         """Open report.html in the browser, see `write_report`; returns its path, in a temporary folder."""
-        from rock2d.design.report import PAGE
-        from rock2d.graphics.pages import view
+        from rock2d.graphics.pages import PAGE, view
 
         return view(lambda folder: write_report(self, folder, assessment=assessment), PAGE)
 
@@ -203,20 +202,17 @@ def write_report(
     >>> import rock2d
     >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
     >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP"""
-    from rock2d.design.report import REPORTED_TABLES, ReportContent
     from rock2d.design.report import write_report as write_page
+    from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
     from rock2d.errors import InputError
     from rock2d.files.folders import make_folder
-    from rock2d.runs.release_remarks import unresolved_remarks
 
-    scenario, folder = result.scenario, Path(folder)
-    if scenario.experiment is not None:
+    folder = Path(folder)
+    if result.scenario.experiment is not None:
         message = "a report is for sites; releases restarted from a film are compared with the film instead"
         raise InputError(message, code="wrong_kind")
     tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-    remarks = unresolved_remarks(tables, scenario.longest_release_s())
     make_folder(folder)
-    found = ReportContent(scenario, result, tables, remarks, assessment)
-    write_page(found, folder, "rock2d.write_report in Python", pdf)
+    write_page(ReportContent(result, tables, assessment), folder, "rock2d.write_report in Python", pdf)
     if assessment is not None:
         assessment.write(folder)

@@ -12,7 +12,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document
 from rock2d.files.folders import atomic_file, check_file
-from rock2d.files.scenario import checked_scenario, load_scenario
+from rock2d.files.scenario_reading import checked_scenario, load_scenario
 from rock2d.files.surveys.profile import Profile, simplified
 from rock2d.files.surveys.release_area import given_area, release_area
 from rock2d.files.surveys.scenario_template import DIAMETER_M, likely_class, template_text

@@ -13,8 +13,9 @@ from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.csv_tables import write_tables
 from rock2d.files.folders import check_output_folder
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.pages import check_printer
 from rock2d.runs.before_after import Model, diagnosed_models, model_table
@@ -141,10 +142,9 @@ def run_scenarios(
             raise InputError("--predict is for one scenario", code="wrong_kind", option="predict")
         from rock2d.field_tests.command import predict_releases
 
-        predict_releases(
-            loaded[0], predict, request.out, seed=request.options.seed, overwrite=request.overwrite,
-            progress=request.progress, report=request.report,
-        )  # fmt: skip
+        seed, overwrite, progress = request.options.seed, request.overwrite, request.progress
+        text = predict_releases(loaded[0], predict, request.out, seed=seed, overwrite=overwrite, progress=progress)
+        request.report(text)
         return True
     if request.pdf:
         check_printer()
@@ -229,7 +229,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
         def also(partial: Path) -> None:
             found.write(partial, figures)
             if request.page_command is not None:
-                from rock2d.design.report import REPORTED_TABLES
+                from rock2d.design.report_sections import REPORTED_TABLES
 
                 of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
                 _write_page(result, of_run, found, partial, request, figures)
@@ -340,12 +340,11 @@ def _write_page(
     request: RunRequest,
     figures: Figures,
 ) -> None:
-    from rock2d.design.report import ReportContent, write_report
+    from rock2d.design.report import write_report
+    from rock2d.design.report_sections import ReportContent
 
-    scenario = sample.scenario
-    remarks = unresolved_remarks(tables, scenario.longest_release_s())
     results = ReportContent(
-        scenario, sample, tables, remarks, found.assessment, before_after=found.before_after, models=found.models,
+        sample, tables, found.assessment, before_after=found.before_after, models=found.models,
         views=_views(sample, request),
     )  # fmt: skip
     write_report(results, folder, request.page_command or "", request.pdf, figures)

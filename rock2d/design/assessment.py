@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rock2d.graphics.figure_files import Figures
+    from rock2d.graphics.pages import Picture, Section
 
 LONGEST_LABEL = 44
 BAR_HIGH_IN, PANEL_WIDE_IN = 0.3, 3.2  # of the tornado figure
@@ -92,9 +94,7 @@ class Assessment:
 
     def view(self) -> Path:
         """Open a page with table and tornado figure in the browser; returns its path, in a temporary folder."""
-        from rock2d.design.report import PAGE
-        from rock2d.design.report_sections import certainty_section, tornado_words
-        from rock2d.graphics.pages import Section, drawn, page, view
+        from rock2d.graphics.pages import PAGE, Section, drawn, page, view
 
         def write(folder: Path) -> None:
             pictures = [drawn(self.plot(), tornado_words(self))] if len(self.told_apart) else []
@@ -181,6 +181,25 @@ def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -
         uncertain_table(sites, results, seed), sensitivity_table(sites, results, seed),
         pd.DataFrame(sites.values, columns=list(sites.places)),
     )  # fmt: skip
+
+
+def tornado_words(assessment: Assessment) -> str:
+    """Alternative text of the tornado figure of an assessment."""
+    table: Any = assessment.told_apart
+    alt = "Tornado figure: share of each unknown value in the variance of the passing frequency"
+    if len(table):
+        first = table.loc[table["total"].idxmax()]
+        alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
+    return alt
+
+
+def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
+    """The section of an assessment; `pictures`: its tornado figure, if it has one."""
+    from rock2d.design.report_tables import uncertain_rows
+    from rock2d.graphics.pages import Section
+
+    texts = [remark] if (remark := assessment.sampling_remark()) else []
+    return Section("How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)])
 
 
 def _shortened(name: str) -> str:

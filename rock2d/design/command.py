@@ -25,8 +25,8 @@ from rock2d.design.norms import norm_remarks
 from rock2d.errors import counted
 from rock2d.files.folders import atomic_folder, check_output_folder, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
-from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_checks import engine_remarks
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.graphics.pages import check_printer
@@ -231,9 +231,9 @@ def _write_page(
     Returns in words what the embankment must withstand and which height governs."""
     from rock2d.design.headline import bound_text, norm_sentence
     from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
-    from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
+    from rock2d.design.report import demand_tiles, write_report
+    from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
     from rock2d.runs.engines import compiled_engine
-    from rock2d.runs.release_remarks import unresolved_remarks
     from rock2d.runs.run import run
 
     size = answer.shown.size
@@ -245,7 +245,6 @@ def _write_page(
 
     sample = simulated(size, releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
-    remarks = unresolved_remarks(tables, sample.scenario.longest_release_s())
     views = [
         View(
             f"{judged.size:.4g}",
@@ -255,9 +254,7 @@ def _write_page(
         )
         for judged in answer.judgements
     ]
-    results = ReportContent(
-        sample.scenario, sample, tables, remarks, answer=answer, combinations=combinations, views=views
-    )
+    results = ReportContent(sample, tables, answer=answer, combinations=combinations, views=views)
     write_report(results, folder, command, pdf)
     demands = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
     return [*demands, *filter(None, [norm_sentence(results)])]

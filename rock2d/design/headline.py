@@ -13,7 +13,7 @@ from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
     from rock2d.design.least_size import Answer
-    from rock2d.design.report import ReportContent
+    from rock2d.design.report_sections import ReportContent
     from rock2d.files.scenario import Scenario
 
 

@@ -20,6 +20,7 @@ from rock2d.files.posterior_table import ROW, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.processes import Processes
+from rock2d.runs.campaigns.ensembles import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import LINE_QUANTITIES, arrivals
@@ -144,7 +145,7 @@ def _simulated(
     for b in range(len(job.blocks)):
         group = job.group(b, 0, releases)
         applies = bool(shared) and shared[b].applies_to(group)
-        found = shared[b].outcome(job, group) if applies else job.outcome(group)
+        found = shared[b].outcome(job, group) if applies else group_outcome(job, group)
         passing = found.passed(len(lines))
         passed[0, b], unresolved[0, b] = passing.T, found.unresolved(len(lines)).T
         arrived[0, b] = [passing[:, here].any(axis=1) for here in arrivals(job.cross_section)]

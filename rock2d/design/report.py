@@ -3,109 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rock2d.design.assessment import Assessment
 from rock2d.design.headline import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.design.least_size import Answer
 from rock2d.design.live_slope import View, live_slope
 from rock2d.design.model_range import short_ranges
-from rock2d.design.norms import demands, design_table
-from rock2d.design.report_sections import numbered_embankments, report_sections
+from rock2d.design.norms import demands
+from rock2d.design.report_sections import ReportContent, numbered_embankments, report_sections
 from rock2d.design.report_tables import quantity_text
 from rock2d.files.csv_tables import write_tables
 from rock2d.files.folders import write_whole
-from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
 from rock2d.graphics.live_data import live_assets
-from rock2d.graphics.pages import write_pdf
+from rock2d.graphics.pages import PAGE, write_pdf
 from rock2d.graphics.rendering import Made, rendered
-from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.release_remarks import source_remarks
-from rock2d.runs.results import RunResult
 from rock2d.scene.cross_section import CrossSection, Embankment
 from rock2d.scene.earthworks import ARRIVAL_LINE, numbered
 from rock2d.wording import three_digits, with_interval
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from rock2d.design.least_volume import Combination
-
-PAGE, PDF = "report.html", "report.pdf"
-REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
+PDF = "report.pdf"
 ZOOM_HEIGHTS = 3.0  # width of the enlarged view on each side of an embankment, in heights of the embankment
-
-
-@dataclass(frozen=True)
-class ReportContent:
-    """Content of a report.
-
-    Attributes
-    ----------
-    sample : the releases in figures and envelopes: all of a run, the first ones of a campaign
-    tables : passing, percentiles and stops of all releases
-    remarks : remarks on unresolved releases
-    assessment : results over the possible sites, if something is not known
-    answer : answer of a search for the least size
-    combinations : combinations of a search for the least volume, the best first
-    before_after : table before and after the diagnosis of the scenario
-    models : table with other models, see `design.model_range`
-    views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order"""
-
-    scenario: Scenario
-    sample: RunResult
-    tables: Mapping[str, pd.DataFrame]
-    remarks: Sequence[str] = ()
-    assessment: Assessment | None = None
-    answer: Answer | None = None
-    combinations: Sequence[Combination] = ()
-    before_after: pd.DataFrame | None = None
-    models: pd.DataFrame | None = None
-    views: Sequence[View] = ()
-
-    @property
-    def fails(self) -> bool:
-        """Whether no size of a search meets its target."""
-        return self.answer is not None and self.answer.least is None
-
-    @property
-    def releases(self) -> int:
-        """Number of releases in the tables."""
-        stops = self.tables.get("stops", ())
-        return int(self.tables["stops"]["releases"].sum()) if "releases" in stops else len(self.sample.tracks)
-
-    @cached_property
-    def diagnosis(self) -> list[str]:
-        """Remarks on the diagnosis of the scenario."""
-        return diagnosis_remarks(self.scenario)
-
-    @property
-    def uncertain(self) -> pd.DataFrame | None:
-        """The table over the possible sites."""
-        return self.assessment.uncertain if self.assessment is not None else None
-
-    @cached_property
-    def design_values(self) -> pd.DataFrame:
-        """Table of design values at all lines. Needs the table percentiles."""
-        return design_table(self.scenario, self.tables["percentiles"], self.uncertain)
 
 
 def write_report(
     content: ReportContent, folder: Path, command: str, pdf: bool = False, figures: Figures | None = None
 ) -> None:
-    """Write the figures, the tables of `_further_tables` and report.html, with `pdf` also report.pdf, into an existing
-    folder."""
+    """Write the figures, the tables of envelopes, reach and design values, and report.html, with `pdf` also report.pdf,
+    into an existing folder."""
     figures = figures or Figures()
     files = {name: figures.save(folder / f"{name}.png", *drawn) for name, drawn in _figures(content).items()}
-    write_tables(folder, _further_tables(content))
+    tables = {name: content.sample.to_pandas(name) for name in ("envelopes", "reach")}
+    if "percentiles" in content.tables:
+        tables["design_values"] = content.design_values
+    write_tables(folder, tables)
     made = Made.now(command, f"{content.sample.seed} (of every random draw)")
     figures.finish()
     page = report_page(content, files if figures.wanted else {}, made)
@@ -174,13 +112,6 @@ def _window(ground: CrossSection, bank: Embankment) -> tuple[float, float, float
     reach = ZOOM_HEIGHTS * bank.height_m
     low, high = points.min(axis=0), points.max(axis=0)
     return (float(low[0] - reach), float(high[0] + 0.5 * reach), float(low[1] - 0.3 * reach), float(high[1] + reach))
-
-
-def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
-    found = {name: content.sample.to_pandas(name) for name in ("envelopes", "reach")}
-    if "percentiles" in content.tables:
-        found["design_values"] = content.design_values
-    return found
 
 
 def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:

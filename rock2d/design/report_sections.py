@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.design.norms import norm_remarks
+from rock2d.design.assessment import Assessment, certainty_section, tornado_words
+from rock2d.design.norms import design_table, norm_remarks
 from rock2d.design.report_tables import (
     block_rows,
     data_of,
@@ -19,22 +21,28 @@ from rock2d.design.report_tables import (
     percentile_rows,
     reach_rows,
     stop_rows,
-    uncertain_rows,
 )
 from rock2d.files.scenario_checks import rough_without_slope_reduction
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import engine_named
 from rock2d.runs.printed_tables import table_note
+from rock2d.runs.release_remarks import unresolved_remarks
 from rock2d.scene.cross_section import CrossSection, Embankment
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.wording import three_digits
 
 if TYPE_CHECKING:
-    from rock2d.design.assessment import Assessment
-    from rock2d.design.report import ReportContent
+    import pandas as pd
+
+    from rock2d.design.least_size import Answer
+    from rock2d.design.least_volume import Combination
+    from rock2d.design.live_slope import View
     from rock2d.files.scenario import Scenario
+    from rock2d.runs.results import RunResult
 
 LEAST_SHARE = 1e-6
+REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
 LIMITS = (
     "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
     "can leave the section.",
@@ -46,6 +54,67 @@ LIMITS = (
     "Few numbers of UNI 11211-4 and ONR 24810 are verified by two published sources: compare those that are marked "
     "with the text of the norm before use.",
 )
+
+
+@dataclass(frozen=True)
+class ReportContent:
+    """Content of a report.
+
+    Attributes
+    ----------
+    sample : the releases in figures and envelopes: all of a run, the first ones of a campaign
+    tables : passing, percentiles and stops of all releases
+    assessment : results over the possible sites, if something is not known
+    answer : answer of a search for the least size
+    combinations : combinations of a search for the least volume, the best first
+    before_after : table before and after the diagnosis of the scenario
+    models : table with other models, see `design.model_range`
+    views : `sample` and runs with other models; or, for a search, a run with each judged size, in ascending order"""
+
+    sample: RunResult
+    tables: Mapping[str, pd.DataFrame]
+    assessment: Assessment | None = None
+    answer: Answer | None = None
+    combinations: Sequence[Combination] = ()
+    before_after: pd.DataFrame | None = None
+    models: pd.DataFrame | None = None
+    views: Sequence[View] = ()
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the releases."""
+        return self.sample.scenario
+
+    @cached_property
+    def remarks(self) -> list[str]:
+        """Remarks on unresolved releases."""
+        return unresolved_remarks(self.tables, self.scenario.longest_release_s())
+
+    @property
+    def fails(self) -> bool:
+        """Whether no size of a search meets its target."""
+        return self.answer is not None and self.answer.least is None
+
+    @property
+    def releases(self) -> int:
+        """Number of releases in the tables."""
+        stops = self.tables.get("stops", ())
+        return int(self.tables["stops"]["releases"].sum()) if "releases" in stops else len(self.sample.tracks)
+
+    @cached_property
+    def diagnosis(self) -> list[str]:
+        """Remarks on the diagnosis of the scenario."""
+        return diagnosis_remarks(self.scenario)
+
+    @property
+    def uncertain(self) -> pd.DataFrame | None:
+        """The table over the possible sites."""
+        return self.assessment.uncertain if self.assessment is not None else None
+
+    @cached_property
+    def design_values(self) -> pd.DataFrame:
+        """Table of design values at all lines. Needs the table percentiles."""
+        return design_table(self.scenario, self.tables["percentiles"], self.uncertain)
 
 
 def numbered_embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
@@ -258,19 +327,3 @@ def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> S
             "matters."
         )
     return Section("How sure is that", texts=[text])
-
-
-def tornado_words(assessment: Assessment) -> str:
-    """Alternative text of the tornado figure of an assessment."""
-    table: Any = assessment.told_apart
-    alt = "Tornado figure: share of each unknown value in the variance of the passing frequency"
-    if len(table):
-        first = table.loc[table["total"].idxmax()]
-        alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
-    return alt
-
-
-def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
-    """The section of an assessment; `pictures`: its tornado figure, if it has one."""
-    texts = [remark] if (remark := assessment.sampling_remark()) else []
-    return Section("How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)])

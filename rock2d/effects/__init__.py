@@ -5,7 +5,6 @@ An effect has parameters, a change of the world, and, if the engines need it, a 
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING
 
 from rock2d.registry import registered
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from rock2d.effects.effect import Effect
 
 
-@cache
 def catalogue() -> Mapping[str, Effect]:
     """Name -> effect, in alphabetical order. Raises ValueError if two effects share a name."""
-    return registered(__name__, __file__, "EFFECT")
+    return registered(__name__, "EFFECT")

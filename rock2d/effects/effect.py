@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.registry import registered
 from rock2d.scene.world import World
 
 EDGE_DISTANCE = 0.01  # share of the plausible range; a parameter nearer to an end is at the end
@@ -151,6 +152,4 @@ class Effect:
 
 def from_catalogue(name: str) -> Effect:
     """The effect of the catalogue with this name."""
-    from rock2d.effects import catalogue
-
-    return catalogue()[name]
+    return registered("rock2d.effects", "EFFECT")[name]

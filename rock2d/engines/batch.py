@@ -333,9 +333,8 @@ def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
         own_rules = StopRules(inputs.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.suspend_x)
         ids = (inputs.block_ids[i], inputs.cross_section_ids[i], inputs.table_ids[i])
         steps = (inputs.step_sizes[i, 0], inputs.step_sizes[i, 1])
-        code, t, count, used = run_release(
-            packed, q, ids, gravity, steps, own_rules, recorder, outputs.saved_contacts[i]
-        )
+        own = (recorder, outputs.saved_contacts[i])
+        code, t, count, used = run_release(packed, q, ids, gravity, steps, own_rules, own)
         outputs.stop[i] = code
         outputs.ends[i, TIME] = t
         copy(q, outputs.ends[i, INSTANT_STATE])  # a slice assignment takes 3 s to compile

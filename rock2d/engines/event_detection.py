@@ -108,15 +108,13 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 
 @kernel
-def force_limit_event(law, row, first, before, after, memory, h, whole):
+def force_limit_event(law, row, first, ends, memory, h, whole):
     """Time in (0, h] at which the force of a pressed contact with effects reaches or leaves its lower limit 0; h if it
     does not, or if the step has landed there. `row`, `first` as in `forces.ground_forces`.
 
-    law : row of CONTACT_LAW_COLUMNS; before, after : (penetration in m, its rate in m/s) at the two ends of the step
+    law : row of CONTACT_LAW_COLUMNS; ends : (penetration in m, its rate in m/s) before and after the step
     memory : (peak penetration, bottom of the indentation) in m"""
-    d0, r0 = before
-    d1, r1 = after
-    peak, bottom = memory
+    ((d0, r0), (d1, r1)), (peak, bottom) = ends, memory
     if d0 < bottom or d1 < bottom:
         return h
     force0 = normal_force(d0, peak, law[K_L], law[K_UL])
@@ -265,7 +263,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
             t = min(t, clear)
             if p[ANY_EFFECT_ACTS] != 0.0:
                 ends = (d0, r0), (d1, r1)
-                limit = force_limit_event(p, p, FIRST_EFFECT_COLUMN, *ends, (peak, bottom), h, whole)
+                limit = force_limit_event(p, p, FIRST_EFFECT_COLUMN, ends, (peak, bottom), h, whole)
                 t = min(t, limit)
             if changes_feature(j, memory, found):
                 # another feature has become the nearest: land just behind the change

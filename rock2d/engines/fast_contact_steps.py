@@ -268,7 +268,7 @@ def _first_event(h, whole, active, rows, trial, effects):
         t = law_event(d0, r0, d1, r1, peak, bottom, h)
         if effects and rows[a, L_ACTS] != 0.0:
             law, ends = rows[a, L_LAW:], ((d0, r0), (d1, r1))
-            t = min(t, force_limit_event(law, rows[a], L_EFFECTS, *ends, (peak, bottom), h, whole))
+            t = min(t, force_limit_event(law, rows[a], L_EFFECTS, ends, (peak, bottom), h, whole))
         if LEAST_EVENT * whole < t < first:
             first = t
     return first

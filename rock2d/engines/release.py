@@ -117,14 +117,14 @@ def _ground(packed, i):
 
 
 @njit
-def run_release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
+def run_release(packed, q, ids, gravity, step_sizes, rules, outputs):
     """Run one release; q becomes its last state.
 
     packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
     step_sizes : contact steps in s, (while every contact is in first loading, otherwise)
-    rules : StopRules; recorder : `recording.Recorder`
-    saved : (contacts, N_SAVED) contacts with which a suspended release continues (NaN: none); they are overwritten at
-        the end. With 0 contacts nothing is read or saved
+    rules : StopRules
+    outputs : (`recording.Recorder`, (contacts, N_SAVED) contacts with which a suspended release continues, NaN: none).
+        The contacts are overwritten at the end. With 0 contacts nothing is read or saved
 
     Returns (index into STOPS, time in s, number of impacts, number of knots)."""
     block_id, cross_section_id, table_id = ids
@@ -139,7 +139,7 @@ def run_release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
         np.full(N_IMPACT, np.nan), np.zeros(BURIED + 1, np.int64), np.zeros(HIGHEST + 1),
     )  # fmt: skip
     world = WorldArrays(block, ground, packed.tables[table_id], gravity)
-    return _run_phases(world, tree, q, step_sizes, rules, (recorder, saved), workspace)
+    return _run_phases(world, tree, q, step_sizes, rules, outputs, workspace)
 
 
 @kernel

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from rock2d.field_tests.study import Calibration, Effort, OnProgress, calibrate, study_forecasts
-from rock2d.files.scenario import Scenario, checked_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import checked_scenario
 from rock2d.scene.blocks import make_block
 
 EFFORT_DIVISOR = 4  # factor by which less is simulated for a change than for the calibration

@@ -91,10 +91,10 @@ def run_field_test(
 
 def predict_releases(
     scenario: Scenario, table: Path, out: Path, *, seed: int | None = None, overwrite: bool = False,
-    progress: bool = True, effort: Effort | None = None, report: Callable[[str], Any] = print,
-) -> pd.DataFrame:  # fmt: skip
+    progress: bool = True, effort: Effort | None = None,
+) -> str:  # fmt: skip
     """Forecast the releases of a table without stops, calibrated on all known releases, and write one row for each to
-    `out`.
+    `out`. Returns in words what was written.
 
     Raises InputError for a mistake in the table, or if `out` exists and `overwrite` is not set."""
     if scenario.field_test is None:
@@ -111,10 +111,9 @@ def predict_releases(
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM, 1)))
     predicted = prediction_table(releases, found, rng)
     write_whole(out, predicted.to_csv(index=False, lineterminator="\n", float_format="%.3f"))
-    if found.unresolved > 0.0:
-        report(f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there")
-    report(f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}")
-    return predicted
+    cut = f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there\n"
+    text = f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}"
+    return cut + text if found.unresolved > 0.0 else text
 
 
 def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:

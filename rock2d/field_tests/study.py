@@ -43,10 +43,6 @@ SHAPE_PERCENTILES = (5.0, 10.0, 50.0, 90.0, 95.0)
 SHAPE_STREAM = 9  # first number of a spawn key
 
 
-def _nothing(what: str, done: int, of: int) -> None:
-    pass
-
-
 def step_counter(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None]:
     """A function that gets the number of further steps done, and calls `on_progress` with their sum."""
     done = 0
@@ -142,7 +138,7 @@ def calibrate(
 
 
 def study_forecasts(
-    scenario: Scenario, calibration: Calibration, on_progress: OnProgress = _nothing
+    scenario: Scenario, calibration: Calibration, on_progress: OnProgress = lambda *_: None
 ) -> dict[str, PartForecast]:
     """Forecasts of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
     assert scenario.terrain is not None and scenario.field_test is not None

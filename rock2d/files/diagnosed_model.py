@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,16 +18,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.files.checked_yaml import shown
-from rock2d.files.diagnosis import DIAGNOSIS, NOT_EFFECTS, read_fitted_diagnosis
+from rock2d.files.diagnosis import NOT_EFFECTS, read_fitted_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale, DiagnosisFile
 from rock2d.files.fitted_keys import FittedLaw, FittedParameter, JointFit
-from rock2d.files.folders import path_inside
 from rock2d.files.scenario_keys import ContactKeys
 
 if TYPE_CHECKING:
     from rock2d.effects.effect import Parameter
-    from rock2d.files.scenario import Scenario
 
 DIAGNOSIS_PLACE = "diagnosis"  # first key of the places of values that a diagnosis leaves uncertain
 CAUSE = f"{DIAGNOSIS_PLACE}.cause"
@@ -220,24 +216,7 @@ class CauseDraw(NamedTuple):
         return np.minimum(np.searchsorted(edges, u, side="right"), len(self.p) - 1).astype(float)
 
 
-def load_diagnosed_model(scenario: Scenario, given: str, data_root: str | Path | None) -> DiagnosedModel:
-    """The diagnosis beside the scenario file, or under the data root.
-
-    Raises InputError with the place in the scenario, or in the diagnosis."""
-    where = ("model", "diagnosis")
-    roots = [scenario.document.file.absolute().parent, *([Path(data_root)] if data_root else [])]
-    for root in roots:
-        file = path_inside(root, given, *where, error=scenario.error)
-        if os.path.isdir(file):
-            file = path_inside(root, f"{given}/{DIAGNOSIS}", *where, error=scenario.error)
-        if os.path.exists(file):  # unlike Path.exists, for a name that no file can have, too
-            blocks = {**(scenario.blocks or {}), **scenario.populations}
-            return _diagnosed_model(given, file, blocks or (scenario.experiment.blocks if scenario.experiment else {}))
-    message = f"no file {shown(given)} beside the scenario or under the data root"
-    raise scenario.error(message, *where, code="missing_file", name=given)
-
-
-def _diagnosed_model(given: str, file: Path, blocks: Collection[str]) -> DiagnosedModel:
+def diagnosed_model(given: str, file: Path, blocks: Collection[str]) -> DiagnosedModel:
     """The models of a diagnosis for blocks of these names. Raises InputError with file, line and column of the first
     mistake."""
     _, keys = read_fitted_diagnosis(file)

@@ -6,22 +6,15 @@ Parameters that the file does not give come from the diagnosis, if there is one.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
-from rock2d.errors import ParameterError
-from rock2d.files.checked_yaml import shown
-from rock2d.files.scenario_keys import ContactKeys, ReboundKeys, SoilKeys
+from rock2d.files.scenario_keys import Soil, SoilKeys
 from rock2d.scene.blocks import Block
 from rock2d.scene.soils import SOIL_CLASSES, SoilClass
 
-if TYPE_CHECKING:
-    from rock2d.files.scenario import Scenario
-    from rock2d.laws.contact import ContactParameters
-    from rock2d.laws.rebound import ReboundParameters
 
-
-class _Given(NamedTuple):
+class GivenParameters(NamedTuple):
     """Keys and parameters by zone, or default.
 
     Attributes
@@ -49,71 +42,12 @@ class _Given(NamedTuple):
         ]
 
 
-def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactParameters]:
-    """Zone name -> parameters of the deterministic law for `block`; "default" serves every other zone."""
-    from rock2d.laws.contact import ContactParameters
-    from rock2d.laws.soil_scaling import soil_contact
-
-    model, diagnosed = scenario.model, scenario.diagnosed
-    if model.deterministic is None and model.soils is None and diagnosed is None:
-        message = "missing key 'deterministic', which the engines pymunk and batch need"
-        raise scenario.error(message, "model", code="missing_key", key="deterministic")
-    numbers = model.deterministic.named() if model.deterministic is not None else {}
-    switches = ContactKeys(rolling_cap=False, rolling_in_indentation=False)
-    rest = (switches,) if diagnosed is None else (diagnosed.model.soil, switches)
-    given = _Given(_soils(scenario, soil_contact, block), numbers, {}, rest)
-    return _by_zone(scenario, ContactParameters, given, "deterministic")
-
-
-def rebound_parameters(scenario: Scenario, block: Block) -> dict[str, ReboundParameters]:
-    """Zone name -> parameters of the probabilistic law for `block`; "default" serves every other zone."""
-    from rock2d.laws.rebound import ReboundParameters
-    from rock2d.laws.soil_scaling import soil_rebound
-
-    model = scenario.model
-    if model.probabilistic is None and model.soils is None:
-        message = "missing key 'probabilistic', which engine point_mass needs"
-        raise scenario.error(message, "model", code="missing_key", key="probabilistic")
-    blocks = model.probabilistic.named() if model.probabilistic is not None else {}
-    numbers, own = (blocks[name].named() if name in blocks else {} for name in ("default", block.name))
-    rest = (ReboundKeys(slope_reduction_deg=0.0, slope_reduction="constant"),)
-    given = _Given(_soils(scenario, soil_rebound, block), numbers, own, rest)
-    return _by_zone(scenario, ReboundParameters, given, "probabilistic", block.name)
-
-
-def _soils(scenario: Scenario, law: Any, block: Block) -> dict[str, Any]:
-    """Zone name, or default -> parameters that the soil class gives for the block."""
-    soils = scenario.model.soils or {}
-    return {zone: law(_soil(soil), block.mass_kg, block.size_m) for zone, soil in soils.items()}
+def of_soils(soils: Mapping[str, Soil] | None, law: Any, block: Block) -> dict[str, Any]:
+    """Zone name, or default -> parameters that the soil class gives for the block, by a law of `laws.soil_scaling`."""
+    return {zone: law(_soil(soil), block.mass_kg, block.size_m) for zone, soil in (soils or {}).items()}
 
 
 def _soil(given: str | SoilKeys) -> SoilClass:
     if isinstance(given, str):
         return SOIL_CLASSES[given]
     return replace(SOIL_CLASSES[given.like], **given.model_dump(exclude_none=True, exclude={"like"}))
-
-
-def _by_zone(scenario: Scenario, kind: Any, given: _Given, law: str, *block: str) -> dict[str, Any]:
-    """Zone name -> parameters of class `kind`, whose keys in the file are `law` and `block`. "default" may be missing
-    if every zone has its own soil class or numbers."""
-    names = [field.name for field in fields(kind)]
-    zones = list(dict.fromkeys(("default", *given.numbers, *given.own, *given.soils)))
-    if given.soils and "default" not in given.soils and None in given.values("default", names):
-        for zone in scenario.make_cross_section().zone_names:
-            if zone not in zones:
-                message = f"zone {shown(zone)} has no soil class, neither its own nor a default"
-                raise scenario.error(message, "model", "soils", at="key", code="missing_key", key=zone)
-        zones.remove("default")
-    out = {}
-    for zone in zones:
-        path = ("model", law, *(block if zone in given.own else ("default",) * len(block)), zone)
-        values = given.values(zone, names)
-        if None in values:
-            name = names[values.index(None)]
-            message = f"{name} is given neither here nor under default"
-            raise scenario.error(message, *path, at="key", code="missing_key", key=name)
-        try:
-            out[zone] = kind(*values)
-        except ParameterError as error:
-            raise scenario.error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
-    return out

@@ -1,13 +1,9 @@
-"""Scenario files: blocks, ground, impact laws and their parameters, number of releases.
-
-`load_scenario` reads and checks a file. A mistake raises `InputError` with its place."""
+"""Scenarios: blocks, ground, impact laws and their parameters, number of releases."""
 
 from __future__ import annotations
 
-import os
-import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,19 +11,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError, UnusualWarning, comma_list, counted
-from rock2d.files import law_parameters
+from rock2d.errors import InputError, ParameterError, comma_list, counted
 from rock2d.files.checked_yaml import Checked, Document, shown
-from rock2d.files.diagnosed_model import DiagnosedModel, load_diagnosed_model
+from rock2d.files.diagnosed_model import DiagnosedModel
 from rock2d.files.distributions import Variation, quantiles
-from rock2d.files.experiment import Experiment, load_experiment
+from rock2d.files.experiment import Experiment
 from rock2d.files.field_releases import FieldTestKeys
-from rock2d.files.folders import path_inside
+from rock2d.files.law_parameters import GivenParameters, of_soils
 from rock2d.files.places import number_at
-from rock2d.files.posterior_table import ROW, Posterior, read_posterior
+from rock2d.files.posterior_table import ROW, Posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys, Uncertainty
-from rock2d.files.scenario_checks import check_scenario, doubts
-from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs, Project
+from rock2d.files.scenario_keys import ContactKeys, DesignValueKeys, Incident, Laws, Outputs, Project, ReboundKeys
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Ditches, DitchKeys, EmbankmentKeys, Embankments, Name
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, site_time_limit_s
@@ -37,8 +31,6 @@ if TYPE_CHECKING:
     from rock2d.files.surveys.terrain_sections import TerrainSections
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
-
-DATA_VARIABLE = "ROCK2D_DATA"
 
 
 class Scenario(Checked):
@@ -221,93 +213,62 @@ class Scenario(Checked):
 
     def contact_parameters(self, block: Block) -> dict[str, ContactParameters]:
         """Zone name -> parameters of the deterministic law for `block`; "default" serves every other zone."""
-        return law_parameters.contact_parameters(self, block)
+        from rock2d.laws.contact import ContactParameters
+        from rock2d.laws.soil_scaling import soil_contact
+
+        model, diagnosed = self.model, self._diagnosed
+        if model.deterministic is None and model.soils is None and diagnosed is None:
+            message = "missing key 'deterministic', which the engines pymunk and batch need"
+            raise self.error(message, "model", code="missing_key", key="deterministic")
+        numbers = model.deterministic.named() if model.deterministic is not None else {}
+        switches = ContactKeys(rolling_cap=False, rolling_in_indentation=False)
+        rest = (switches,) if diagnosed is None else (diagnosed.model.soil, switches)
+        given = GivenParameters(of_soils(model.soils, soil_contact, block), numbers, {}, rest)
+        return self._by_zone(ContactParameters, given, "deterministic")
 
     def rebound_parameters(self, block: Block) -> dict[str, ReboundParameters]:
         """Zone name -> parameters of the probabilistic law for `block`; "default" serves every other zone."""
-        return law_parameters.rebound_parameters(self, block)
+        from rock2d.laws.rebound import ReboundParameters
+        from rock2d.laws.soil_scaling import soil_rebound
+
+        model = self.model
+        if model.probabilistic is None and model.soils is None:
+            message = "missing key 'probabilistic', which engine point_mass needs"
+            raise self.error(message, "model", code="missing_key", key="probabilistic")
+        blocks = model.probabilistic.named() if model.probabilistic is not None else {}
+        numbers, own = (blocks[name].named() if name in blocks else {} for name in ("default", block.name))
+        rest = (ReboundKeys(slope_reduction_deg=0.0, slope_reduction="constant"),)
+        given = GivenParameters(of_soils(model.soils, soil_rebound, block), numbers, own, rest)
+        return self._by_zone(ReboundParameters, given, "probabilistic", block.name)
+
+    def _by_zone(self, kind: Any, given: GivenParameters, law: str, *block: str) -> dict[str, Any]:
+        """Zone name -> parameters of class `kind`, whose keys in the file are `law` and `block`. "default" may be
+        missing if every zone has its own soil class or numbers."""
+        names = [field.name for field in fields(kind)]
+        zones = list(dict.fromkeys(("default", *given.numbers, *given.own, *given.soils)))
+        if given.soils and "default" not in given.soils and None in given.values("default", names):
+            for zone in self.make_cross_section().zone_names:
+                if zone not in zones:
+                    message = f"zone {shown(zone)} has no soil class, neither its own nor a default"
+                    raise self.error(message, "model", "soils", at="key", code="missing_key", key=zone)
+            zones.remove("default")
+        out = {}
+        for zone in zones:
+            path = ("model", law, *(block if zone in given.own else ("default",) * len(block)), zone)
+            values = given.values(zone, names)
+            if None in values:
+                name = names[values.index(None)]
+                message = f"{name} is given neither here nor under default"
+                raise self.error(message, *path, at="key", code="missing_key", key=name)
+            try:
+                out[zone] = kind(*values)
+            except ParameterError as error:
+                raise self.error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
+        return out
 
     def error(self, message: str, *path: str | int, **more: Any) -> InputError:
         """See `Document.error`."""
         return self._document.error(message, *path, **more)
-
-
-def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scenario:
-    """Load and check a scenario file.
-
-    `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
-    Raises `InputError` with file, line and column of the first mistake. Warns with `UnusualWarning` of each number
-    that is possible but unusual."""
-    scenario = checked_scenario(Document(path), None, data_root)
-    for doubt in doubts(scenario):
-        warnings.warn(UnusualWarning(str(scenario.error(doubt.text, *doubt.key, at="key"))), stacklevel=2)
-    return scenario
-
-
-def checked_scenario(
-    document: Document,
-    experiment: Experiment | None,
-    data_root: str | Path | None = None,
-    diagnosed: DiagnosedModel | None = None,
-    terrain: TerrainSections | None = None,
-) -> Scenario:
-    """Check the data of a scenario file; see `load_scenario`. An experiment, a diagnosis or a terrain that is given is
-    not loaded again."""
-    scenario = document.check(Scenario)
-    scenario._document = document
-    data_root = data_root or os.environ.get(DATA_VARIABLE)
-    _load_experiment(scenario, data_root, experiment)
-    if scenario.field_test is not None:
-        found = terrain or _load_terrain(scenario, scenario.field_test, data_root)
-        scenario._terrain = replace(found, beyond_deg=scenario.field_test.beyond_deg)
-    if scenario.model.diagnosis is not None:
-        scenario._diagnosed = diagnosed or load_diagnosed_model(scenario, scenario.model.diagnosis, data_root)
-    if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
-        scenario._posterior = _load_posterior(scenario, scenario.uncertainty.posterior)
-    for key, value in (
-        ("cross_section", scenario.cross_section or scenario.field_test),
-        ("blocks", scenario.blocks or scenario.populations),
-    ):
-        if not value and scenario.experiment is None:
-            raise document.error(f"missing key {key!r}", code="missing_key", key=key)
-    check_scenario(scenario)
-    scenario.longest_release_s()
-    return scenario
-
-
-def _load_posterior(scenario: Scenario, given: str) -> Posterior:
-    """The table beside the scenario file."""
-    beside, where = scenario.document.file.absolute().parent, ("uncertainty", "posterior")
-    return read_posterior(given, path_inside(beside, given, *where, error=scenario.error))
-
-
-def _load_experiment(scenario: Scenario, data_root: str | Path | None, loaded: Experiment | None = None) -> None:
-    given = scenario.incident.items()
-    sources = {name: item.from_experiment for name, item in given if item.from_experiment}
-    if not sources:
-        return
-    if list(scenario.incident) != ["default"]:
-        name = next(iter(sources))
-        message = "from_experiment serves all blocks: put it under incident.default, alone"
-        raise scenario.error(message, "incident", name, at="key", code="wrong_kind")
-    source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
-    experiment = loaded or _found_experiment(scenario, source, where, data_root)
-    if experiment.trajectories is None:
-        message = "this experiment has impacts only, no frames to start from"
-        raise scenario.error(message, *where, code="wrong_kind")
-    most = int(experiment.trajectories.groupby("block")["release"].nunique().max())
-    if "releases" not in scenario.model_fields_set:
-        scenario.releases = most
-    elif scenario.releases > most:
-        message = f"the experiment has {most} releases of a block at most"
-        raise scenario.error(message, "releases")
-    if "gravity_m_s2" not in scenario.model_fields_set:
-        scenario.gravity_m_s2 = experiment.gravity_m_s2
-    if scenario.blocks is not None:
-        for name in sorted(set(experiment.trajectories["block"]) - set(scenario.blocks)):
-            message = f"block {shown(name)} of the experiment is missing"
-            raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
-    scenario._experiment = experiment
 
 
 def scenario_file(name: str) -> Path:
@@ -315,45 +276,3 @@ def scenario_file(name: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / "scenarios" / name
     return installed if installed.exists() else package.parent / "scenarios" / name
-
-
-def _load_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:
-    """Terrain and releases. The data root may be any folder of the path `keys.folder`."""
-    from rock2d.files.field_releases import read_releases
-    from rock2d.files.surveys.terrain import read_terrain
-    from rock2d.files.surveys.terrain_sections import TerrainSections
-
-    where, steps = ("field_test", "folder"), Path(keys.folder).parts
-    root = _given_root(scenario, keys.folder, where, data_root)
-    tails = [str(Path(*steps[i:], keys.releases)) for i in range(len(steps) + 1)]
-    files = [path_inside(root, tail, *where, error=scenario.error) for tail in tails]
-    table = next((file for file in files if file.is_file()), None)
-    if table is None:
-        message = f"no {keys.releases} in {shown(keys.folder)} {_under(root)}"
-        raise scenario.error(message, *where, code="missing_data", folder=keys.folder)
-    grid = path_inside(table.parent, keys.terrain, *where, error=scenario.error)
-    known = read_releases(table, keys.block_ids)
-    return TerrainSections(read_terrain(grid), known, keys.zones, keys.edge_m)
-
-
-def _found_experiment(
-    scenario: Scenario, source: FromExperiment, where: tuple[str, ...], data_root: str | Path | None
-) -> Experiment:
-    """The experiment under the data root."""
-    root = _given_root(scenario, source.folder, where, data_root)
-    folder = path_inside(root, source.folder, *where, error=scenario.error)
-    if not folder.is_dir():
-        message = f"no folder {shown(source.folder)} {_under(root)}"
-        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
-    return load_experiment(folder)
-
-
-def _given_root(scenario: Scenario, folder: str, where: tuple[str, ...], data_root: str | Path | None) -> str | Path:
-    if not data_root:
-        message = f"no data root: give the folder that contains {shown(folder)} with --data or {DATA_VARIABLE}"
-        raise scenario.error(message, *where, code="missing_data", folder=folder)
-    return data_root
-
-
-def _under(root: str | Path) -> str:
-    return f"under the data root {str(root)!r} (--data or {DATA_VARIABLE})"

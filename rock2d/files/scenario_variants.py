@@ -7,7 +7,8 @@ from typing import Any
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, yaml_text
 from rock2d.files.places import DataPath, number_at, place_of, places_of_numbers, value_at
-from rock2d.files.scenario import Scenario, checked_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import checked_scenario
 
 
 def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool = False) -> Scenario:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+PAGE = "report.html"  # name of the file
 PAGE_INK, PAGE_ACCENT, PAGE_WARM, PAGE_RULE = "#2b2b2b", "#0072b2", "#d55e00", "#bbbbbb"
 PAGE_FIGURE_DPI = 110  # resolution of embedded PNG pictures
 SVG_DPI = 150  # resolution of pixel images inside an SVG

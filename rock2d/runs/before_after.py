@@ -12,6 +12,7 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.files.scenario import Scenario
 from rock2d.runs.acting_effects import ActingEffects
+from rock2d.runs.campaigns.ensembles import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
@@ -79,7 +80,7 @@ def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
         group = job.group(b, 0, count)
         if not (number := len(group.states)):  # no release of this block was filmed
             continue
-        found = job.outcome(group)
+        found = group_outcome(job, group)
         passed = found.passed(len(lines))
         counts = found.passing(job.cross_section)
         for k, row in enumerate(passing_rows(block.name, list(lines), number, float("nan"), counts)):

@@ -25,7 +25,7 @@ from rock2d.files.scenario_variants import with_numbers
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import N_STATE
 from rock2d.runs.acting_effects import ActingEffects, centre_of_mass_states
-from rock2d.runs.engines import engine_named
+from rock2d.runs.engines import Condition, engine_named
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
@@ -40,21 +40,6 @@ from rock2d.runs.incident_states import (
 from rock2d.scene.blocks import Block, touching_height_m
 from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
 from rock2d.scene.rough_ground import Roughness, roughened
-
-
-class Condition(NamedTuple):
-    """Block, ground and parameters of a release.
-
-    Attributes
-    ----------
-    parameters : rows (zones, columns) of the contact law, with columns of effects if any act; of the engine
-        point_mass: zone name, or default -> parameters of the rebound law
-    drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value"""
-
-    block: Block
-    cross_section: CrossSection
-    parameters: Any
-    drawn: Mapping[str, float]
 
 
 class Suspended(NamedTuple):

@@ -7,18 +7,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rock2d.errors import InputError
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
     from rock2d.records.track import Track
-    from rock2d.runs.campaigns.ensembles import Outcome
-    from rock2d.runs.campaigns.job import Job
-    from rock2d.runs.conditions import Condition, Group
     from rock2d.runs.incident_states import IncidentState
     from rock2d.scene.blocks import Block
+    from rock2d.scene.cross_section import CrossSection
+
+
+class Condition(NamedTuple):
+    """Block, ground and parameters of a release.
+
+    Attributes
+    ----------
+    parameters : rows (zones, columns) of the contact law, with columns of effects if any act; of the engine
+        point_mass: zone name, or default -> parameters of the rebound law
+    drawn : values drawn for this release: place in the scenario file, or quantity of the block -> value"""
+
+    block: Block
+    cross_section: CrossSection
+    parameters: Any
+    drawn: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -29,7 +42,6 @@ class Engine:
     ----------
     law : key of `model` in a scenario with its parameters: "deterministic" or "probabilistic"
     track : (condition, start, gravity in m/s², time limit in s) -> the motion of one release
-    ensemble : simulates a group of releases of a campaign; None if the engine is for single releases only
     many_processes : whether its releases take so long that a run starts further processes
     audits_energy : whether its tracks have an energy audit
     keeps_samples : whether a campaign can keep sampled trajectories
@@ -42,7 +54,6 @@ class Engine:
     name: str
     law: str
     track: Callable[[Condition, IncidentState, float, float], Track]
-    ensemble: Callable[[Job, Group], Outcome] | None = None
     many_processes: bool = False
     audits_energy: bool = False
     keeps_samples: bool = False
@@ -96,26 +107,13 @@ def _point_mass_track(condition: Condition, start: IncidentState, gravity_m_s2: 
     )  # fmt: skip
 
 
-def _batch_ensemble(job: Job, group: Group) -> Outcome:
-    from rock2d.runs.campaigns.ensembles import batch_outcome
-
-    return batch_outcome(job, group)
-
-
-def _point_mass_ensemble(job: Job, group: Group) -> Outcome:
-    from rock2d.runs.campaigns.ensembles import point_mass_outcome
-
-    return point_mass_outcome(job, group)
-
-
 _ENGINES = (
     Engine("pymunk", "deterministic", _pymunk_track, many_processes=True, audits_energy=True, writing_work=0.3),
-    Engine("batch", "deterministic", _batch_track, _batch_ensemble, audits_energy=True, keeps_samples=True),
+    Engine("batch", "deterministic", _batch_track, audits_energy=True, keeps_samples=True),
     Engine(
         "point_mass",
         "probabilistic",
         _point_mass_track,
-        _point_mass_ensemble,
         groups_at_once=10,
         chunk_releases=100_000,
         one_thread_per_chunk=True,

@@ -7,6 +7,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
+from rock2d.runs.campaigns.ensembles import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.statistics import wilson_interval
@@ -36,7 +37,7 @@ def releases_for(
             for b in range(len(job.blocks)):
                 for start in range(done, wanted, DRAW_GROUP):
                     stop = min(start + DRAW_GROUP, wanted)
-                    found = job.outcome(job.group(b, start, stop)).passing(job.cross_section)
+                    found = group_outcome(job, job.group(b, start, stop)).passing(job.cross_section)
                     counts[b] += found.passed
                     most_counts[b] += found.passed + found.unresolved
                     bar.update(stop - start)

@@ -13,8 +13,8 @@ from rock2d.processes import as_finished
 from rock2d.progress import Bars
 from rock2d.records.track import Track
 from rock2d.runs.acting_effects import true_film
-from rock2d.runs.conditions import Condition, Conditions, starts
-from rock2d.runs.engines import ENGINES, engine_named
+from rock2d.runs.conditions import Conditions, starts
+from rock2d.runs.engines import ENGINES, Condition, engine_named
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.recording import Recording
 from rock2d.runs.results import WRITING, RunResult

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from rock2d.arrays import Array
 from rock2d.errors import InputError, UnusualWarning, comma_list, counted
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
-from rock2d.runs.engines import engine_named
+from rock2d.registry import registered
+from rock2d.runs.engines import Condition, engine_named
 from rock2d.runs.incident_states import IncidentState, drawn_seeds
-from rock2d.runs.indicators import indicators
 from rock2d.runs.recording import Recording, trajectories_table
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, site_time_limit_s
@@ -31,6 +31,27 @@ if TYPE_CHECKING:
     from rock2d.laws.rebound import ReboundParameters
 
 TRAJECTORIES = "trajectories"
+
+
+class Indicator(NamedTuple):
+    """A table of a run.
+
+    Attributes
+    ----------
+    name : name of the table and of its CSV file
+    columns : names of the columns with units; a table may have further columns after them
+    table : computes the table
+    applies : whether these releases have such a table"""
+
+    name: str
+    columns: tuple[str, ...]
+    table: Callable[[Simulation], pd.DataFrame]
+    applies: Callable[[Simulation], bool] = lambda run: True
+
+
+def indicators() -> Mapping[str, Indicator]:
+    """Every indicator by its name, in the order of the names. Raises ValueError if two share a name."""
+    return registered("rock2d.runs.indicators", "INDICATOR")
 
 
 @dataclass(repr=False)
@@ -194,7 +215,6 @@ def simulate(
     >>> result.to_pandas("stops")["stop"].tolist()
     ['rest', 'rest']"""
     from rock2d.laws.contact import contact_table
-    from rock2d.runs.conditions import Condition
 
     chosen = engine_named(engine)
     by_zone = _by_zone(parameters, chosen.law, engine)

@@ -16,7 +16,7 @@ from scipy import stats
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.point_mass import run_point_mass_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states

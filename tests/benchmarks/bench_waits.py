@@ -31,7 +31,7 @@ FILMED = 30  # releases of each block, in the generated film
 PRACTICE = sorted(Path(os.environ.get("ROCK2D_DATA", os.devnull)).glob("practice/*/fit"))
 FIRST = f"""
 import numpy as np
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.conditions import incident_states
 scenario = load_scenario({str(SHIPPED / "paper_setup.yaml")!r})
 ground, block = scenario.make_cross_section(), scenario.make_blocks()["cube"]

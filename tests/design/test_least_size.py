@@ -16,7 +16,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, l
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment, write_experiment
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from tests.diagnosed_files import content, undiagnosed
 from tests.programs import cluster
 from tests.scenarios_of_tests import UNKNOWN, scenario_file, small_site

@@ -12,7 +12,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target
 from rock2d.design.least_volume import Combination, minimised, volume_text
 from rock2d.design.report_sections import _volume_section
 from rock2d.errors import InputError
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from tests.scenarios_of_tests import small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.3, 0.9)

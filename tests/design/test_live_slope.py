@@ -12,9 +12,10 @@ from PIL import Image
 import rock2d
 from rock2d.design import live_slope
 from rock2d.design.live_slope import View
-from rock2d.design.report import REPORTED_TABLES, ReportContent, report_page
+from rock2d.design.report import report_page
+from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
 from rock2d.design.report_tables import quantity_text
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.graphics.rendering import Made
 from rock2d.runs.indicators.envelopes import QUANTITIES
@@ -59,9 +60,7 @@ def report(result, higher, tmp_path_factory):
     folder = tmp_path_factory.mktemp("live_page")
     Image.new("RGB", (40, 20)).save(folder / "trajectories.png")
     views = [View("as in the file", result), View(NASTY, higher, "3 m high")]
-    content = ReportContent(
-        result.scenario, result, {name: result.to_pandas(name) for name in REPORTED_TABLES}, views=views
-    )
+    content = ReportContent(result, {name: result.to_pandas(name) for name in REPORTED_TABLES}, views=views)
     made = Made("2025-03-31", "0", "rock2d run live.yaml --report", "3")
     (folder / "report.html").write_text(
         report_page(content, {"trajectories": folder / "trajectories.png"}, made), encoding="utf-8"

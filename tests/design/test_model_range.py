@@ -3,7 +3,7 @@
 import pytest
 
 from rock2d.design.model_range import AS_IN_FILE, other_models, range_remarks, range_table, short_ranges, shown_lines
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.run import run
 from rock2d.scene.soils import SOIL_CLASSES
 from tests.scenarios_of_tests import scenario_file

@@ -12,7 +12,7 @@ from rock2d.design.least_size import line_of_place
 from rock2d.design.norms import demands
 from rock2d.design.report_tables import quantity_text
 from rock2d.effects.ground import as_built
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.plausibility import earthwork_doubts

@@ -107,7 +107,7 @@ def test_examples_of_files_are_valid(tmp_path):
     from rock2d_tracking.setup_file import Setup
 
     from rock2d.design.possible_sites import draw_sites, variants_of
-    from rock2d.files.scenario import load_scenario
+    from rock2d.files.scenario_reading import load_scenario
     from rock2d.runs.conditions import Conditions, starts
 
     def examples(name: str) -> list[str]:

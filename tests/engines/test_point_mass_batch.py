@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rock2d.engines.point_mass import run_point_mass, run_point_mass_batch
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection

@@ -12,7 +12,7 @@ from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, PartForecast, naive_forecast, score_table
 from rock2d.field_tests.study import FOLDS, Effort, fold_indices
 from rock2d.files.field_releases import FieldReleases
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
 EFFORT = Effort(prior=24, refined=8, copies=1, draws=16)
@@ -153,7 +153,7 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     monkeypatch.setattr(study, "simulate_soils", lambda *own: simulated.append(1) or likelihood.simulate_soils(*own))
     for name, cache in (("one.csv", "first"), ("two.csv", "second"), ("three.csv", "first")):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / cache))
-        predict_releases(scenario, table, tmp_path / name, progress=False, effort=LEAST, report=str)
+        predict_releases(scenario, table, tmp_path / name, progress=False, effort=LEAST)
         found.append((tmp_path / name).read_text())
     assert found[0] == found[1] == found[2]
     assert len(simulated) == 2 * (1 + len(likelihood.ROUND_POWERS))

@@ -7,7 +7,7 @@ import pytest
 
 from rock2d.errors import InputError
 from rock2d.files.field_releases import read_releases
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.surveys.terrain_sections import EDGE_ZONE
 from tests.field_tests.small_field import HEADER, write_field
 from tests.programs import refusal

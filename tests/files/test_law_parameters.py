@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES

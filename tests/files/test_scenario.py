@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rock2d.errors import InputError, OldKeyWarning
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.runs.conditions import Conditions, starts
 from tests.programs import place_of, refusal

@@ -7,7 +7,7 @@ from scipy import stats
 from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at
 from rock2d.files.scatter_keys import Uncertainty
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from tests.programs import refusal
 from tests.scenarios_of_tests import UNKNOWN, small_site

@@ -10,7 +10,8 @@ import pytest
 
 from rock2d.commands.profile import ProfileOptions, write_profile
 from rock2d.errors import InputError
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.surveys.profile import checked_profile, simplified
 from rock2d.files.surveys.release_area import release_area
 from rock2d.files.surveys.table import read_table

@@ -7,7 +7,7 @@ import pytest
 from rock2d.diagnosis.predict import read_for_prediction
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.text_files import read_json, read_text
 from tests.files.test_scenario import DROPS
 from tests.programs import refusal

@@ -19,7 +19,7 @@ import pandas as pd
 from rock2d.design.assessment import assess
 from rock2d.design.possible_sites import SiteResults, simulate_sites
 from rock2d.design.uncertainty import SHARES
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.progress import Bars
 from rock2d.runs.run import run

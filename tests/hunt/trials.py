@@ -38,13 +38,13 @@ class Kind(NamedTuple):
 
 
 def _read_scenario(folder: Path) -> None:
-    from rock2d.files.scenario import load_scenario
+    from rock2d.files.scenario_reading import load_scenario
 
     load_scenario(folder / "scenario.yaml", folder)
 
 
 def _run_scenario(folder: Path) -> None:
-    from rock2d.files.scenario import load_scenario
+    from rock2d.files.scenario_reading import load_scenario
     from rock2d.runs.run import run
 
     scenario = load_scenario(folder / "scenario.yaml", folder)

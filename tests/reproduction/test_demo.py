@@ -4,7 +4,8 @@ import pandas as pd
 from rock2d_figures import demo
 from rock2d_figures.demo import findings, table_text
 
-from rock2d.files.scenario import load_scenario, scenario_file
+from rock2d.files.scenario import scenario_file
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.reproduction.paper_setup import side_by_side
 from tests.programs import commanded
 

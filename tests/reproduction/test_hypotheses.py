@@ -5,7 +5,8 @@ import pytest
 import shapely
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
-from rock2d.files.scenario import load_scenario, scenario_file
+from rock2d.files.scenario import scenario_file
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.reproduction import calibrations, outcomes, published
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rock2d.files.scenario import load_scenario, scenario_file
+from rock2d.files.scenario import scenario_file
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.reproduction import paper_setup as module
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.outcomes import Outcome

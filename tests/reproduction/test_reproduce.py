@@ -8,7 +8,8 @@ import pytest
 from rock2d_figures.command import reproduce
 from ruamel.yaml import YAML
 
-from rock2d.files.scenario import load_scenario, scenario_file
+from rock2d.files.scenario import scenario_file
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.progress import Bars
 from rock2d.reproduction import calibrations, published
 from rock2d.reproduction.calibrations import Effort

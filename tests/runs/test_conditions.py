@@ -10,7 +10,8 @@ from scipy import stats
 
 import rock2d
 from rock2d.errors import InputError
-from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.laws.contact import K_UL
 from rock2d.runs.campaigns.campaign import CampaignOptions, run_campaign
 from rock2d.runs.conditions import Conditions, starts

@@ -6,7 +6,7 @@ import pytest
 
 from rock2d.cluster import Workers
 from rock2d.commands.run import RunRequest, run_scenarios
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.precision import releases_for
 from rock2d.runs.run import run

@@ -5,7 +5,7 @@ import pytest
 
 from rock2d.commands.run import RunRequest, run_scenarios
 from rock2d.errors import InputError
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
 from rock2d.runs.release_remarks import unresolved_remarks
 from rock2d.runs.run import run

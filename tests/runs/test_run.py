@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rock2d.files.experiment import load_experiment
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.runs.incident_states import fit_first_flight
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block

@@ -41,21 +41,21 @@ def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[Array]
     chosen = np.unique(np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int))
     stack = np.stack([pictures[i] for i in chosen])
     still = np.median(stack, axis=0).astype(np.uint8)
-    limit = _limit(stack, still)
+    limit = _limit(stack)
     found = []
     for i, picture in enumerate(pictures):
-        off = cv2.absdiff(picture, still)
+        off = np.asarray(cv2.absdiff(picture, still))
         mask: Array = (cv2.subtract(off, limit) > 0).astype(np.uint8)
         if mask.ndim == 3:
-            mask = mask.max(axis=2)
+            mask, off = mask.max(axis=2), off.max(axis=2)
         # single pixels are noise; holes come from parts with the grey of the background
         mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
         mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)))
-        found.append(_components(mask, picture, still, first + i, coarse))
+        found.append(_components(mask, off, (picture, still), first + i, coarse))
     return found
 
 
-def _limit(stack: Array, still: Array) -> Array:
+def _limit(stack: Array) -> Array:
     """The least change of each pixel that counts as motion, from its own noise, so that flicker does not count."""
     steps = np.abs(np.diff(stack.astype(np.int16), axis=0)) if len(stack) > 1 else np.zeros_like(stack[:1])
     own = np.median(steps, axis=0) / (0.6745 * np.sqrt(2.0))
@@ -63,16 +63,16 @@ def _limit(stack: Array, still: Array) -> Array:
     return np.clip(MOVING_SIGMAS * np.maximum(own, level), LEAST_CHANGE_GREY, 250).astype(np.uint8)
 
 
-def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> Array:
-    """(n,) CANDIDATE: cores of changed regions. A block and its shadow, or a hand, may touch; their cores do not."""
+def _components(mask: Array, off: Array, pair: tuple[Array, Array], frame: int, coarse: int) -> Array:
+    """(n,) CANDIDATE: cores of changed regions. A block and its shadow, or a hand, may touch; their cores do not.
+
+    off : change of each pixel; pair : picture and background"""
     import cv2
 
     count, labels = cv2.connectedComponents(mask)
     found = np.empty(0, CANDIDATE)
     if count == 1:
         return found
-    apart = np.asarray(cv2.absdiff(picture, still))
-    off: Array = apart.max(axis=2) if apart.ndim == 3 else apart
     inside = np.flatnonzero(labels)
     own, change = labels.ravel()[inside], off.ravel()[inside]
     order = np.lexsort((change, own))
@@ -81,7 +81,7 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
         strong = np.zeros(count)
         strong[1:] = change[order][(ends[:-1] + quantile * (np.diff(ends) - 1)).astype(int)]
         core = (off > CORE_SHARE * strong[labels]) & (mask > 0)
-        for own in _cores(core.astype(np.uint8), picture, still, frame, coarse):
+        for own in _cores(core.astype(np.uint8), pair, frame, coarse):
             same = np.abs(found["place_px"] - own["place_px"]).max(axis=1) < SAME_PX * coarse
             ratio = found["area_px2"] / own["area_px2"]
             if not (same & (ratio > 1 / SAME_AREA) & (ratio < SAME_AREA)).any():
@@ -91,7 +91,7 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
     return found[order[:MOST_CANDIDATES]]
 
 
-def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> Array:
+def _cores(core: Array, pair: tuple[Array, Array], frame: int, coarse: int) -> Array:
     import cv2
 
     _, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
@@ -104,7 +104,7 @@ def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -
             continue
         box = np.s_[top : top + high, left : left + wide]
         within = labels[box] == k
-        now, before = (a[box][within].reshape(area, -1).astype(float) for a in (picture, still))
+        now, before = (a[box][within].reshape(area, -1).astype(float) for a in pair)
         change = np.broadcast_to((now - before).mean(axis=0), 3)
         whole = left > 0 and top > 0 and left + wide < width and top + high < height
         place = (centres[k] + 0.5) * coarse - 0.5

@@ -77,10 +77,9 @@ class Outline:
         normals, h = self.edges[:, :2], self.edges[:, 2]
         before, hb = np.roll(normals, 1, axis=0), np.roll(h, 1)
         cross = before[:, 0] * normals[:, 1] - before[:, 1] * normals[:, 0]
-        corner = np.column_stack(
+        return np.column_stack(
             [(hb * normals[:, 1] - h * before[:, 1]) / cross, (h * before[:, 0] - hb * normals[:, 0]) / cross]
         )
-        return corner
 
     @property
     def radius_px(self) -> float:

@@ -22,7 +22,7 @@ from rock2d.cluster import SCALE_EXTRA, THIS_PROCESS, Workers, as_finished_on_cl
 from rock2d.errors import InputError, require
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns import DEFAULT_OUTPUTS, OUTPUTS
-from rock2d.runs.engines import ENGINES, Engine, engine_named
+from rock2d.runs.engines import ENGINES, Engine, compiled_engine, engine_named
 from rock2d.runs.indicators.passing import PASSING_COLUMNS
 
 if TYPE_CHECKING:
@@ -179,11 +179,10 @@ def _job_and_manifest(scenario: Scenario, folder: Path, options: CampaignOptions
 
 
 def _check_campaign(scenario: Scenario, engine: Engine, keep: tuple[str, ...], cross_section: CrossSection) -> None:
-    if engine.ensemble is None:
-        others = [other.name for other in ENGINES.values() if other.law == engine.law and other.ensemble]
+    if (compiled := compiled_engine(engine.name)) is not engine:
         raise InputError(
             f"engine {engine.name} is for single releases; for a campaign use the compiled engine of the same law: "
-            f"--engine {' or '.join(others)}",
+            f"--engine {compiled.name}",
             code="wrong_kind",
             engine=engine.name,
         )

@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, POSE_NAMES, STOP_EXIT, STOPS
 from rock2d.runs.campaigns.counts import Counts
-from rock2d.runs.campaigns.ensembles import Outcome
+from rock2d.runs.campaigns.ensembles import Outcome, group_outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.conditions import Group
 from rock2d.runs.engines import ENGINES
@@ -168,7 +168,7 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int, counts: Counts) -> 
     import pyarrow as pa
 
     group = job.group(chunk.block, first, stop)
-    found = job.outcome(group)
+    found = group_outcome(job, group)
     numbers = chunk.offset + np.arange(first, stop)
 
     def columns(names: Sequence[str], release: Array, **of: Any) -> dict[str, pa.Array]:

@@ -11,7 +11,8 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.records.columns import I_TIME, I_ZONE, INSTANT_THETA, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
-from rock2d.runs.conditions import Condition, Group
+from rock2d.runs.conditions import Group
+from rock2d.runs.engines import Condition
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.runs.indicators.passing import PassingCounts, arrivals, count_passing
 from rock2d.scene.cross_section import CrossSection
@@ -54,6 +55,11 @@ class Outcome:
         """Numbers of releases that passed, arrived and were unresolved, at each measure line."""
         passed = self.passed(len(ground.measure_lines))
         return count_passing(passed, UNRESOLVED[self.stop], arrivals(ground))
+
+
+def group_outcome(job: Job, group: Group) -> Outcome:
+    """Simulate a group of releases with the compiled engine of a job."""
+    return {"batch": batch_outcome, "point_mass": point_mass_outcome}[job.engine](job, group)
 
 
 def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcome:

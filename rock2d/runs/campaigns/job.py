@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.runs.conditions import Conditions, Group
-from rock2d.runs.engines import ENGINES, compiled_engine
+from rock2d.runs.conditions import Conditions
+from rock2d.runs.engines import compiled_engine
 from rock2d.runs.indicators.crossings import foot_and_up
 from rock2d.runs.recording import FRAME_TOLERANCE
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
-    from rock2d.runs.campaigns.ensembles import Outcome
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,6 @@ class Job(Conditions):
     def time_limit_s(self) -> float:
         """A release ends after this time."""
         return self.scenario.longest_release_s()
-
-    def outcome(self, group: Group) -> Outcome:
-        """Simulate a group of releases."""
-        ensemble = ENGINES[self.engine].ensemble
-        assert ensemble is not None, f"engine {self.engine} is for single releases"
-        return ensemble(self, group)
 
     def times_s(self) -> Array:
         """Instants at which samples are taken."""

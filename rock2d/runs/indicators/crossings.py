@@ -12,13 +12,11 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.compiled import njit
 from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
-from rock2d.runs.indicators import Indicator
+from rock2d.runs.simulation import Indicator, Simulation
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.simulation import Simulation
 
 CROSSING_VALUES = (
     "t_s", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "speed_m_s", "omega_rad_s", "incidence_angle_deg",

@@ -10,15 +10,13 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
-from rock2d.runs.indicators import Indicator
+from rock2d.runs.simulation import Indicator, Simulation
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import least_count, percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.simulation import Simulation
 
 ENVELOPE_COLUMNS = ("block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95")
 QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")

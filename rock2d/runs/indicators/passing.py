@@ -15,15 +15,13 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.records.columns import UNRESOLVED_STOPS
-from rock2d.runs.indicators import Indicator
+from rock2d.runs.simulation import Indicator, Simulation
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.statistics import percentile_estimate, wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.simulation import Simulation
 
 PASSING_COLUMNS = (
     "block", "line", "releases", "left_source", "arrived", "passed", "unresolved", "frequency", "low95", "high95",

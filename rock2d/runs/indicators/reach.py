@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.runs.indicators import Indicator
 from rock2d.runs.indicators.passing import left_source
+from rock2d.runs.simulation import Indicator, Simulation
 from rock2d.statistics import percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.simulation import Simulation
 
 REACH_COLUMNS = (
     "block", "angle", "left_source", "not_stopped", "least_deg", "exceeded_by_95_deg", "low95_deg", "high95_deg",

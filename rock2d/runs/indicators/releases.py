@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING
 
 from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.runs.engines import ENGINES
-from rock2d.runs.indicators import Indicator
+from rock2d.runs.simulation import Indicator, Simulation
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.simulation import Simulation
 
 ENERGY_COLUMNS = ("release", "block")  # then one column for each term of the balance, in J
 STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout_m")

@@ -3,16 +3,14 @@
 The sizes of a shape become keys of files and arguments of `make_block`."""
 
 from collections.abc import Mapping
-from functools import cache
 
 from rock2d.registry import registered
 from rock2d.scene.shapes.shape import Shape
 
 
-@cache
 def shapes() -> Mapping[str, Shape]:
     """Every shape by its name, in the order of the names. Raises ValueError if two share a name."""
-    return registered(__name__, __file__, "SHAPE")
+    return registered(__name__, "SHAPE")
 
 
 def inertia_words() -> tuple[str, ...]:

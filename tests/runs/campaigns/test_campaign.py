@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.folders import check_output_folder
-from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_files import NoFigures
 from rock2d.runs.campaigns import ensembles, order_statistics
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_releases, run_campaign

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from rock2d.records.track import Track
-from rock2d.runs.indicators import indicators
 from rock2d.runs.indicators.crossings import crossings_table
 from rock2d.runs.indicators.passing import passing_table, percentile_table
 from rock2d.runs.indicators.releases import stops_table
 from rock2d.runs.release_remarks import source_remarks
-from rock2d.runs.simulation import Simulation
+from rock2d.runs.simulation import Simulation, indicators
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import wilson_interval

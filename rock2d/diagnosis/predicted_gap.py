@@ -99,7 +99,7 @@ def predicted_gap(data: FilmData, base: Validated, learnt: Learnt, seed: int) ->
     return PredictedGap(
         segments.release, misses(data, first, film), misses(data, last, film),
         replicate_misses(data, segments, learnt, seed), data.film.noise,
-        (end_misses(segments, first - film), end_misses(segments, last - film)),
+        (end_misses(segments, off(first, film)), end_misses(segments, off(last, film))),
     )  # fmt: skip
 
 
@@ -160,10 +160,17 @@ def measured(data: FilmData, segments: Segments) -> Array:
     return poses
 
 
+def off(poses: Array, reference: Array) -> Array:
+    """Differences of poses (..., 3), without full turns: a picture does not show them."""
+    difference = poses - reference
+    difference[..., THETA] = np.remainder(difference[..., THETA] + np.pi, 2.0 * np.pi) - np.pi
+    return np.asarray(difference)
+
+
 def misses(data: FilmData, poses: Array, reference: Array) -> Array:
-    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `reference` is not
-    NaN."""
-    return np.sqrt(np.nanmean(((poses - reference) / data.film.noise) ** 2, axis=(1, 2)))
+    """(n,) root mean square differences `off` of two sets of poses (n, k, 3) in units of noise, where `reference` is
+    not NaN."""
+    return np.sqrt(np.nanmean((off(poses, reference) / data.film.noise) ** 2, axis=(1, 2)))
 
 
 def replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:

@@ -13,7 +13,7 @@ import pytest
 
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.gap import CHANNELS
-from rock2d.diagnosis.predicted_gap import held_out_poses
+from rock2d.diagnosis.predicted_gap import held_out_poses, off
 from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import live_gap
 from rock2d.diagnosis.report.report_data import impact_misses, touch_places
@@ -309,10 +309,10 @@ def test_a_release_plays_and_each_frame_says_the_gap_of_the_predictions(page, di
     seen = set()
     for names, own in of_models(diagnosed).items():
         tick(page, *names)
-        off = held_out_poses(data, segments, own)[s, len(rows) - 1] - data.film.pose[rows[-1]]
+        miss = off(held_out_poses(data, segments, own)[s, len(rows) - 1], data.film.pose[rows[-1]])
         mm, degrees = map(float, re.findall(r"([\d.]+) mm and ([\d.]+)°", frame_words(page))[-1])
-        assert mm == pytest.approx(1e3 * np.hypot(*off[:2]), abs=0.06)
-        assert degrees == pytest.approx(abs(np.rad2deg(off[THETA])), abs=0.06)
+        assert mm == pytest.approx(1e3 * np.hypot(*miss[:2]), abs=0.06)
+        assert degrees == pytest.approx(abs(np.rad2deg(miss[THETA])), abs=0.06)
         seen.add(picture(page, CLOSE))
     assert len(seen) == len(of_models(diagnosed))
     before = picture(page, CLOSE)

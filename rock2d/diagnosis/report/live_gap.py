@@ -22,7 +22,7 @@ from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.gap import CHANNELS, typical_size, zone_below
 from rock2d.diagnosis.likelihood import standard_deviations
-from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured
+from rock2d.diagnosis.predicted_gap import end_misses, held_out_poses, measured, off
 from rock2d.diagnosis.replay import Segments
 from rock2d.diagnosis.report import report_data, text
 from rock2d.diagnosis.report.figures import MISS_CLASSES
@@ -165,7 +165,7 @@ def _model_words(
     misses, words = [], []
     for model in models:
         speed = np.hypot(*model.own.held_out.residuals.impacts[:, -3:-1].T)
-        mm, degrees = end_misses(segments, model.poses - film)
+        mm, degrees = end_misses(segments, off(model.poses, film))
         velocity = float(np.median(speed[np.isfinite(speed)])) if np.isfinite(speed).any() else np.nan
         misses.append((f"{mm:.2g} mm", f"{degrees:.2g}°", f"{velocity:.2g} m/s"))
     axis = Axis(0.0, 100.0)
@@ -396,7 +396,7 @@ def frames_table(
     """Frames of the `shown` releases (releases,): instant and measured pose, and for each model how far the predicted
     pose is off; 0 outside the segments. The first and the last frame of each segment are always included."""
     film, signs, models = data.film, np.array(report_data.signs_of(result)), len(poses)
-    off, segment = np.zeros((len(film.t_s), models, 3)), np.full(len(film.t_s), -1)
+    misses, segment = np.zeros((len(film.t_s), models, 3)), np.full(len(film.t_s), -1)
     kept = np.zeros(len(film.t_s), bool)
     first = np.searchsorted(film.release, np.arange(len(data.order)))
     step = frame_step(result, data)
@@ -405,13 +405,13 @@ def frames_table(
         segment[rows] = i
         kept[rows[[0, -1]]] = True
         for m, own in enumerate(poses):
-            off[rows, m] = np.nan_to_num(own[i, : len(rows)] - film.pose[rows])
-    off *= signs
-    off[~film.angle_known[film.release], :, THETA] = 0.0
+            misses[rows, m] = np.nan_to_num(off(own[i, : len(rows)], film.pose[rows]))
+    misses *= signs
+    misses[~film.angle_known[film.release], :, THETA] = 0.0
     kept &= shown[film.release]
     own = np.flatnonzero(kept)
     values = np.column_stack(
-        [film.t_s[own] - film.t_s[first[film.release[own]]], film.pose[own] * signs, off[own].reshape(len(own), -1)]
+        [film.t_s[own] - film.t_s[first[film.release[own]]], film.pose[own] * signs, misses[own].reshape(len(own), -1)]
     )
     raw, scales = packed_columns(values)
     releases, counts = np.unique(film.release[own], return_counts=True)

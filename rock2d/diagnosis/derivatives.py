@@ -59,25 +59,31 @@ class Jacobian:
         return replace(self, impacts=impacts, flights=flights)
 
 
+class Point(NamedTuple):
+    """Parameters (P,) and the residuals at them."""
+
+    p: Array
+    residuals: Residuals
+
+
 def jacobian_by_differences(
     model: Model,
-    p: Array,
+    point: Point,
     data: Data,
-    at: Residuals,
     soil: Array,
     covariance: Array | None = None,
     later: Array | None = None,
     known: Jacobian | None = None,
 ) -> Jacobian:
-    """Derivatives at p by finite differences.
+    """Derivatives at a point by finite differences.
 
     Parameters
     ----------
-    at : residuals at p
     soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
     covariance : covariance of the noise, if known
     later : `Jacobian.later` of a fit nearby, if it is taken over
-    known : derivatives by the first parameters at p, if known"""
+    known : derivatives by the first parameters there, if known"""
+    p, at = point
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()

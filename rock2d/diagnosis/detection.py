@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Jacobian, by_scatter, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import Jacobian, Point, by_scatter, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
 from rock2d.diagnosis.fitting import START_SCATTER, Fit, start_scatter
@@ -204,9 +204,8 @@ class _AddedEffect:
         self._fit, self._data, self._effect, self._world = fit, data, effect, world
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
         own, soil = fit.jacobian, start_scatter(self._model, data, fit)
-        self._jacobian = jacobian_by_differences(
-            self._model, self._p, data, fit.residuals, soil, own.covariance, own.later, own
-        )
+        point = Point(self._p, fit.residuals)
+        self._jacobian = jacobian_by_differences(self._model, point, data, soil, own.covariance, own.later, own)
         place, self._others = self._model.positions[effect.name], np.ones(self._model.size, bool)
         self._others[place] = False
         # the parameter that is its size; for an effect with parameters for each block, those of all blocks

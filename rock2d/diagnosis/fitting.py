@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, Point, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     fit_scatter,
@@ -129,7 +129,7 @@ def fit(
     low, high = model.bounds()
     centre, prior_precision = prior(model)
     p = np.clip(model.start() if start is None else start, low, high)
-    begin, at = p, _Point(p, residuals or model.residuals(p, data))
+    begin, at = p, Point(p, residuals or model.residuals(p, data))
     scatter, noise_known = start_scatter(model, data, old), old is not None
     own_noise = old is None or renew_noise
     jacobian: Jacobian | None = old.jacobian if old is not None else None
@@ -146,7 +146,7 @@ def fit(
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
             known = old.jacobian if old is not None and near else None
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later, known)
+            jacobian = jacobian_by_differences(model, at, data, scatter, noise, later, known)
             updates, derived_at = 0, scatter
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
@@ -162,14 +162,14 @@ def fit(
             updates, damping = None, START_DAMPING
         elif not (keep_jacobian or _near(model, scatter, derived_at)):
             noise, later = jacobian.covariance, jacobian.later
-            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later, jacobian)
+            jacobian = jacobian_by_differences(model, at, data, scatter, noise, later, jacobian)
             damping, derived_at = START_DAMPING, scatter
         else:
             break
     assert jacobian is not None
     if updates is None and not keep_jacobian:
         noise, later = jacobian.covariance, None if own_noise else jacobian.later
-        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, later)
+        jacobian = jacobian_by_differences(model, at, data, scatter, noise, later)
         if model.scatter_effects:
             scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
     p_covariance = clustered_covariance(
@@ -182,23 +182,16 @@ def fit(
     return Fit(model, at.p, p_covariance, scatter, jacobian, at.residuals)
 
 
-class _Point(NamedTuple):
-    """Parameters (P,) and the residuals at them."""
-
-    p: Array
-    residuals: Residuals
-
-
 def _advance(
     model: Model,
     data: Data,
-    at: _Point,
+    at: Point,
     covariance: Array,
     curvature: Array,
     grad: Array,
     damping: float,
     convergence: Convergence,
-) -> tuple[_Point, float, bool]:
+) -> tuple[Point, float, bool]:
     """One damped Newton step: the point after it, the damping, and whether it gains so much that the fit has not yet
     converged. The damping grows until the step gains."""
     (low, high), (_, prior_precision) = model.bounds(), prior(model)
@@ -209,7 +202,7 @@ def _advance(
         candidate = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
         if grad @ (at.p - candidate) < 0.2 * least_gain:  # the gain of a parabola is half of it
             break
-        trial = _Point(candidate, model.residuals(candidate, data))
+        trial = Point(candidate, model.residuals(candidate, data))
         gain = now - posterior_cost(model, trial.p, trial.residuals, covariance)
         if gain > 0.0:
             return trial, max(damping / 10, 1e-6), gain >= least_gain
@@ -217,7 +210,7 @@ def _advance(
     return at, damping, False
 
 
-def _broyden_update(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:
+def _broyden_update(jacobian: Jacobian, before: Point, after: Point) -> Jacobian:
     """Derivatives updated so that they reproduce the change of the residuals by a step: Broyden (1965, Math. Comput.
     19(92), 577-593)."""
     step = after.p - before.p

@@ -221,7 +221,7 @@ class Search:
                 return
             previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
             self._prune(self.best.names - previous.names)
-            refitted = self.known[previous.names]
+            refitted = self.known.get(previous.names) or self.set_of(previous.names)
             if refitted is not previous and not self.gain(self.best, refitted).significant_addition:
                 self.best = refitted
                 seen.remove(refitted.names)

@@ -92,6 +92,17 @@ def test_a_smaller_set_in_a_worse_optimum_is_fitted_again_from_the_larger_one(tw
     assert again.fit.total() > stuck.fit.total() + REFIT_GAIN
 
 
+def test_a_set_that_was_forgotten_is_fitted_again(two, monkeypatch):
+    """A smaller set that is fitted better makes larger ones unknown that began at the old fit, among them the set to
+    which a member was just added."""
+    search = copy.copy(two)
+    search.known, search.reduced = dict(two.known), set()
+    search.best = search.set_of(before := frozenset({"camera_tilt", "angle_offset"}))
+    monkeypatch.setattr(Search, "_prune", lambda self, kept: self.known.pop(before, None))
+    search._grow()
+    assert search.best.names >= set(HIDDEN) and before in search.known
+
+
 def test_a_strong_cause_is_found_where_all_its_impacts_are_far_beyond_the_noise():
     """Without noise the base law fits the impacts beside the embankment exactly, and misses the others by hundreds of
     standard errors."""

@@ -63,8 +63,8 @@ OTHER_FORMS, OTHER_FORM_Z, OTHER_FORM_SHARE = {"zone_contrast": ("embankment_yie
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
-# `Evidence.even_ratio` of such an effect: if it is true, it predicts better than the curve that contains it
-EVEN_CONTAINED_RATIO = 1.0
+# effects that a curve over the place contains, and their `Evidence.even_ratio`: a true one predicts better than it
+IN_CURVES, EVEN_CONTAINED_RATIO = {"geometry_error", "zone_contrast"}, 1.0
 # the same for a learnt profile and one parameter of the law that follows the place: heights move positions, too
 EVEN_SOFT_PLACE_RATIO = 1.4
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
@@ -316,7 +316,7 @@ def _evidence_of_member(
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
-        even_ratio=EVEN_CONTAINED_RATIO if name in CONTAINED.values() else EVEN_RATIO, out_of_range=out_of_range,
+        even_ratio=EVEN_CONTAINED_RATIO if name in IN_CURVES else EVEN_RATIO, out_of_range=out_of_range,
     )  # fmt: skip
     if (resistance := RESISTANCES.get(name)) is not None and resistance in best.names:
         gain = search.gain(search.alone[resistance], search.base).total

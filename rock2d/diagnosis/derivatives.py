@@ -149,10 +149,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     rng, root = np.random.default_rng(np.random.SeedSequence(NOISE_SEED)), square_roots(before)
     covariance = by_state @ before @ by_state.transpose(0, 2, 1) + data.outcome_noise()
     for _ in range(NOISE_DRAWS):
-        shift, soil = (
-            times_normal(root, rng),
-            scatter[: len(BASE_WIDTH)] * rng.normal(size=(len(at.impacts), len(BASE_WIDTH))),
-        )
+        shift, soil = times_normal(root, rng), scatter[: len(BASE_WIDTH)] * rng.normal(size=by_law[:, 0].shape)
         first_order = np.einsum("ndk,nk->nd", by_state, shift) + np.einsum("ndk,nk->nd", by_law, soil)
         beyond = np.nan_to_num(drawn_impacts(model, p, data, soil, shift) - at.impacts - first_order)
         covariance += beyond[:, :, None] * beyond[:, None, :] / NOISE_DRAWS

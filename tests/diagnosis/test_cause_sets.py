@@ -16,6 +16,7 @@ from rock2d.diagnosis.data import FilmData, Residuals
 from rock2d.diagnosis.evidence import LARGEST_LUCK, SURE_GAIN, gain_beyond_luck, probability_of_no_closure
 from rock2d.diagnosis.exploring import REFIT_GAIN, explore_on_some, fit_effects, total_on_some
 from rock2d.diagnosis.fitting import CONVERGED_GAIN, Convergence, Fit, extended, fit
+from rock2d.diagnosis.likelihood import PRIOR_SCATTER, posterior_cost
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
@@ -185,7 +186,7 @@ def test_screening_expects_most_of_the_effect_that_is_there(two):
 
 
 def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
-    """A rival within reach changes nothing."""
+    """A rival within reach changes nothing. No fit ends below its start in what it makes largest, the posterior."""
     base, simulated = two.base.fit, []
     model = Model(base.model.setup, base.model.base, [catalogue()["angle_offset"]], base.p)
     plain = FilmData.residuals
@@ -200,7 +201,13 @@ def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
     (alone, all_steps), (near, same), (far, fewer) = map(fitted, (-np.inf, base.total() + 5.0, base.total() + 1e5))
     assert (near.p == alone.p).all() and same == all_steps
     assert fewer < all_steps
-    assert base.total() - CONVERGED_GAIN <= far.total() <= alone.total() + CONVERGED_GAIN
+    assert far.total() <= alone.total() + CONVERGED_GAIN
+
+    def cost(found: Fit) -> float:
+        of_scatter = 0.5 * ((found.scatter / PRIOR_SCATTER) ** 2).sum()
+        return posterior_cost(model, found.p, found.residuals, found.covariance()) + of_scatter
+
+    assert cost(alone) <= cost(far) <= cost(replace(base, model=model, p=extended(base, model)))
 
 
 def test_a_twin_is_fitted_before_it_counts_as_told_apart():

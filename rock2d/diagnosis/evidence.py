@@ -36,7 +36,7 @@ from rock2d.diagnosis.significance import (
     largest_bayes_factor,
     probability_from_p_value,
 )
-from rock2d.diagnosis.visibility import SPIN_TWINS
+from rock2d.diagnosis.visibility import SPIN_TWINS, TURNS, only_gravity_is_turned
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
@@ -55,9 +55,9 @@ LEAST_RESTS_Z = 3.0  # standard errors from which on the preference of blocks at
 RELEARN_CHANGE = 0.2  # relative change of a gain after which the changes in its place are learnt again
 RATIO_STEEPNESS = 8.0  # slope of the logarithm of the odds over the logarithm of the ratio
 RIVAL_Z = 2.0  # effects within so many standard errors cannot be separated
-# An effect with many parameters can absorb another effect whose form differs from that of the catalogue. Where that one
-# gains this share in its place, they are not told apart. In 20 films with one of the two it gained 0.46 or more if it
-# was the cause, and 0.32 or less if it was not.
+# An effect with many parameters can absorb another one whose form is not that of the catalogue. Where that one gains
+# this share in its place, they are not told apart. In 20 films it gained 0.46 or more if it was the cause, else 0.32 or
+# less.
 OTHER_FORMS, OTHER_FORM_Z, OTHER_FORM_SHARE = {"zone_contrast": ("embankment_yield",)}, 1.5, 1.0 / 3.0
 # effect that widens the scatter -> the lever that it changes with the place if it is the same in every release
 PERMANENT = {"surface_roughness": PROFILE}
@@ -67,9 +67,6 @@ CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may g
 IN_CURVES, EVEN_CONTAINED_RATIO = {"geometry_error", "zone_contrast"}, 1.0
 # the same for a learnt profile and one parameter of the law that follows the place: heights move positions, too
 EVEN_SOFT_PLACE_RATIO = 1.4
-# Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
-# than this share of the larger one, only gravity is turned.
-TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
 # effects that depend on the place: the forms of their laws may leave a profile
 OF_A_PLACE = ("geometry_error", "zone_contrast", "embankment_yield")
 # laws of one resistance: the true one may have an exponent between theirs, or brake the spin less than the speed
@@ -200,18 +197,13 @@ def evidence_of_members(
             evidence = replace(evidence, rival_z=beside)
         evidence_of[name] = evidence
         if not scatter and evidence.named(name):
-            if (
-                before is None
-                or not before.replacement_gain.gain.any()
-                or abs(evidence.own_gain.total - before.own_gain.total) >= RELEARN_CHANGE * before.own_gain.total
-            ):
+            known_there = _with_known_replacement(evidence, before, name)
+            if known_there is None:
                 to_relearn[name] = permanent if name in doubted else learnt, without
                 continue
-            evidence_of[name] = replace(evidence, replacement_gain=before.replacement_gain, rests_z=before.rests_z)
+            evidence_of[name] = known_there
         bar.step(name)
-    jobs = [
-        (*models, search.effects[name].phase, evidence_of[name].own_gain.total) for name, models in to_relearn.items()
-    ]
+    jobs = [(*both, search.effects[name].phase, evidence_of[name].own_gain.total) for name, both in to_relearn.items()]
     for k, (gain, z) in search.processes.as_finished(_replacement, jobs):
         name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain, rests_z=z)
@@ -221,6 +213,7 @@ def evidence_of_members(
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
+    evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
@@ -243,15 +236,21 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
     }
 
 
-def only_gravity_is_turned(fit: Fit) -> bool:
-    """Whether the turns of camera and ground cancel in the picture. Then only gravity has another direction there. So
-    has it under a steady force along x, which is outside the catalogue."""
-    model = fit.model
-    if not model.positions.keys() >= TURNS or model.setup.cross_section.embankments:
-        return False
-    values = dict(zip(model.positions, model.values(fit.p), strict=True))
-    turns = [values[name][0] for name in TURNS]
-    return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))
+def beside_better_rivals(search: Search, name: str, own: Evidence) -> Evidence:
+    """Evidence in which a rival that gains more, but could not take its place, counts as what is learnt there."""
+    shares = [search.share_in_place(name, rival) for rival, z in own.rival_z.items() if z < 0.0]
+    gain = Gain(max(shares, default=0.0) * EVEN_RATIO / own.even_ratio * own.own_gain.gain)
+    return replace(own, replacement_gain=gain) if gain.total > own.replacement_gain.total else own
+
+
+def _with_known_replacement(evidence: Evidence, before: Evidence | None, name: str) -> Evidence | None:
+    """Evidence with what was learnt in the place of the member beside a larger set, `before`; None if its gain has
+    changed, or if it would be refused: only what is learnt beside the same set may do that."""
+    if before is None or not before.replacement_gain.gain.any():
+        return None
+    change = abs(evidence.own_gain.total - before.own_gain.total)
+    known = replace(evidence, replacement_gain=before.replacement_gain, rests_z=before.rests_z)
+    return known if known.named(name) and change < RELEARN_CHANGE * before.own_gain.total else None
 
 
 def _replacement(data: Data, whole: Validated, without: Validated, phase: str, own_gain: float) -> tuple[Gain, float]:
@@ -289,8 +288,8 @@ def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
 def _evidence_of_member(
     search: Search, learnt: Learnt, name: str, others_gain: float, rivals: Collection[str]
 ) -> tuple[Evidence, Validated]:
-    """Evidence for a member of the best set with the learnt changes, still without the gain of changes in its place;
-    and the model without the member. `rivals`: its closest rivals in a larger set."""
+    """Evidence for a member of the best set with the learnt changes, without the gain of changes in its place, and the
+    model without it. `rivals`: its closest rivals in a larger set."""
     best, data, effect = search.best, search.data, search.effects[name]
     without: Learnt | Validated = search.without(best)[name]
     if learnt.changes:
@@ -306,7 +305,7 @@ def _evidence_of_member(
         p_no_closure = probability_of_no_closure(search, name, learnt, without)
     rival_z = plausible_rivals(search, name, own_gain, rivals)
     if learnt.changes and (twin := TWINS.get(name, "")) in search.effects:
-        # only contacts could tell them apart, and something in the contacts is not understood
+        # only contacts tell them apart, and something there is not understood
         rival_z = _first(twin, min(0.0, rival_z.get(twin, 0.0)), rival_z)
     for other in OTHER_FORMS.get(name, ()):
         if other in search.effects.keys() - best.names and search.share_in_place(name, other) > OTHER_FORM_SHARE:
@@ -382,7 +381,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
 
 
 def _share_of_soft_places(data: Data, fit: Fit, basis: Basis) -> float:
-    """What one parameter of the law gains that depends on the place, as a share of what a profile gains on the same
+    """What one parameter of the law that depends on the place gains, as a share of the gain of a profile on the same
     basis; both as a linear model expects it."""
     levers, linear = Levers(fit, data), LinearModel(fit, data)
 

@@ -18,6 +18,9 @@ from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
 
 # effect -> the effect from which it differs only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}
+# Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
+# than this share of the larger one, only gravity is turned.
+TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
 
 
@@ -72,3 +75,14 @@ def _changes_residuals(model: Model, p: Array, data: Data, at: Residuals, sd: Ar
             if any(np.abs(c).max(initial=0.0) > LARGEST_UNSEEN_CHANGE or np.isnan(c).any() for c in changes):
                 return True
     return False
+
+
+def only_gravity_is_turned(fit: Fit) -> bool:
+    """Whether the turns of camera and ground cancel in the picture. Then only gravity has another direction there. So
+    has it under a steady force along x, which is outside the catalogue."""
+    model = fit.model
+    if not model.positions.keys() >= TURNS or model.setup.cross_section.embankments:
+        return False
+    values = dict(zip(model.positions, model.values(fit.p), strict=True))
+    turns = [values[name][0] for name in TURNS]
+    return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))

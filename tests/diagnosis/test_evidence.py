@@ -10,15 +10,16 @@ from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, un
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
+    beside_better_rivals,
     beside_twin,
     beyond_other_law,
-    only_gravity_is_turned,
     outside_probability,
     relative_size,
     size_faults,
 )
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
+from rock2d.diagnosis.visibility import only_gravity_is_turned
 from rock2d.effects import catalogue
 from tests.effects.worlds import FLOOR, with_effect, world
 from tests.laboratory import SETUP
@@ -175,6 +176,14 @@ def test_a_part_of_a_twin_counts_with_what_it_gains_beside_the_twin():
         found_beside = beside_twin(search, "frame_rate_error", alone)
         assert {name: own.own_gain.total for name, own in found_beside.items()} == pytest.approx(weaker)
         assert all(own.p_chance > alone[name].p_chance for name, own in found_beside.items())
+
+
+@pytest.mark.parametrize(("share", "z", "named"), [(2.5, -15.0, False), (1.1, -1.5, True), (0.9, 0.5, True)])
+def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, z, named):
+    """A lens in the place of the drag of the air, which gains 2.5 times as much, but cannot be named."""
+    search = SimpleNamespace(share_in_place=lambda name, rival: share)
+    lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0, air_drag=z))
+    assert lens.named("lens_distortion") == named
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

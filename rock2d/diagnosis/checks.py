@@ -305,9 +305,9 @@ class _RemainingPatterns:
         self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
         """A check from the contributions of the releases (and of shared slow errors), `sums` (r, k), and the part that
-        the parameters absorb; no check if they absorb all."""
-        left = sums - absorbed
-        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * (sums**2).sum(axis=0)).tolist()
+        the parameters absorb; no check if they absorb all, or of what was not measured."""
+        left, size = sums - absorbed, (sums**2).sum(axis=0)
+        kept = np.flatnonzero((size > 0.0) & ((left**2).sum(axis=0) > LEAST_UNABSORBED_SHARE * size)).tolist()
         patterns = _Patterns(name, compared, [parts[k] for k in kept], self._signs[:, : len(left)] @ left[:, kept])
         return [patterns] if kept else []
 

@@ -1,6 +1,8 @@
 """Flights without impacts: what they show is diagnosed, of the rest nothing is said."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +15,7 @@ from rock2d.diagnosis.predict import diagnosed_world
 from rock2d.effects import catalogue
 from rock2d.effects.flight import drag_coefficient as coefficient
 from rock2d.files.diagnosis import diagnosis_text, read_fitted_diagnosis
-from rock2d.files.experiment import Experiment
+from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
@@ -118,3 +120,12 @@ def test_lift_of_an_unmeasured_spin_is_no_error_of_the_camera():
     named = {own["effect"] for own in content["causes"] if own["closes"] is not None}
     assert not named & {"scale_error", "frame_rate_error", "magnus_lift"}
     assert {"scale_error", "frame_rate_error", "magnus_lift"} <= content["unseen"].keys()
+
+
+@pytest.mark.skipif(not os.environ.get("ROCK2D_DATA"), reason="needs the real drops under ROCK2D_DATA")
+def test_real_balls_are_braked_by_the_air_whatever_else_bends_their_flights():
+    """11 balls that fall 36 m. A lens gains less than half of what the air gains; only the heights were measured."""
+    content = diagnosis_json(diagnose(load_experiment(Path(os.environ["ROCK2D_DATA"]) / "data/ball_drops"), workers=2))
+    assert content["verdict"] == "air_drag"
+    assert {cause["effect"] for cause in content["causes"] if cause["named"]} == {"air_drag"}
+    assert not any("angle" in check["words"] for check in content["checks"])

@@ -323,10 +323,13 @@ def test_the_legend_of_many_blocks_fits_on_a_phone():
 
 
 def test_sizes_have_units_that_a_person_can_use():
-    scale, tilt = catalogue()["scale_error"].parameters[0], catalogue()["camera_tilt"].parameters[0]
+    scale, tilt, drag = (catalogue()[name].parameters[0] for name in ("scale_error", "camera_tilt", "air_drag"))
     assert size_words(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"
     assert size_words(scale, {"value": 0.96, "ci95": [0.95, 0.97]}) == "−4.0 %"
     assert size_words(tilt, {"value": 0.0349, "ci95": [0.03, 0.04]}).endswith("°")
+    balls = {"light": {"value": 0.042, "ci95": [0.041, 0.043]}, "heavy": {"value": 0.004, "ci95": [0.003, 0.005]}}
+    of_blocks = {"value": 0.02, "ci95": [0.019, 0.021], "by_block": balls}
+    assert size_words(drag, of_blocks) == "0.0040 1/m to 0.04200 1/m"
 
 
 def test_misses_are_numbers_without_powers_of_ten():

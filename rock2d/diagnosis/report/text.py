@@ -275,7 +275,10 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
 
 
 def size_words(parameter: Parameter, own: Mapping[str, Any]) -> str:
-    """A fitted parameter with its unit; a factor as a change in %."""
+    """A fitted parameter with its unit; a factor as a change in %; the smallest and the largest if blocks differ."""
+    if of_blocks := own.get("by_block"):
+        values = sorted(of_blocks.values(), key=lambda one: float(one["value"]))
+        return " to ".join(size_words(parameter, one) for one in (values[0], values[-1]))
     if parameter.choices:
         return parameter.choice_name(own["value"]) or f"{own['value']:g}"
     value, unit = in_degrees(parameter, own["value"])

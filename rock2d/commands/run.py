@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
-    from rock2d.design.live_slope import View
+    from rock2d.design.live_slope import ShownRun
     from rock2d.runs.results import RunResult
 
 FEWEST_FOR_PROCESS = 100  # fewest releases for which a separate process draws the figures
@@ -350,9 +350,9 @@ def _write_page(
     write_report(results, folder, request.page_command or "", request.pdf, figures)
 
 
-def _views(sample: RunResult, request: RunRequest) -> list[View]:
+def _views(sample: RunResult, request: RunRequest) -> list[ShownRun]:
     """The run, and some releases of each model with which it is compared."""
-    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, ShownRun
     from rock2d.design.model_range import AS_IN_FILE, other_models
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
@@ -368,4 +368,4 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
         for model in models
     )
     names = [AS_IN_FILE, *(model.name for model in models)]
-    return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]
+    return [ShownRun(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import Combination
-    from rock2d.design.live_slope import View
+    from rock2d.design.live_slope import ShownRun
     from rock2d.files.scenario import Scenario
     from rock2d.runs.results import RunResult
 
@@ -78,7 +78,7 @@ class ReportContent:
     combinations: Sequence[Combination] = ()
     before_after: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
-    views: Sequence[View] = ()
+    views: Sequence[ShownRun] = ()
 
     @property
     def scenario(self) -> Scenario:

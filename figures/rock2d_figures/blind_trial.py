@@ -36,7 +36,7 @@ def group(label: str) -> str:
 
 def figure(cases: pd.DataFrame) -> Figure:
     """Share right with 95 % Wilson intervals, by what was hidden and its signal-to-noise, and against the probability
-    stated; `cases` as `rock2d.blind.scoring.table` gives them."""
+    stated; `cases` as `rock2d.blind.scoring.case_table` gives them."""
     drawn = blank_figure(7.2, 3.0)
     left, right = drawn.subplots(1, 2, width_ratios=(1.7, 1.0))
     kinds = cases["label"].map(group)

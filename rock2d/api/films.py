@@ -17,7 +17,7 @@ from rock2d.files.experiment import load_experiment
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rock2d_tracking.film_track import FilmTrack
+    from rock2d_tracking.film_tracking import FilmTrack
 
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.files.experiment import Experiment
@@ -81,7 +81,7 @@ class TrackResult:
 
     def view(self) -> Path:
         """Open tracking.html in the browser; returns its path, in a temporary folder."""
-        from rock2d_tracking.film_track import PAGE
+        from rock2d_tracking.film_tracking import PAGE
 
         from rock2d.graphics.pages import view
 
@@ -145,7 +145,7 @@ def track(
     >>> found.view()  # doctest: +SKIP
     >>> diagnosis = rock2d.diagnose(found.experiment)  # doctest: +SKIP"""
     from rock2d_tracking import FROM_GRAVITY
-    from rock2d_tracking.film_track import NotTrackedError, track_film
+    from rock2d_tracking.film_tracking import NotTrackedError, track_film
 
     scale = [value for value in (metres_per_pixel, fps) if value is not None]
     if len(scale) != (2 if setup is None else 0):

@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.blind.cases import Case, assign_causes, draw_case
-from rock2d.blind.record_cases import Record, bases_of, write_record_case
+from rock2d.blind.record_cases import Record, records_of_cases, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
@@ -40,7 +40,7 @@ def make_trial(
     root = np.random.SeedSequence(seed)
     assigning, *children = root.spawn(count + 1)
     causes = assign_causes(count, assigning) if causes is None else causes
-    bases = bases_of(causes, len(records), assigning.spawn(1)[0])
+    bases = records_of_cases(causes, len(records), assigning.spawn(1)[0])
     labels = {}
     with atomic_folder(out, KIND) as folder:
         jobs = [

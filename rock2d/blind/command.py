@@ -28,7 +28,7 @@ def make(
     """Write a sealed trial; `bases`: experiments on which a share of its cases is based."""
     from rock2d.blind.case_files import KIND, make_trial
     from rock2d.blind.record_cases import read_record
-    from rock2d.blind.running import RESULTS
+    from rock2d.blind.trial_diagnoses import RESULTS
 
     check_folder(out, KIND)
     if any((out / RESULTS).glob("*")):
@@ -42,7 +42,7 @@ def make(
 
 def run(folder: Path, *, workers: Workers, progress: bool, report: Report) -> None:
     """Diagnose all cases of a trial."""
-    from rock2d.blind.running import run_trial
+    from rock2d.blind.trial_diagnoses import run_trial
 
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         out = run_trial(
@@ -55,11 +55,11 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
     from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
-    from rock2d.blind.scoring import scored_cases, summary, table
+    from rock2d.blind.scoring import case_table, scored_cases, summary
 
     cases = scored_cases(folder)
     numbers = summary(cases)
-    text = table(cases).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    text = case_table(cases).to_csv(index=False, float_format="%.6g", lineterminator="\n")
     write_whole(folder / "score.csv", text)
     plain = json.loads(json.dumps(numbers), parse_constant=lambda _: None)  # JSON has no NaN
     write_whole(folder / "score.json", json.dumps(plain, indent=1, allow_nan=False) + "\n")
@@ -76,7 +76,7 @@ def inject(
     """Add known causes to a film, diagnose it again, and write limits.json. An interrupted study continues."""
     from rock2d.blind.record_cases import diagnosed_film
     from rock2d.blind.recovery import case_lines, diagnose_case, make_cases, recovered
-    from rock2d.blind.running import run_cases
+    from rock2d.blind.trial_diagnoses import run_cases
     from rock2d.diagnosis.command import FITS
     from rock2d.diagnosis.detection import LIMITS, TRUTH
     from rock2d.diagnosis.known_causes import effects_of_size

@@ -24,7 +24,7 @@ from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
-from rock2d.kinematics.states import centroid_poses, move_freely
+from rock2d.kinematics.states import centres_of_mass, centroid_poses, move_freely
 from rock2d.kinematics.turned_ground import approach_s, run_on_turned_ground
 from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, POSE_NAMES
 from rock2d.runs.run import FRAME_MARGIN_S
@@ -56,7 +56,7 @@ class Injected:
     cut: int
 
 
-def of_releases(experiment: Experiment, names: Array) -> Experiment:
+def only_releases(experiment: Experiment, names: Array) -> Experiment:
     """The experiment with only the releases of these names."""
     table = experiment.trajectories
     assert table is not None
@@ -197,7 +197,7 @@ class _Motion(NamedTuple):
 
 def _simulated(world: World, block: Array, tracked: Array, times_s: Array, limit_s: Array) -> _Motion:
     """Simulate from states (n, 6) of the tracked point to the end `limit_s` (n,); poses at the instants (n, k)."""
-    starts = states_at(tracked, _offsets(world, block))
+    starts = states_at(tracked, centres_of_mass(world, block))
     flat = run_world(world, starts, block, time_limit_s=limit_s, times_s=times_s, impact_room=COUNTED_IMPACTS)
     samples, last, impacts = flat.samples, flat.ends[:, INSTANT_STATE], flat.impacts[..., I_TIME]
     touch = flat.impacts[:, 0]
@@ -224,11 +224,6 @@ def _flying_or_landed(flights: Flights, film: Film) -> tuple[Array, Array]:
     return flying, landed
 
 
-def _offsets(world: World, block: Array) -> Array:
-    """(n, 2) position of the centre of mass relative to the tracked point, in the axes of each block."""
-    return np.array([b.centre_of_mass_m for b in world.blocks.values()])[block]
-
-
 def _tracked(world: World, block: Array, states: Array) -> Array:
     """States (n, 6) of the tracked point, from those of the centre of mass."""
-    return states_at(states, -_offsets(world, block))
+    return states_at(states, -centres_of_mass(world, block))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, LEAST_STRENGTH
-from rock2d.blind.injection import injected, of_releases
+from rock2d.blind.injection import injected, only_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
@@ -77,7 +77,7 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     return Record(result.experiment, result.setup, attribution.settled, sorted(attribution.named), curves)
 
 
-def bases_of(causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence) -> list[int | None]:
+def records_of_cases(causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence) -> list[int | None]:
     """For each case the number of the record on which it is based; None for a made case. A case is made if one of its
     causes has no size, is outside the catalogue, or grows from release to release."""
     rng, possible = np.random.default_rng(seed), {n for n in effects_of_size("") if not catalogue()[n].grows}
@@ -101,7 +101,7 @@ def write_record_case(
     most = int(len(names) / (1.0 + RECORD_HELDOUT_SHARE))
     count = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(most))))
     chosen = rng.permutation(names)[: count + math.ceil(RECORD_HELDOUT_SHARE * count)]
-    films = [of_releases(original, own) for own in (chosen[:count], chosen[count:])]
+    films = [only_releases(original, own) for own in (chosen[:count], chosen[count:])]
     model, p = record.fit.model, record.fit.p
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:

@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.blind.case_files import CASES
 from rock2d.blind.injection import injected
-from rock2d.blind.running import RESULTS
+from rock2d.blind.trial_diagnoses import RESULTS
 from rock2d.diagnosis.detection import TRUTH, Curve, detection_curves, limits_of
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values

@@ -14,8 +14,8 @@ import pandas as pd
 
 from rock2d.arrays import Array
 from rock2d.blind.case_files import read_labels
-from rock2d.blind.running import RESULTS
 from rock2d.blind.size_errors import SizeError, median, size_errors, size_summary
+from rock2d.blind.trial_diagnoses import RESULTS
 from rock2d.diagnosis.predicted_gap import HARMFUL_TAIL, closed_share
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -55,7 +55,7 @@ class ScoredCase:
         null twin may have a larger floor than the film
     claimed_predicted, found_predicted : share of the gap of predictions closed, by the diagnosis and in the held-out
         film; None if unknown
-    misses : misses of predictions of the held-out film, see `running`; empty without those of the tail
+    misses : misses of predictions of the held-out film, see `trial_diagnoses`; empty without those of the tail
     sizes : errors of the sizes of named effects that are hidden, if they can be compared
     base : name of the real record on which the case is based, or MADE
     of_record : effects that the original record contains"""
@@ -154,7 +154,7 @@ def _number(value: Any) -> float | None:
     return float(value) if value is not None and np.isfinite(float(value)) else None
 
 
-def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
+def case_table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
     """One row for each case: hidden causes, named effects, the single verdict, and misses of predictions."""
     return pd.DataFrame([
         {
@@ -186,7 +186,7 @@ def summary(cases: Sequence[ScoredCase]) -> dict[str, Any]:
         "outside": _outside(cases),
         "wrong_and_sure": _wrong_and_sure(cases),
         "closure": closures(cases),
-        "predicted": predicted(cases),
+        "predicted": prediction_scores(cases),
         "median_seconds": float(np.median([c.seconds for c in cases])),
     }
 
@@ -350,7 +350,7 @@ def _closure_errors(pairs: Iterable[tuple[float, float]]) -> dict[str, Any]:
     }
 
 
-def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
+def prediction_scores(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Predictions of held-out films compared with the base law, for all cases and for each kind of label: median
     relative reduction of the typical miss, share of the cases in which the tail is not worse, share of those in which
     the diagnosis states a closure, and claimed minus found closure."""

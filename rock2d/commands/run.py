@@ -18,10 +18,10 @@ from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_in_second_process
 from rock2d.graphics.pages import check_printer
-from rock2d.runs.before_after import Model, diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import MANIFEST, CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.engines import ENGINES, compiled_engine
+from rock2d.runs.model_comparison import Model, diagnosed_models, model_table
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, residual_text, table_note
 from rock2d.runs.release_remarks import precision_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.results import KIND
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
-    from rock2d.design.live_slope import View
+    from rock2d.design.live_slope import ShownRun
     from rock2d.runs.results import RunResult
 
 FEWEST_FOR_PROCESS = 100  # fewest releases for which a separate process draws the figures
@@ -55,7 +55,7 @@ class RunRequest:
     page_command : command line that the page report.html shows; None for no page
     pdf : also write the page as report.pdf
     compare : also run the other models of `design.model_range`
-    precision : half-width of intervals that determines the number of releases, see `runs.precision.releases_for`
+    precision : half-width of intervals that determines the number of releases, see `runs.needed_releases`
     draw : False for tables without figures
     overwrite : replace an earlier run; without it, a campaign continues an earlier one with the same manifest"""
 
@@ -200,13 +200,13 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
 
 def _with_releases_for_precision(scenario: Scenario, engine: str, request: RunRequest) -> RunRequest:
     """The request with the number of releases that its precision needs."""
-    from rock2d.runs.precision import releases_for
+    from rock2d.runs.needed_releases import releases_for_precision
 
     assert request.precision is not None
     options = request.options
     seed = scenario.seed if options.seed is None else options.seed
     first = options.releases or scenario.releases
-    releases = releases_for(scenario, engine, seed, request.precision, first, request.progress)
+    releases = releases_for_precision(scenario, engine, seed, request.precision, first, request.progress)
     request.report(
         f"{releases} releases of each block: the half-width of every interval is at most {100 * request.precision:g} %"
     )
@@ -350,9 +350,9 @@ def _write_page(
     write_report(results, folder, request.page_command or "", request.pdf, figures)
 
 
-def _views(sample: RunResult, request: RunRequest) -> list[View]:
+def _views(sample: RunResult, request: RunRequest) -> list[ShownRun]:
     """The run, and some releases of each model with which it is compared."""
-    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, ShownRun
     from rock2d.design.model_range import AS_IN_FILE, other_models
 
     scenario, engine, models = sample.scenario, sample.engine, list[Model]()
@@ -368,4 +368,4 @@ def _views(sample: RunResult, request: RunRequest) -> list[View]:
         for model in models
     )
     names = [AS_IN_FILE, *(model.name for model in models)]
-    return [View(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]
+    return [ShownRun(name, shown) for name, shown in zip(names, [sample, *others], strict=True)]

@@ -195,11 +195,11 @@ def tornado_words(assessment: Assessment) -> str:
 
 def certainty_section(assessment: Assessment, pictures: Sequence[Picture]) -> Section:
     """The section of an assessment; `pictures`: its tornado figure, if it has one."""
-    from rock2d.design.report_tables import uncertain_rows
+    from rock2d.design.report_tables import uncertain_page_table
     from rock2d.graphics.pages import Section
 
     texts = [remark] if (remark := assessment.sampling_remark()) else []
-    return Section("How sure is that", texts, pictures=pictures, tables=[uncertain_rows(assessment.uncertain)])
+    return Section("How sure is that", texts, pictures=pictures, tables=[uncertain_page_table(assessment.uncertain)])
 
 
 def _shortened(name: str) -> str:

@@ -230,7 +230,7 @@ def _write_page(
 
     Returns in words what the embankment must withstand and which height governs."""
     from rock2d.design.headline import bound_text, norm_sentence
-    from rock2d.design.live_slope import SHOWN_OF_OTHERS, View
+    from rock2d.design.live_slope import SHOWN_OF_OTHERS, ShownRun
     from rock2d.design.report import demand_tiles, write_report
     from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
     from rock2d.runs.engines import compiled_engine
@@ -246,7 +246,7 @@ def _write_page(
     sample = simulated(size, releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     views = [
-        View(
+        ShownRun(
             f"{judged.size:.4g}",
             sample if judged.size == size else simulated(judged.size, min(releases, SHOWN_OF_OTHERS)),
             f"judged bound {bound_text(judged.high[judged.worst], answer.target.frequency)} %, the target is "

@@ -54,7 +54,7 @@ LISTED_COLUMNS: Sequence[tuple[str, Callable[[Mapping[str, Any]], float]]] = (
 
 
 @dataclass(frozen=True)
-class View:
+class ShownRun:
     """A run in the live view: the run of the page, or a run with another model or size.
 
     Attributes
@@ -68,7 +68,7 @@ class View:
     note: str = ""
 
 
-def live_slope(views: Sequence[View], released: int, shown: int = 0, sizes: str = "") -> dict[str, Any] | None:
+def live_slope(views: Sequence[ShownRun], released: int, shown: int = 0, sizes: str = "") -> dict[str, Any] | None:
     """What live_slope.html.j2 shows of runs of the same blocks; None if nothing was released.
 
     Parameters

@@ -13,8 +13,8 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import with_change
-from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE, Model, model_table
 from rock2d.runs.engines import ENGINES, compiled_engine
+from rock2d.runs.model_comparison import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE, Model, model_table
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line, number_of_line
 from rock2d.scene.soils import SOIL_CLASSES, rough_zones
 from rock2d.wording import three_digits
@@ -39,7 +39,7 @@ SHOWN_VALUES = {
 
 
 def range_table(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
-    """`before_after.model_table` of the scenario and its `other_models`."""
+    """`model_comparison.model_table` of the scenario and its `other_models`."""
     return model_table([Model(AS_IN_FILE, scenario, engine), *other_models(scenario, engine)], seed, releases)
 
 

@@ -20,7 +20,7 @@ from rock2d.files.posterior_table import ROW, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.processes import Processes
-from rock2d.runs.campaigns.ensembles import group_outcome
+from rock2d.runs.campaigns.group_outcomes import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import LINE_QUANTITIES, arrivals

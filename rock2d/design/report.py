@@ -11,7 +11,7 @@ from typing import Any
 from rock2d.design.assessment import Assessment
 from rock2d.design.headline import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.design.least_size import Answer
-from rock2d.design.live_slope import View, live_slope
+from rock2d.design.live_slope import ShownRun, live_slope
 from rock2d.design.model_range import short_ranges
 from rock2d.design.norms import demands
 from rock2d.design.report_sections import ReportContent, numbered_embankments, report_sections
@@ -57,7 +57,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
     scenario, answer, sample = content.scenario, content.answer, content.sample
     live = None
     if figures:
-        views = content.views or [View("", sample)]
+        views = content.views or [ShownRun("", sample)]
         shown = next(i for i, view in enumerate(views) if view.run is sample)
         live = live_slope(views, content.releases, shown, answer.place if answer else "")
     context = {

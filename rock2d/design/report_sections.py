@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 from rock2d.design.assessment import Assessment, certainty_section, tornado_words
 from rock2d.design.norms import design_table, norm_remarks
 from rock2d.design.report_tables import (
-    block_rows,
+    block_page_table,
     data_of,
-    design_value_rows,
-    model_rows,
-    norm_rows,
+    design_value_page_table,
+    model_page_table,
+    norm_page_table,
     parameter_tables,
-    passing_rows,
-    percentile_rows,
-    reach_rows,
-    stop_rows,
+    passing_page_table,
+    percentile_page_table,
+    reach_page_table,
+    stop_page_table,
 )
 from rock2d.files.scenario_checks import rough_without_slope_reduction
 from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from rock2d.design.least_size import Answer
     from rock2d.design.least_volume import Combination
-    from rock2d.design.live_slope import View
+    from rock2d.design.live_slope import ShownRun
     from rock2d.files.scenario import Scenario
     from rock2d.runs.results import RunResult
 
@@ -78,7 +78,7 @@ class ReportContent:
     combinations: Sequence[Combination] = ()
     before_after: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
-    views: Sequence[View] = ()
+    views: Sequence[ShownRun] = ()
 
     @property
     def scenario(self) -> Scenario:
@@ -198,7 +198,7 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
     return Section(
         "Site and blocks",
         pictures=[*_picture(figures, "trajectories", alt), *near],
-        tables=[block_rows(content.scenario), *parameter_tables(content.scenario, run.engine)],
+        tables=[block_page_table(content.scenario), *parameter_tables(content.scenario, run.engine)],
     )
 
 
@@ -239,11 +239,11 @@ def _drawn(draw: Any) -> str:
 def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
     tables = []
     if len(content.tables.get("passing", ())):
-        tables.append(passing_rows(content.tables["passing"]))
+        tables.append(passing_page_table(content.tables["passing"]))
     if "stops" in content.tables:
-        tables.append(stop_rows(content.tables["stops"]))
+        tables.append(stop_page_table(content.tables["stops"]))
     held = content.sample.cross_section.embankment is not None
-    tables.append(reach_rows(content.sample.to_pandas("reach"), held))
+    tables.append(reach_page_table(content.sample.to_pandas("reach"), held))
     alt = "Histogram of the places at which releases ended, below the cross-section"
     one = "One sample, on the site as in the file. The verdict holds over all possible sites: see above."
     texts = [] if content.answer is None else [one]
@@ -266,7 +266,7 @@ def _line_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
     if "percentiles" not in content.tables:
         return None
     alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
-    tables = [percentile_rows(content.tables["percentiles"])]
+    tables = [percentile_page_table(content.tables["percentiles"])]
     return Section("How high and how hard", pictures=_picture(figures, "distributions", alt), tables=tables)
 
 
@@ -283,7 +283,7 @@ def _design_section(content: ReportContent) -> Section | None:
         "that pass the line. Each block of the scenario is a design block, with its mass (of a population, the 95th "
         "percentile of size)."
     )
-    tables = [design_value_rows(values), norm_rows(content.scenario)]
+    tables = [design_value_page_table(values), norm_page_table(content.scenario)]
     texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
     return Section("Design values", texts=texts, tables=tables)
 
@@ -302,7 +302,7 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
     alt = f"Shares, energies and heights with each model; the first is the model {AS_IN_FILE}"
     return Section(
         title, [text], range_remarks(content.models), pictures=_picture(figures, "models", alt),
-        tables=[model_rows(content.models, "models.csv")],
+        tables=[model_page_table(content.models, "models.csv")],
     )  # fmt: skip
 
 
@@ -311,7 +311,7 @@ def _diagnosis_section(content: ReportContent) -> Section | None:
         return None
     if content.before_after is None:  # of a search
         return Section("What the diagnosis gives", texts=content.diagnosis)
-    shown = model_rows(content.before_after, "before_after.csv")
+    shown = model_page_table(content.before_after, "before_after.csv")
     return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
 
 

@@ -11,9 +11,9 @@ from rock2d.design.norms import SOURCES, norm_table
 from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
 from rock2d.graphics.pages import Download, Table, download
-from rock2d.runs.before_after import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE
 from rock2d.runs.engines import engine_named
 from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
+from rock2d.runs.model_comparison import COLUMNS_OF_QUANTITY, COLUMNS_OF_SHARE
 from rock2d.runs.printed_tables import PASSING_HEAD, passing_cells
 from rock2d.runs.release_remarks import stop_counts
 from rock2d.scene.soils import SOIL_CLASSES
@@ -53,7 +53,7 @@ def data_of(name: str, table: pd.DataFrame) -> Download:
     return download(name, list(table.columns), table.itertuples(index=False))
 
 
-def passing_rows(passing: pd.DataFrame) -> Table:
+def passing_page_table(passing: pd.DataFrame) -> Table:
     """Passing frequencies in %, of the released and of the arriving blocks."""
     return Table(
         PASSING_HEAD, passing_cells(passing),
@@ -63,14 +63,14 @@ def passing_rows(passing: pd.DataFrame) -> Table:
     )  # fmt: skip
 
 
-def stop_rows(stops: pd.DataFrame) -> Table:
+def stop_page_table(stops: pd.DataFrame) -> Table:
     """Numbers of releases by kind of stop."""
     counts = stop_counts(stops)
     rows = [(str(block), *(str(n) for n in by_stop)) for block, by_stop in counts.iterrows()]
     return Table(("block", *map(str, counts.columns)), rows)
 
 
-def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
+def reach_page_table(reach: pd.DataFrame, held: bool) -> Table:
     """Angle of reach and energy line angle; `held`: whether the ground has an embankment."""
     rows = []
     for r in _rows(reach):
@@ -90,7 +90,7 @@ def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
     return Table(head, rows, "Angle of reach", note, data_of("reach.csv", reach))
 
 
-def percentile_rows(percentiles: pd.DataFrame) -> Table:
+def percentile_page_table(percentiles: pd.DataFrame) -> Table:
     """Percentiles of the blocks that pass each line."""
     rows = [
         (r.line, r.block, NAME_OF_QUANTITY[r.quantity], f"{r.percentile:g} %", str(r.passed),
@@ -104,7 +104,7 @@ def percentile_rows(percentiles: pd.DataFrame) -> Table:
     )  # fmt: skip
 
 
-def design_value_rows(values: pd.DataFrame) -> Table:
+def design_value_page_table(values: pd.DataFrame) -> Table:
     """Design values by norm."""
     rows = [
         (r.line, r.block, r.norm, NAME_OF_QUANTITY[r.quantity],
@@ -119,7 +119,7 @@ def design_value_rows(values: pd.DataFrame) -> Table:
     )  # fmt: skip
 
 
-def norm_rows(scenario: Scenario) -> Table:
+def norm_page_table(scenario: Scenario) -> Table:
     """The numbers of the norms, and their sources."""
     return Table(
         ("norm", "number", "here", "of the norm", "source 1", "source 2", "verified"), norm_table(scenario),
@@ -129,7 +129,7 @@ def norm_rows(scenario: Scenario) -> Table:
     )  # fmt: skip
 
 
-def uncertain_rows(uncertain: pd.DataFrame) -> Table:
+def uncertain_page_table(uncertain: pd.DataFrame) -> Table:
     """Results over all possible sites."""
     rows = []
     for r in _rows(uncertain.dropna(subset="value")):
@@ -148,7 +148,7 @@ def uncertain_rows(uncertain: pd.DataFrame) -> Table:
     )  # fmt: skip
 
 
-def model_rows(models: pd.DataFrame, name: str) -> Table:
+def model_page_table(models: pd.DataFrame, name: str) -> Table:
     """Passing frequencies, energy and height with each of several models; `name`: file name of the full table."""
     rows = []
     for row in models.to_dict("records"):
@@ -163,18 +163,18 @@ def model_rows(models: pd.DataFrame, name: str) -> Table:
 
 
 def model_text(table: pd.DataFrame, what: str, note: str = "") -> str:
-    """`model_rows` as text."""
+    """`model_page_table` as text."""
     import pandas as pd
 
     if not len(table):
         return f"{what}: no measure line to compare at"
-    shown = model_rows(table, "")
+    shown = model_page_table(table, "")
     text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
     head = f"{what}, same releases: value [95 % interval of sampling]"
     return f"{head}{f'; {note}' if note else ''}\n{text}"
 
 
-def block_rows(scenario: Scenario) -> Table:
+def block_page_table(scenario: Scenario) -> Table:
     """The blocks."""
     rows = [
         (name, "population, median" if name in scenario.populations else block.shape,

@@ -12,7 +12,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.files.scenario import Scenario
 from rock2d.records.columns import INSTANT_STATE, N_INSTANT, STOP_REACHED, TIME
-from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
+from rock2d.runs.campaigns.group_outcomes import Outcome, batch_outcome
 from rock2d.runs.campaigns.job import Job, crossings_job
 from rock2d.runs.conditions import Group, Suspended
 from rock2d.scene.cross_section import CrossSection

@@ -28,12 +28,12 @@ from rock2d.kinematics.film_findings import (
     flightless_remarks,
     rest_remarks,
     shape_remarks,
-    slow_remarks,
+    slow_error_remarks,
 )
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
-from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.setup_world import base_law_start, setup_world
 from rock2d.records.columns import POSITION, THETA
 from rock2d.scene.world import World
 
@@ -129,18 +129,18 @@ def diagnose(
     bars.read(float(some_releases(data).mean()))
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
-        base, refitted = fit_base(setup, base_start(experiment), data, sanity.registered, bars), None
+        base, refitted = fit_base(setup, base_law_start(experiment), data, sanity.registered, bars), None
         if isinstance(data, FilmData) and len(data.impacts) and base.free:
             registered = register_by_fit(base, data)
             if registered is not None:
                 data, sanity.registered = registered
                 sanity.remarks.append(registered_remark(sanity.registered))
                 result.film = findings_of_film(experiment, setup, sanity, data)
-                base = fit_base(setup, base_start(experiment), data, sanity.registered)
+                base = fit_base(setup, base_law_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         if isinstance(data, FilmData):  # in the image that fits, as the findings
-            sanity.remarks += rest_remarks(data, sanity.registered or setup) + slow_remarks(data)
+            sanity.remarks += rest_remarks(data, sanity.registered or setup) + slow_error_remarks(data)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(

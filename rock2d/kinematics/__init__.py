@@ -1,0 +1,1 @@
+"""From the frames of a film to its flights, impacts and rests, without a law of contact."""

@@ -105,10 +105,10 @@ def rest_remarks(data: FilmSegments, world: World) -> list[str]:
         for own in rest_heights(data.film, world)
         if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
     ]
-    return lies_above + inclined_rest_remarks(data.rests, world)
+    return lies_above + _inclined_rest_remarks(data.rests, world)
 
 
-def slow_remarks(data: FilmSegments) -> list[str]:
+def slow_error_remarks(data: FilmSegments) -> list[str]:
     """A remark on errors of the track that change slowly, if it has any."""
     times = float(data.slow[:, X].max(initial=0.0))
     if not times:
@@ -122,7 +122,7 @@ def slow_remarks(data: FilmSegments) -> list[str]:
     ]
 
 
-def inclined_rest_remarks(rests: RestPoses, world: World) -> list[str]:
+def _inclined_rest_remarks(rests: RestPoses, world: World) -> list[str]:
     """A remark on each polygon whose side is clearly not parallel to the ground of a world at rest."""
     remarks = list[str]()
     angle_rad = heights_and_angles(world, rests.block, rests.pose)[:, 1]

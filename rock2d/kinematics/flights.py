@@ -1,4 +1,4 @@
-"""Segmentation of filmed releases into flights, contacts and rests, and the noise of the film from its flights."""
+"""A film as arrays, its segmentation into flights, contacts and rests, and its noise, measured in the flights."""
 
 import itertools
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from rock2d.engines.geometry import (
     polygon_depth,
 )
 from rock2d.files.experiment import Experiment, seen_frames
-from rock2d.kinematics.segmentation import ACCELERATION_SD, FLIGHT, SPIN_ACCELERATION_SD, partition
+from rock2d.kinematics.partition import ACCELERATION_SD, FLIGHT, SPIN_ACCELERATION_SD, partition
 from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
 
@@ -192,7 +192,7 @@ class _Recording(NamedTuple):
 
 
 def _partition(recording: _Recording) -> tuple[Array, Array]:
-    """Kind (n,) and number of the segment (n,) of each frame; see `segmentation.partition`."""
+    """Kind (n,) and number of the segment (n,) of each frame; see `partition.partition`."""
     t, pose, _, noise, size, g = recording
     curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
     spread = np.array([ACCELERATION_SD * g, ACCELERATION_SD * g, SPIN_ACCELERATION_SD * g / size])

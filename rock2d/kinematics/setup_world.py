@@ -19,7 +19,7 @@ def setup_world(experiment: Experiment) -> World:
     return World(experiment.blocks, experiment.cross_section, table, experiment.gravity_m_s2)
 
 
-def base_start(experiment: Experiment) -> Array:
+def base_law_start(experiment: Experiment) -> Array:
     """Start of the fit of the base law: Table 4, scaled to the blocks' mass and gravity.
 
     With lengths in units of the block's size L and times in units of √(L / g), stiffness scales with m g / L; the

@@ -136,7 +136,7 @@ def free_motion_key(world: World) -> Hashable:
 def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> States:
     """Fit every flight in a world."""
     pose = np.ascontiguousarray(world.view.true(film.pose[basis.frames]))
-    offset = _centre_of_mass(world)[flights.block]
+    offset = centres_of_mass(world, flights.block)
     if offset.any():
         pose = poses_at(pose, np.repeat(offset, np.diff(basis.start), axis=0))
     t = (film.t_s[basis.frames] - np.repeat(basis.middle, np.diff(basis.start))) * world.view.time_scale
@@ -152,12 +152,13 @@ def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> Stat
 
 def centroid_poses(world: World, block: Array, poses: Array) -> Array:
     """Poses (n, k, 3) of the tracked centroid from those of the centre of mass."""
-    offset = _centre_of_mass(world)[block]
+    offset = centres_of_mass(world, block)
     return poses_at(poses, -offset[:, None]) if offset.any() else poses
 
 
-def _centre_of_mass(world: World) -> Array:
-    return np.array([b.centre_of_mass_m for b in world.blocks.values()])
+def centres_of_mass(world: World, block: Array) -> Array:
+    """(n, 2) centres of mass of blocks, relative to the tracked centroid, in the axes of each block."""
+    return np.array([b.centre_of_mass_m for b in world.blocks.values()])[block]
 
 
 def move_freely(world: World, blocks: Array, states: Array, dt: Array) -> Array:

@@ -131,7 +131,7 @@ def _expected_contact_s(world: World, block: Array) -> Array:
 
 
 def approach_s(world: World, block: Array) -> Array:
-    """(n,) APPROACH in s."""
+    """(n,) time before and after an impact, in s, for which blocks fly on a turned ground; see APPROACH."""
     return APPROACH * np.sqrt(world.radii_m[block] / max(world.gravity_m_s2, 1e-3))
 
 

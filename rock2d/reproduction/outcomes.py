@@ -22,7 +22,7 @@ from rock2d.reproduction.hypotheses import (
     table_4,
 )
 from rock2d.reproduction.published import GRAVITY_M_S2, LINES, SETUP_BLOCKS
-from rock2d.runs.campaigns.ensembles import distinct
+from rock2d.runs.campaigns.group_outcomes import distinct
 from rock2d.scene.world import World
 
 RELEASES_PER_CALL = 40_000  # of the batch engine

@@ -23,7 +23,7 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.likelihood import log_counts
 from rock2d.reproduction.outcomes import TIME_LIMIT_S, Outcome, probabilistic_outcome
-from rock2d.runs.before_after import Model, model_table
+from rock2d.runs.model_comparison import Model, model_table
 from rock2d.wording import listed
 
 SCENARIO_FILE = "paper_setup.yaml"

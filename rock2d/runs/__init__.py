@@ -1,0 +1,1 @@
+"""From a scenario to results: conditions of each release, engines, indicators, campaigns."""

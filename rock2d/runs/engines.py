@@ -1,4 +1,4 @@
-"""The engines of a run by name, with one interface for all.
+"""The table of engines: each by its name, with the interface that a run uses.
 
 The engines themselves (`rock2d.engines`) are imported when a release runs, because their import is slow."""
 

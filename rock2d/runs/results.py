@@ -15,8 +15,8 @@ from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
 from rock2d.records.columns import STATE_NAMES
 from rock2d.runs.acting_effects import true_film
-from rock2d.runs.comparison import write_comparison
 from rock2d.runs.diagnosis_remarks import diagnosis_entry
+from rock2d.runs.film_residuals import write_film_residuals
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.simulation import TRAJECTORIES, Simulation
 
@@ -115,7 +115,7 @@ class RunResult(Simulation):
                 write_experiment_files(partial, simulated)
                 bar.step("trajectories")
             if scenario.experiment is not None:
-                tables |= write_comparison(
+                tables |= write_film_residuals(
                     true_film(scenario), simulated, self.tracks, partial,
                     slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=bars.shown,
                     figures=figures,

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rock2d.blind.case_files import make_trial, read_labels
-from rock2d.blind.record_cases import SHARE_OF_RECORDS, Record, bases_of, write_record_case
+from rock2d.blind.record_cases import SHARE_OF_RECORDS, Record, records_of_cases, write_record_case
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.detection import Curve
 from rock2d.diagnosis.fitting import Convergence, fit
@@ -72,10 +72,10 @@ def test_a_cause_of_the_motion_is_in_both_films(record, tmp_path):
 
 def test_a_third_of_the_cases_have_a_record_and_the_others_stay_the_same(record, tmp_path, small):
     causes = [("scale_error",), ("rounded_edges", "wind"), (), ("mirrored_angle",), ("camera_tilt",), ()]
-    bases = bases_of(causes, 2, SEED)
+    bases = records_of_cases(causes, 2, SEED)
     assert sum(base is not None for base in bases) == round(SHARE_OF_RECORDS * len(causes))
     assert bases[1] is None and bases[3] is None  # an outside cause, and a choice, cannot be put in
-    assert bases_of(causes, 0, SEED) == [None] * len(causes)
+    assert records_of_cases(causes, 0, SEED) == [None] * len(causes)
     for name, records in (("with", [record]), ("without", [])):
         make_trial(2, 3, tmp_path / name, causes=[(), ()], records=records)
     with_record, without = (read_labels(tmp_path / name) for name in ("with", "without"))

@@ -10,14 +10,14 @@ from rock2d.blind.command import score
 from rock2d.blind.reality.catalogue import KNOWN
 from rock2d.blind.reality.cause import Scale
 from rock2d.blind.scoring import (
+    case_table,
     closures,
     found_closure,
     inclusion,
-    predicted,
+    prediction_scores,
     scored_case,
     scored_cases,
     summary,
-    table,
 )
 from rock2d.blind.size_errors import MEANINGS, size_errors, size_summary
 from rock2d.effects import catalogue
@@ -228,7 +228,7 @@ def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail
         scored_case(str(k), trial_label(air_drag=20.0), _result({}, 0.0) | {"heldout": own})
         for k, own in enumerate([miss, worse, {}, {"base": 4.0, "diagnosed": 1.0}])
     ]
-    found = predicted(cases)["one effect"]
+    found = prediction_scores(cases)["one effect"]
     assert found["median_smaller"] == pytest.approx(0.5) and _counts(found["tail_not_worse"]) == (1, 2)
 
 
@@ -241,7 +241,7 @@ def test_the_claimed_closure_of_predictions_is_compared_with_that_in_the_heldout
     result = _result({}, 0.0) | {"heldout": miss}
     result["diagnosis"]["predicted"] = {"typical": {"closure": 0.75}}
     cases = [scored_case("0", trial_label(air_drag=20.0), result), scored_case("1", trial_label(), _result({}, 0.0))]
-    found = predicted(cases)["all"]
+    found = prediction_scores(cases)["all"]
     assert found["median_claimed_less_true"] == pytest.approx(0.25)
     assert _counts(found["within_15_points"]) == (0, 1) and _counts(found["claimed_too_much"]) == (1, 1)
 
@@ -254,7 +254,7 @@ def test_a_true_closure_is_at_most_the_whole_gap():
 def test_the_single_verdict_is_right_if_what_it_says_is_hidden(cases):
     assert _counts(summary(cases)["verdict"]["nothing"]) == (0, 2)  # all say "unknown"
     assert _counts(summary(cases)["verdict"]["outside_cause_alone"]) == (1, 1)
-    assert table(cases)["label"].tolist()[3:] == ["none", "air_drag+unknown", "unknown"]
+    assert case_table(cases)["label"].tolist()[3:] == ["none", "air_drag+unknown", "unknown"]
 
 
 def test_a_damaged_set_is_refused_with_its_file(tmp_path):

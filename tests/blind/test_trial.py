@@ -149,7 +149,7 @@ def test_calibration_error_of_known_cases():
 
 
 def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(tmp_path, small, monkeypatch):
-    from rock2d.blind.running import run_trial
+    from rock2d.blind.trial_diagnoses import run_trial
 
     def written(trial, **workers: str) -> str:
         make_trial(1, 3, trial, causes=[()])

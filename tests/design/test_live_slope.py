@@ -11,7 +11,7 @@ from PIL import Image
 
 import rock2d
 from rock2d.design import live_slope
-from rock2d.design.live_slope import View
+from rock2d.design.live_slope import ShownRun
 from rock2d.design.report import report_page
 from rock2d.design.report_sections import REPORTED_TABLES, ReportContent
 from rock2d.design.report_tables import quantity_text
@@ -59,7 +59,7 @@ def report(result, higher, tmp_path_factory):
     """The page with one small picture instead of its figures, which take long to draw."""
     folder = tmp_path_factory.mktemp("live_page")
     Image.new("RGB", (40, 20)).save(folder / "trajectories.png")
-    views = [View("as in the file", result), View(NASTY, higher, "3 m high")]
+    views = [ShownRun("as in the file", result), ShownRun(NASTY, higher, "3 m high")]
     content = ReportContent(result, {name: result.to_pandas(name) for name in REPORTED_TABLES}, views=views)
     made = Made("2025-03-31", "0", "rock2d run live.yaml --report", "3")
     (folder / "report.html").write_text(
@@ -78,7 +78,7 @@ def test_without_a_script_the_view_is_hidden_and_only_its_own_script_may_run(rep
 
 def test_what_does_not_fit_is_left_out_and_said(result, higher, monkeypatch):
     def live(released=2 * RELEASES):
-        found = live_slope.live_slope([View("run", result), View("higher", higher)], released)
+        found = live_slope.live_slope([ShownRun("run", result), ShownRun("higher", higher)], released)
         return found, json.loads(found["data"])["runs"]
 
     _, (whole, other) = live()

@@ -16,7 +16,7 @@ from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.setup_world import base_law_start, setup_world
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from tests.kinematics.synthetic_films import LAW, base_fit, data_of, effects, film, series_order, with_causes, world
@@ -45,7 +45,7 @@ def test_a_film_is_divided_where_its_blocks_strike_the_ground(tilt_rad):
     experiment = film(true, FEW, seed=2)
     setup = setup_world(experiment)
     data, seen = (FilmData.of(load_film(experiment), own) for own in (setup, true))
-    better = register_by_fit(fit_base(setup, base_start(experiment), data), data)
+    better = register_by_fit(fit_base(setup, base_law_start(experiment), data), data)
     if not tilt_rad:
         assert better is None
         return
@@ -128,7 +128,7 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     true = catalogue()["mirrored_axis"].apply(replace(plain, contact=rows), [3.0])
     experiment = film(true, 12, seed=1)
     setup, data = data_of(experiment)
-    base = fit_base(setup, base_start(experiment), data)
+    base = fit_base(setup, base_law_start(experiment), data)
     assert not base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
     found = attribute(base, data, effects("mirrored_axis", "inertia_error"))
     law = found.final.fit.model

@@ -22,7 +22,7 @@ from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.camera import MIRROR_THETA
 from rock2d.effects.ground import EMBANKMENT, FACING
-from rock2d.kinematics.setup_world import base_start
+from rock2d.kinematics.setup_world import base_law_start
 from rock2d.processes import Processes
 from tests.kinematics.synthetic_films import START, base_fit, data_of, effects, film, series_order, with_causes, world
 
@@ -33,7 +33,7 @@ HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, FACI
 
 def tried_alone(hidden: dict[str, list[float]], tried: Sequence[str] = TRIED) -> Search:
     experiment = film(with_causes(world(series_order(RELEASES)), hidden), RELEASES, seed=7)
-    data, base = base_fit(experiment, base_start(experiment))
+    data, base = base_fit(experiment, base_law_start(experiment))
     with Processes(1, (data,)) as processes:
         bars = DiagnosisBars(False, len(tried), 1)
         search = Search(data, effects(*tried), processes, Validated.of(base, data), bars)
@@ -262,7 +262,7 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     """The law that fits spins of the wrong sign is too far away to find the right one from there."""
     true = catalogue()["mirrored_axis"].apply(world(series_order(RELEASES)), [float(MIRROR_THETA)])
     experiment = film(true, RELEASES, seed=7)
-    (setup, data), start = data_of(experiment), base_start(experiment)
+    (setup, data), start = data_of(experiment), base_law_start(experiment)
     base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
     model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
     found = fit_effects(model, data, base, explore_on_some(model, data, base, total_on_some(base, data)))

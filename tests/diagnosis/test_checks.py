@@ -14,7 +14,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.report.sections import checks_sentence
-from rock2d.kinematics.setup_world import base_start
+from rock2d.kinematics.setup_world import base_law_start
 from tests.kinematics.synthetic_films import base_fit, film, series_order, world
 
 RELEASES = 20  # per block
@@ -25,7 +25,7 @@ FILMS = 60  # draws of residuals; would miss false alarms at twice the stated ra
 def fitted() -> tuple[FilmData, Fit]:
     """A film of the base law, and the base law fitted to it."""
     experiment = film(world(series_order(RELEASES)), RELEASES, seed=3, fps=500.0)
-    return base_fit(experiment, base_start(experiment))
+    return base_fit(experiment, base_law_start(experiment))
 
 
 def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:

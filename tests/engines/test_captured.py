@@ -6,7 +6,7 @@ import pytest
 from rock2d.engines.batch import run_batch
 from rock2d.engines.rest import REST_DRIFT
 from rock2d.files.scenario_reading import load_scenario
-from rock2d.runs.campaigns.ensembles import _ensemble
+from rock2d.runs.campaigns.group_outcomes import _ensemble
 from rock2d.runs.conditions import Conditions
 from tests.scenarios_of_tests import SHIPPED
 

@@ -13,10 +13,10 @@ from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.kinematics.film_findings import flightless_remarks, slow_remarks
+from rock2d.kinematics.film_findings import flightless_remarks, slow_error_remarks
 from rock2d.kinematics.flights import Flights, find_flights, flight_noise, load_film
-from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
-from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.partition import CONTACT, FLIGHT, REST, partition
+from rock2d.kinematics.setup_world import base_law_start, setup_world
 from rock2d.kinematics.states import fit_states, flight_basis, move_freely
 from rock2d.records.columns import VX
 from rock2d.scene.world import View
@@ -102,8 +102,8 @@ def test_errors_that_wander_after_a_contact_do_not_average_out():
         wandering.pose[later] += np.cumsum(rng.normal(size=(len(later), 3)) * [1e-5, 1e-5, 1e-3], axis=0)
     found = FilmData.of(wandering, setup_world(experiment))
     assert not found.slow[found.flights.follows < 0].any() and (found.slow[found.flights.follows >= 0] > 3.0).all()
-    (said,) = slow_remarks(found)
-    assert "off by about 0.0" in said and not slow_remarks(data)
+    (said,) = slow_error_remarks(found)
+    assert "off by about 0.0" in said and not slow_error_remarks(data)
     true = setup_world(experiment)
     exact = replace(found, film=load_film(film(world(), 12, seed=5, noise_m=0.0, noise_rad=0.0)))
     exact.film.noise = found.film.noise
@@ -183,7 +183,7 @@ def test_a_step_that_leaps_is_shortened():
     """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
     experiment = film(world(), 12, seed=5)
     setup, data = data_of(experiment)
-    found = fit(Model(setup, base_start(experiment)), data)
+    found = fit(Model(setup, base_law_start(experiment)), data)
     flat = replace(found, jacobian=replace(found.jacobian, impacts=0.1 * found.jacobian.impacts))
     lost = cross_validate(found, data).score.sum() - cross_validate(flat, data).score.sum()
     assert abs(lost) < 30.0  # 138 if it is taken whole

@@ -21,10 +21,10 @@ from rock2d.files.scenario_variants import variant
 from rock2d.graphics.figure_files import NoFigures
 from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.runs.acting_effects import ActingEffects
-from rock2d.runs.before_after import diagnosed_models, model_table
 from rock2d.runs.campaigns.campaign import Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.model_comparison import diagnosed_models, model_table
 from rock2d.runs.printed_tables import PRINTED_TABLES, print_tables, table_note
 from rock2d.scene.cross_section import CrossSection, embankment_facets
 from rock2d.scene.world import View, World

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.following import Follower, motion_in
+from rock2d_tracking.following import Follower, motion_for_setup
 from rock2d_tracking.setup_file import Setup
 
 from rock2d.engines.batch import run_batch, world_ensemble
@@ -25,7 +25,7 @@ SYMMETRY = {"sphere": 2 * np.pi, "cube": np.pi / 2, "slab": np.pi}
 
 def followed(film: list[np.ndarray], setup: Setup, size_px: tuple[int, int]) -> Follower:
     """What follows the blocks of a film, after it has."""
-    follower = Follower(film, setup, size_px, motion_in(film, setup, len(film)))
+    follower = Follower(film, setup, size_px, motion_for_setup(film, setup, len(film)))
     follower.follow(film)
     return follower
 

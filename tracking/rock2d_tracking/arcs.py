@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flight_gravity import Measured
-from rock2d.kinematics.segmentation import partition
+from rock2d.kinematics.partition import partition
 from rock2d.kinematics.window_gravity import GRAVITY_RATIO
 from rock2d.statistics import noise_of_path, weighted_median
 from rock2d_tracking.candidates import CANDIDATE

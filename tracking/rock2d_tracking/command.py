@@ -60,7 +60,7 @@ def track(video: Path, config: Path | FilmScale, out: Path, settings: TrackSetti
     two is unknown, it is computed from gravity. If nothing can be tracked, an explanation is written to
     `OUT_explained`. Raises InputError for invalid input."""
     from rock2d_tracking.explanation import write_explanation
-    from rock2d_tracking.film_track import TRACKED, NotTrackedError, track_film
+    from rock2d_tracking.film_tracking import TRACKED, NotTrackedError, track_film
 
     check_folder(out, TRACKED)
     known = Setup(config) if isinstance(config, Path) else config

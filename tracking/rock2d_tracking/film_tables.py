@@ -14,7 +14,7 @@ from rock2d.kinematics.flight_gravity import FlightGravity
 from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impacts import Contacts, FlightPairs, find_contacts
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY, after
 from rock2d.scene.world import World
 
 DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration above which the ground hides part of the block
@@ -64,7 +64,7 @@ def _misfit(data: FilmSegments, experiment: Experiment) -> Array:
     return np.asarray(np.sqrt((residuals**2).sum(axis=2) / known[:, None]))
 
 
-def impacts_table(experiment: Experiment, data: FilmSegments) -> pd.DataFrame:
+def measured_impacts_table(experiment: Experiment, data: FilmSegments) -> pd.DataFrame:
     """Table of the impacts of an experiment's film and of the changes of motion in mid-air, ordered by time: release,
     block, t_s and zone of the contact, velocities just before and after it with standard errors, `restitution` (speed
     across the ground after over before), `penetration_m`, `rebound_m`, `flag` (any of "deep", "low", "wide gap";
@@ -90,17 +90,17 @@ def _contacts(
         "t_s": data.basis.middle[pairs.before] + contacts.touch_s, "zone": np.array(zones)[pairs.zone],
     })  # fmt: skip
     sides = (
-        ("", contacts.arriving, pairs.before, contacts.touch_s),
-        ("_after", contacts.leaving, pairs.after, contacts.leave_s),
+        (str, contacts.arriving, pairs.before, contacts.touch_s),
+        (after, contacts.leaving, pairs.after, contacts.leave_s),
     )
     instant = _instant_errors(data, contacts, pairs, misfit)
     across = np.column_stack([-pairs.tangent[:, 1], pairs.tangent[:, 0]])
     normal = []
-    for label, state, which, dt in sides:
+    for named, state, which, dt in sides:
         error = _errors(data, which, dt, misfit)
         error[:, VY] = np.hypot(error[:, VY], experiment.gravity_m_s2 * instant)
         for k in (VX, VY, OMEGA):
-            name = STATE_NAMES[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
+            name = named(STATE_NAMES[k])
             table[name], table[f"{name}_se"] = state[:, k], error[:, k]
         speed, speed_se = state[:, LINEAR_VELOCITY] * across, error[:, LINEAR_VELOCITY] * across
         normal.append((speed.sum(axis=1), np.hypot(*speed_se.T)))

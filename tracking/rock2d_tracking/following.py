@@ -36,7 +36,7 @@ STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where
 OnProgress = Callable[[int, Array, FollowedRelease | None], None]
 
 
-def motion_in(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = CONSTANT_RATE) -> Motion:
+def motion_for_setup(film: Iterable[Array], setup: Setup, expected_frames: int, clock: Clock = CONSTANT_RATE) -> Motion:
     """The motion in a film with a set-up."""
     metres = setup.scale.metres_per_pixel
     outlines = [] if metres is None else [outline_of(b, metres, -setup.down) for b in setup.blocks.values()]

@@ -1,5 +1,4 @@
-"""The looks of the blocks of a film, learned at the places given by their arcs: the colour with the best contrast, the
-size, and the suitable kind of fit."""
+"""The looks of a block, which `learning` finds: mix of colours with the best contrast, size, kind of fit, picture."""
 
 from dataclasses import dataclass
 from functools import cached_property

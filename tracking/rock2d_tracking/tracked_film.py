@@ -17,7 +17,7 @@ from rock2d.kinematics.sanity import ABOVE_GROUND, FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import POSE_NAMES
 from rock2d.statistics import noise_of_path
-from rock2d_tracking.film_tables import flights_table, impacts_table
+from rock2d_tracking.film_tables import flights_table, measured_impacts_table
 from rock2d_tracking.gross_errors import reject_gross_errors
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease, Sight, set_errors, shows_release
@@ -64,8 +64,8 @@ class TrackedFilm:
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """See `film_tables.impacts_table`."""
-        return impacts_table(self.experiment, self.segments)
+        """See `film_tables.measured_impacts_table`."""
+        return measured_impacts_table(self.experiment, self.segments)
 
 
 def tracked_film(kept: Sequence[FollowedRelease], followed: int, setup: Setup, size_px: tuple[int, int]) -> TrackedFilm:

@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, POSE_NAMES, STOP_EXIT, STOPS
 from rock2d.runs.campaigns.counts import Counts
-from rock2d.runs.campaigns.ensembles import Outcome, group_outcome
+from rock2d.runs.campaigns.group_outcomes import Outcome, group_outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.conditions import Group
 from rock2d.runs.engines import ENGINES

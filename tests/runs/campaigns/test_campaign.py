@@ -21,7 +21,7 @@ from rock2d.errors import InputError
 from rock2d.files.folders import check_output_folder
 from rock2d.files.scenario_reading import load_scenario
 from rock2d.graphics.figure_files import NoFigures
-from rock2d.runs.campaigns import ensembles, order_statistics
+from rock2d.runs.campaigns import group_outcomes, order_statistics
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_releases, run_campaign
 from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
@@ -71,7 +71,7 @@ def same(table: pd.DataFrame, other: pd.DataFrame, **tolerance: float) -> None:
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])
 def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
-    monkeypatch.setattr(ensembles, "FIRST_IMPACT_ROOM", 3)  # so that some releases run a second time
+    monkeypatch.setattr(group_outcomes, "FIRST_IMPACT_ROOM", 3)  # so that some releases run a second time
     outputs = ["ends", "crossings", "impacts", *(["samples"] if engine == "batch" else [])]
     tables, _ = campaign(tmp_path / "out", engine=engine, releases=15, chunk=10, keep=outputs)
     result = run(SETUP, engine=engine, releases=15, workers=1, progress=False)

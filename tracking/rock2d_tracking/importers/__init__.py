@@ -1,8 +1,7 @@
 """File formats of other tracking programs. One module is one format: its name is the name of the format, as in
 `rock2d import --kind`, and it defines `IMPORTER`.
 
-To add a format, add a file `NAME.py` here. Nothing else needs a change: the command line and the error messages take
-the formats from this folder."""
+The command line and the error messages take the formats from this folder. CONTRIBUTING.md says how to add one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The diagnoses of a trial: every case only from its films, in parallel; finished cases are kept.
+"""Make the diagnoses of a trial: every case only from its films, in parallel; finished cases are kept.
 
 A diagnosis is compared with films that it did not see: it predicts the held-out releases, and the share of the gap that
 it truly closes is measured there."""
@@ -30,7 +30,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.kinematics.sanity import Sanity
-from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.setup_world import base_law_start, setup_world
 from rock2d.processes import as_finished
 from rock2d.scene.world import World
 
@@ -170,4 +170,4 @@ def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
 def _segmented(experiment: Experiment) -> tuple[World, Array, Sanity, Data | None]:
     """The stated world of a film, its base law, and the result of `check_and_segment`."""
     setup = setup_world(experiment)
-    return setup, base_start(experiment), *check_and_segment(experiment, setup)
+    return setup, base_law_start(experiment), *check_and_segment(experiment, setup)

@@ -7,7 +7,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.progress import Bars
-from rock2d.runs.campaigns.ensembles import group_outcome
+from rock2d.runs.campaigns.group_outcomes import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.statistics import wilson_interval
@@ -16,7 +16,7 @@ MOST_RELEASES_FOR_PRECISION = 1_000_000  # of each block
 LARGEST_STEP = 10.0  # largest factor by which the number of releases grows at once
 
 
-def releases_for(
+def releases_for_precision(
     scenario: Scenario, engine: str, seed: int, half_width: float, first: int, progress: bool = False
 ) -> int:
     """Number of releases of each block, at least `first`, with which the half-width of every 95 % interval of a passing

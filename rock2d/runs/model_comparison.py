@@ -1,5 +1,5 @@
-"""Passing frequencies and percentiles of the same releases with several models: before and after a diagnosis, or with
-other laws and soils."""
+"""Passing frequencies and percentiles of the same releases with several models: with the law before and after a
+diagnosis, or with other laws and soils."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.files.scenario import Scenario
 from rock2d.runs.acting_effects import ActingEffects
-from rock2d.runs.campaigns.ensembles import group_outcome
+from rock2d.runs.campaigns.group_outcomes import group_outcome
 from rock2d.runs.campaigns.job import crossings_job
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows

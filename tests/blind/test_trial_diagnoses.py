@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rock2d.blind.running import _typical_variance
+from rock2d.blind.trial_diagnoses import _typical_variance
 
 
 def test_a_film_without_impacts_has_no_typical_variance_and_no_warning():

@@ -1,4 +1,4 @@
-"""Simulate groups of releases of a campaign with the compiled engines."""
+"""The outcome of a group of releases, simulated with a compiled engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Residuals of simulated releases that were restarted from a film."""
+"""Residuals between a film and the simulated releases that were restarted from it: tables, figures, video."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def residual_summary(residuals: pd.DataFrame, tracks: list[Track], noise: dict[s
     return pd.DataFrame(rows)
 
 
-def write_comparison(
+def write_film_residuals(
     film: Experiment,
     simulated: Experiment,
     tracks: list[Track],

@@ -1,4 +1,4 @@
-"""Segmentation of a filmed release into flights, rests and contact, by optimal partitioning, compiled.
+"""Optimal partition of the frames of one release into flights, rests and contact, compiled; `flights` prepares them.
 
 A flight is a range of frames on one parabola; a rest is a range of frames with a fixed pose; all other frames are
 contact. The cost is chi-square plus a fixed cost for each segment, so that the noise decides, not a threshold on speed.

@@ -24,7 +24,7 @@ from rock2d_tracking.film_reading import Clock, FilmFile, Frames, Stamps
 from rock2d_tracking.film_scale import FilmScale, proposal
 from rock2d_tracking.film_tables import MID_AIR
 from rock2d_tracking.first_setup import FirstSetup, ground_of
-from rock2d_tracking.following import Follower, motion_in
+from rock2d_tracking.following import Follower, motion_for_setup
 from rock2d_tracking.lens import lens_distortion
 from rock2d_tracking.live_frames import LiveFrames, live_frames
 from rock2d_tracking.looks import ChannelMix, Looks
@@ -182,7 +182,7 @@ def track_film(
 
 
 def _start_with_setup(film: FilmFile, frames: Frames, setup: Setup, clock: Clock) -> Start:
-    motion = motion_in(frames, setup, film.expected_frames, clock)
+    motion = motion_for_setup(frames, setup, film.expected_frames, clock)
     if not motion.scale.g_px_frame2:
         raise NotTrackedError(_nothing_falls(film, motion), TrackingAttempt(frames, motion), setup)
     whole = setup.with_scale(motion.scale)

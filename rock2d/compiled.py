@@ -9,6 +9,7 @@ are parts, which are optimized only in the functions that Python calls."""
 
 import atexit
 import contextlib
+import gc
 import hashlib
 import os
 import shutil
@@ -27,7 +28,7 @@ import numba
 import numpy as np
 from numba.core import event
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 from numba.core.registry import CPUDispatcher
 
 from rock2d import compiling
@@ -147,10 +148,23 @@ class _NoEnvironment:
         pass
 
 
+class _Flags(Flags):
+    """Numba's flags, which it looks up for every call that it types, without their defaults, which cost most of it."""
+
+    __slots__ = ()
+
+    def __hash__(self):
+        return 1  # numba's own is that of all names, and a constant, too
+
+    def __eq__(self, other):
+        return isinstance(other, Flags) and self._values == other._values
+
+
 class _PartCompiler(Compiler):
     """Compiles a function as a part of others."""
 
     def __init__(self, typingctx, targetctx, library, args, return_type, flags, locals):
+        flags = _Flags(flags)
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
         codegen = self.state.targetctx.codegen()
@@ -170,8 +184,20 @@ class _Whole(CPUDispatcher):
     """A function that Python calls. One process compiles it; others wait and read the code from the cache."""
 
     def compile(self, sig):
-        with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"):
+        with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"), _no_garbage():
             return super().compile(sig)
+
+
+@contextlib.contextmanager
+def _no_garbage() -> Iterator[None]:
+    """Nobody looks for garbage, which the compiler hardly makes."""
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()
 
 
 @contextlib.contextmanager

@@ -184,27 +184,15 @@ class _Whole(CPUDispatcher):
     """A function that Python calls. One process compiles it; others wait and read the code from the cache."""
 
     def compile(self, sig):
-        with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"), _no_garbage():
+        with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"):
             return super().compile(sig)
-
-
-@contextlib.contextmanager
-def _no_garbage() -> Iterator[None]:
-    """Nobody looks for garbage, which the compiler hardly makes."""
-    collected = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collected:
-            gc.enable()
 
 
 @contextlib.contextmanager
 def _alone(name: str) -> Iterator[None]:
     """Hold the lock `name` in the folder of compiled code; it ends with the process at the latest. Parts have no locks,
-    so there is no deadlock."""
-    handle = None
+    so there is no deadlock. Nobody looks for garbage, of which a compiler makes little."""
+    handle, collected = None, gc.isenabled()
     # without POSIX, or in a folder without locks, two processes may compile the same function
     with contextlib.suppress(ImportError, OSError):
         import fcntl
@@ -216,9 +204,12 @@ def _alone(name: str) -> Iterator[None]:
         except BlockingIOError:
             with compiling.compiling():
                 fcntl.flock(handle, fcntl.LOCK_EX)
+    gc.disable()
     try:
         yield
     finally:
+        if collected:
+            gc.enable()
         if handle is not None:
             os.close(handle)
 

@@ -1,5 +1,6 @@
 """The command line. Heavy imports happen inside the commands, so that `rock2d --help` is instant."""
 
+import gc
 import math
 import os
 import sys
@@ -366,6 +367,7 @@ def main() -> None:
     from rock2d.errors import InputError, print_warnings_in_one_line
 
     print_warnings_in_one_line()
+    gc.set_threshold(10_000)  # to look for garbage, of which there is little, took a tenth of a short command
     terminated = answer_signals()
     # Matrices are small, so a second thread of linear algebra only costs time. This must be set before the import of
     # numpy, so that it holds for every library with its own BLAS, and for every worker.

@@ -9,6 +9,7 @@ are parts, which are optimized only in the functions that Python calls."""
 
 import atexit
 import contextlib
+import gc
 import hashlib
 import os
 import shutil
@@ -177,8 +178,8 @@ class _Whole(CPUDispatcher):
 @contextlib.contextmanager
 def _alone(name: str) -> Iterator[None]:
     """Hold the lock `name` in the folder of compiled code; it ends with the process at the latest. Parts have no locks,
-    so there is no deadlock."""
-    handle = None
+    so there is no deadlock. Nobody looks for garbage, of which a compiler makes little."""
+    handle, collected = None, gc.isenabled()
     # without POSIX, or in a folder without locks, two processes may compile the same function
     with contextlib.suppress(ImportError, OSError):
         import fcntl
@@ -190,9 +191,12 @@ def _alone(name: str) -> Iterator[None]:
         except BlockingIOError:
             with compiling.compiling():
                 fcntl.flock(handle, fcntl.LOCK_EX)
+    gc.disable()
     try:
         yield
     finally:
+        if collected:
+            gc.enable()
         if handle is not None:
             os.close(handle)
 

@@ -1,5 +1,6 @@
 """Who waits for the compiler is told so: once, by the command line, and only if there is something to compile."""
 
+import gc
 import subprocess
 import sys
 
@@ -120,7 +121,8 @@ def test_a_function_that_fails_to_compile_leaves_no_lock(tmp_path, monkeypatch):
             made(1.0)
     (lock,) = tmp_path.glob("*.lock")
     with _alone(lock.stem):  # at once
-        pass
+        assert not gc.isenabled()
+    assert gc.isenabled()
 
 
 def test_a_part_gives_the_same_bits_inside_another_function_and_for_python():

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.compiled import njit
+from rock2d.compiled import copy, njit
 from rock2d.engines.free_flight import fly
 from rock2d.engines.geometry import BlockArrays
 from rock2d.kinematics.flights import Film, Flights
@@ -193,11 +193,11 @@ def _follow(track, middle, q, t, bodies, i):
     for f in range(t.size):
         if now < 0.0 <= t[f]:
             _move_freely(q, -now, bodies, i)
-            middle[:] = q
+            copy(q, middle)
             now = 0.0
         _move_freely(q, t[f] - now, bodies, i)
         now = t[f]
-        track[f] = q[:3]
+        copy(q[:3], track[f])
 
 
 @njit
@@ -229,7 +229,7 @@ def _fit(frames, polynomials, bodies, noise):
         for round in range(rounds):
             coefficient = np.zeros((3, degrees + 2))
             if round > 0:
-                q[:] = begin
+                copy(begin, q)
                 _follow(track, middle[i], q, t[start[i] : start[i + 1]], bodies, i)
             for f in range(start[i], start[i + 1]):
                 if round == 0:
@@ -237,15 +237,14 @@ def _fit(frames, polynomials, bodies, noise):
                         q[c] = 0.0
                     q[Y] = -0.5 * bodies.gravity * t[f] * t[f]
                 else:
-                    q[:3] = track[f - start[i]]
+                    copy(track[f - start[i]], q)
                 for c in range(3):
                     d = pose[f, c] - q[c]
                     for k in range(degrees + 2):
                         coefficient[c, k] += d * basis[f, k]
             slope = coefficient[:, 1] * polynomials.slope[i]
             if round == 0:
-                inverse[:] = np.eye(3)
-                begin[:] = 0.0
+                inverse, begin = np.eye(3), np.zeros(6)
                 begin[Y] = -0.5 * bodies.gravity * early * early
                 begin[VY] = -bodies.gravity * early
             for c in range(3):
@@ -254,8 +253,9 @@ def _fit(frames, polynomials, bodies, noise):
                 begin[c] += coefficient[c, 0] * polynomials.level[i] + slope[c] * early
             if round > 1:
                 _update_inverse(inverse, step, slope / noise[i])
-            step[:] = inverse @ (slope / noise[i])
-            begin[VX:] += step * noise[i]
+            step = inverse @ (slope / noise[i])
+            for c in range(3):
+                begin[VX + c] += step[c] * noise[i, c]
             if round > 0 and (np.abs(coefficient[:, 1]) < CONVERGED_SLOPE * noise[i]).all():
                 break
         for c in range(3):

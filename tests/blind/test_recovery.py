@@ -27,7 +27,8 @@ WITHOUT_CASES = 0.1 * np.exp(SHARED_SHIFT)  # what is seen with 50 % before ther
 
 @pytest.fixture(scope="module")
 def diagnosed():
-    return diagnose(film(world(), 10, seed=1), effects=TRIED)
+    with coarse_fits():
+        return diagnose(film(world(), 10, seed=1), effects=TRIED)
 
 
 def test_a_plan_has_every_effect_and_size_once_and_effects_in_turn():
@@ -56,7 +57,8 @@ def test_a_linear_model_expects_stronger_effects_to_be_seen(diagnosed):
     """The size that is seen grows with the noise, and is a part of the plausible range. The first film is so quiet that
     its limit is the least size that matters, 0.00225 rad."""
     curves = detection_curves(diagnosed, TRIED)
-    noisy = detection_curves(diagnose(film(world(), 10, seed=1, noise_m=3e-3), effects=TRIED), TRIED)
+    with coarse_fits():
+        noisy = detection_curves(diagnose(film(world(), 10, seed=1, noise_m=3e-3), effects=TRIED), TRIED)
     tilt, worse = curves["camera_tilt"], noisy["camera_tilt"]
     assert 1e-4 < tilt.seen50 < tilt.size(ODDS_90) < 0.05
     assert worse.seen50 > 1.5 * tilt.seen50 and worse.compatible > tilt.compatible

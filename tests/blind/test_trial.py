@@ -63,7 +63,7 @@ def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_pat
 def test_twins_are_the_same_releases_without_the_causes(tmp_path, monkeypatch):
     """Those of a case without causes that was drawn with the same seed; of a case without causes, its own films."""
     monkeypatch.setattr(case_files, "signals_to_noise", lambda case: (0.0, [0.0] * len(case.hidden)))  # nobody asks
-    causes = [(), ("camera_tilt",), ("frame_rate_error", "spin_kick"), ("air_drag", "sliding_camera")]
+    causes = [(), ("camera_tilt", "frame_rate_error", "spin_kick"), ("air_drag", "sliding_camera")]
     for number, own in enumerate(causes):
         case = draw_case(own, np.random.SeedSequence(3), smallest=True)
         case_files.write_case(case, tmp_path / str(number) / "000")

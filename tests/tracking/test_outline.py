@@ -71,7 +71,7 @@ def test_a_noisy_picture_gives_the_pose_within_its_stated_errors(shape):
         image = behind - 90.0 * picture(block, pose) + rng.normal(0.0, 2.0, behind.shape)
         start = np.array([*(pose + rng.uniform(-1, 1, 3) * [3.0, 3.0, 0.3]), 80.0, 1.0, 0.0, 0.0])
         patch = Patch(image.astype(np.float32), behind, np.ones(behind.shape, np.uint8), 2.0)
-        found, se, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
+        found, se, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25, False)
         assert seen > 0.95 and misfit < 0.05
         off.append(found[:3] - pose)
         error.append(se)
@@ -94,7 +94,7 @@ def test_half_a_block_that_soil_hides_is_still_found_where_it_is():
     start = np.array([41.5, 38.5, 0.3, 70.0, 1.0, 0.0, 0.0])
     for mask in (counts, np.where(np.arange(SIZE)[:, None] < 44, 1, 0) * counts):  # unknown, surveyed
         patch = Patch(image, behind, mask.astype(np.uint8), 2.0)
-        found, _, seen, _ = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
+        found, _, seen, _ = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25, False)
         np.testing.assert_allclose(found[:2], pose[:2], atol=0.1)
         assert found[2] == pytest.approx(pose[2], abs=0.01)
         assert 0.5 < seen < 0.75

@@ -207,7 +207,9 @@ def _offsets(patch: Patch, edge: EdgePoints, p: Array, half: float, smear_px: Ar
     seen, behind = seen.reshape(n, count, -1), behind.reshape(n, count, -1)
     # the part from which the block's colour is taken: inside, and outside the smear
     inner = (t < -np.maximum((1 - INNER_SHARE) * half, 0.5 * wide_px[:, None])) | (along <= along[2])
-    own = np.nanmedian(np.where(inner[..., None], seen, np.nan), axis=1)[:, None]
+    ranked, own_count = np.sort(np.where(inner[..., None], seen, np.nan), axis=1), inner.sum(axis=1)  # NaN come last
+    each = np.arange(n)
+    own = (0.5 * (ranked[each, (own_count - 1) // 2] + ranked[each, own_count // 2]))[:, None]  # the median
     if LEAST_SHADING_PX <= half <= WIDEST_PX:
         middle = (t * inner).sum(axis=1, keepdims=True) / inner.sum(axis=1, keepdims=True)
         own = own + _shading(seen, t - middle, inner, own)[:, None] * (t - middle)[..., None]

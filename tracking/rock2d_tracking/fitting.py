@@ -174,7 +174,7 @@ class Fitter:
             part = np.s_[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]
             grey = float(np.median(patch.image[part]))
         p = np.array([*own, grey, max(self._blur, SMALLEST_BLUR_PX), 0.0, 0.0])
-        p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
+        p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS, False)
         veiled = with_veil(patch, outline, p[[FIT_U, FIT_V, FIT_ANGLE]])
         if veiled is not patch:
             p, error, seen, misfit = fit_pose(veiled, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS, True)

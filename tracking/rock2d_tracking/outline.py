@@ -250,7 +250,7 @@ def _normal_equations(patch, edges, semi_axes, slope_scale, p, tukey, curve, gra
 
 
 @njit
-def fit_pose(patch, edges, semi_axes, start, rounds, sloped=False):
+def fit_pose(patch, edges, semi_axes, start, rounds, sloped):
     """Fit position, angle, grey with its slope, and blur of an outline to a patch of a frame by robust Gauss-Newton
     steps.
 

@@ -148,11 +148,11 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
     killer = threading.Thread(target=kill_one, daemon=True)
     killer.start()
-    campaign(tmp_path / "killed", releases=600, chunk=60, workers=Workers(2))
+    campaign(tmp_path / "killed", releases=300, chunk=30, workers=Workers(2))
     killer.join(timeout=1)
     ((workers, done),) = seen
     assert workers == 2 and done < chunk_count - 2
-    campaign(tmp_path / "undisturbed", releases=600, chunk=60)
+    campaign(tmp_path / "undisturbed", releases=300, chunk=30)
     assert written(tmp_path / "undisturbed") == chunk_count
     assert digest(tmp_path / "killed") == digest(tmp_path / "undisturbed")
 

@@ -133,7 +133,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
             )
     outside = content["outside"]
     if outside and outside["p"] >= NAMED_PROBABILITY:
-        share = f"{100 * outside['share']:z.0f} % of the gap"
+        percent = round(100 * outside["share"])
+        share = f"{percent} % of the gap" if percent else "no measurable part of the gap"
         dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
         learnt = outside["learnt"]
         beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""

@@ -99,6 +99,7 @@ class Evidence:
         in the flights or impacts that the effect changes
     p_chance : probability that chance gives as large a gain
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
+    rival_share : share of its gain that the best of the rivals that gain more has in its place; 0 without one
     form_share : share of `others_gain` that may only correct the forms of the other laws
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
     rests_z : standard errors by which blocks at rest prefer the set to what is learnt in place of the member
@@ -111,6 +112,7 @@ class Evidence:
     others_gain: float
     p_chance: float
     rival_z: Mapping[str, float]
+    rival_share: float = 0.0
     form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
     rests_z: float = 0.0
@@ -130,6 +132,8 @@ class Evidence:
             return 0.0
         gain = max(self.own_gain.total, 1e-9)
         ratio = gain / max(self.replacement_gain.total, 1e-9) / self.even_ratio
+        if self.rival_share:  # what imitates an unknown cause gains only a part of what a better imitation gains
+            ratio = min(ratio, 1.0 / self.rival_share / EVEN_RATIO)
         of_rests = largest_bayes_factor(float(ndtr(-self.rests_z))) if self.rests_z > LEAST_RESTS_Z else 1.0
         true = _logistic(ratio, RATIO_STEEPNESS, of_rests)
         beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
@@ -237,10 +241,9 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
 
 
 def beside_better_rivals(search: Search, name: str, own: Evidence) -> Evidence:
-    """Evidence in which a rival that gains more, but could not take its place, counts as what is learnt there."""
+    """Evidence in which a rival that gains more, but could not take its place, counts as another imitation."""
     shares = [search.share_in_place(name, rival) for rival, z in own.rival_z.items() if z < 0.0]
-    gain = Gain(max(shares, default=0.0) * EVEN_RATIO / own.even_ratio * own.own_gain.gain)
-    return replace(own, replacement_gain=gain) if gain.total > own.replacement_gain.total else own
+    return replace(own, rival_share=max(shares, default=0.0))
 
 
 def _with_known_replacement(evidence: Evidence, before: Evidence | None, name: str) -> Evidence | None:

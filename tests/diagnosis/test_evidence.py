@@ -184,6 +184,7 @@ def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, z, n
     search = SimpleNamespace(share_in_place=lambda name, rival: share)
     lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0, air_drag=z))
     assert lens.named("lens_distortion") == named
+    assert not lens.replacement_gain.gain.any()  # a smaller set must not take it for what was learnt
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

@@ -99,7 +99,8 @@ def inject(
     if {key: {**older, **truth}.get(key) for key in options} != options:
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
-        run_cases(out, len(truth["cases"]), diagnose_case, processes, workers.scheduler, bar.reach)
+        count = len(truth["cases"]) + bool(truth.get("without_cause"))
+        run_cases(out, count, diagnose_case, processes, workers.scheduler, bar.reach)
     cases, limits = recovered(out)
     write_whole(out / LIMITS, json.dumps(limits, indent=1, allow_nan=False) + "\n")
     for line in [*case_lines(cases, limits, names), *limit_lines(limits)]:

@@ -82,21 +82,23 @@ def make_cases(
 ) -> None:
     """Write the experiments cases/NNN, and truth.json with the added causes and the expected curves.
 
+    With a cause of the motion, the last experiment is the record in pieces without a cause: a piece shows less of its
+    motion than a release, so its diagnosis may name other effects.
     `options`: kept in truth.json. Sizes are limited to plausible ones."""
     attribution, known, cases = result.found, catalogue(), {}
     assert attribution is not None
-    curves = detection_curves(result, {name: known[name] for name in effects})
+    curves, settled = detection_curves(result, {name: known[name] for name in effects}), attribution.settled
+    planned = plan.of(limits_of(curves))
+    moved = next((known[name] for name, _ in planned if not known[name].camera), None)
     with atomic_folder(out / CASES, "study") as folder:
-        for k, (name, size) in enumerate(plan.of(limits_of(curves))):
+        for k, (name, size) in enumerate(planned):
             effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
             most = LARGEST_SHARE_OF_RANGE * largest_size(parameter)
             size = min(size, most, _largest_addition(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
-            changed = injected(
-                result.experiment, attribution.settled.model, attribution.settled.p, effect, values, plan.seed + k
-            )
+            changed = injected(result.experiment, settled.model, settled.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
             # expected with the value of the original record, named or not
             added = values[parameter.name]
@@ -109,8 +111,14 @@ def make_cases(
                 "pieces": changed.pieces, "cut": changed.cut, "expected": expected * growth,
             }  # fmt: skip
             on_case()
-    curve_values = {n: asdict(c) for n, c in curves.items()}
-    truth = {**options, "named": sorted(attribution.named), "curves": curve_values, "cases": cases}
+        if moved is not None:
+            nothing = values_of_size(moved, 0.0, result.setup)
+            pieces = injected(result.experiment, settled.model, settled.p, moved, nothing).experiment
+            write_experiment(folder / f"{len(cases):03d}", pieces)
+    truth = {
+        **options, "named": sorted(attribution.named), "curves": {n: asdict(c) for n, c in curves.items()},
+        "cases": cases, "without_cause": None if moved is None else f"{len(cases):03d}",
+    }  # fmt: skip
     write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")
 
 
@@ -140,21 +148,32 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
 
     A case has the keys of truth.json, `seen`, `found` (its size parameter, None if it was not named) and `false` (named
     effects that neither the case nor the record has). An effect that the original record has, too, is seen if the sum
-    is found."""
+    is found. The record of a case with a cause of the motion is the one in pieces."""
     truth, known, cases = read_json(folder / TRUTH), catalogue(), []
+    original = set(truth["named"])
+    without_cause = _groups(folder, truth["without_cause"]) if truth.get("without_cause") else {}
+    of_pieces = original.union(*without_cause.values())
     for name, case in truth["cases"].items():
-        result, effect = read_json(folder / RESULTS / f"{name}.json"), case["effect"]
-        names = {name: {name, *group} for name, group in result["named"].items()}
-        parameters = result["parameters"].get(effect, {}) if effect in names else {}
-        value = parameters[known[effect].parameters[0].name]["value"] if parameters else None
-        seen = any(effect in group for group in names.values())
-        if value is not None and effect in truth["named"]:
+        effect, groups = case["effect"], _groups(folder, name)
+        has = original if known[effect].camera else of_pieces
+        parameters = read_json(folder / RESULTS / f"{name}.json")["parameters"]
+        value = None
+        if effect in groups and effect in parameters:
+            value = parameters[effect][known[effect].parameters[0].name]["value"]
+        seen = any(effect in group for group in groups.values())
+        if value is not None and effect in has:
             seen = abs(value - case["expected"]) <= LARGEST_RELATIVE_ERROR * case["size"]
-        false = sorted(name for name, group in names.items() if not group & {effect, *truth["named"]})
+        false = sorted(own for own, group in groups.items() if not group & {effect, *has})
         cases.append({"case": name, **case, "seen": seen, "found": value, "false": false})
     curves = {name: Curve(**parameters) for name, parameters in truth["curves"].items()}
     results = [(case["effect"], case["size"], case["seen"]) for case in cases]
     return cases, limits_of(curves, results)
+
+
+def _groups(folder: Path, case: str) -> dict[str, set[str]]:
+    """Each named effect of a case -> it and the effects with which it shares its name."""
+    named = read_json(folder / RESULTS / f"{case}.json")["named"]
+    return {name: {name, *group} for name, group in named.items()}
 
 
 def case_lines(cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]) -> list[str]:

@@ -1,14 +1,14 @@
 """Studies of known causes: the plan, what the linear model expects, how diagnoses correct it, and the command."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
 import pytest
 
 from rock2d.blind import recovery
-from rock2d.blind.recovery import Plan, read_sizes
+from rock2d.blind.recovery import Plan, read_sizes, recovered
 from rock2d.diagnosis.detection import ODDS_90, SHARED_SHIFT, Curve, corrected, detection_curves, read_limits
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
@@ -103,6 +103,23 @@ def test_many_cases_give_the_true_curve():
     assert found.seen50 == pytest.approx(0.2, rel=0.15) and found.steepness == pytest.approx(4.0, rel=0.1)
 
 
+def test_names_of_the_pieces_are_false_only_beside_a_cause_of_the_camera(tmp_path):
+    """The record without a cause shows a wrong inertia in pieces, and nothing as it is."""
+    case = {"size": 0.1, "expected": 0.1}
+    cases = {f"00{k}": {"effect": name, **case} for k, name in enumerate(("air_drag", "camera_tilt"))}
+    curves = {name: asdict(CURVES["air_drag"]) for name in ("air_drag", "camera_tilt", "inertia_error")}
+    truth = {"named": [], "cases": cases, "curves": curves, "without_cause": "002"}
+    (tmp_path / "results").mkdir()
+    (tmp_path / "truth.json").write_text(json.dumps(truth))
+    named_in = (["air_drag", "inertia_error"], ["inertia_error"], ["inertia_error"])
+    for name, named in zip(("000", "001", "002"), named_in, strict=True):
+        result = {"named": {own: [] for own in named}, "parameters": {}}
+        (tmp_path / "results" / f"{name}.json").write_text(json.dumps(result))
+    moved, recorded = recovered(tmp_path)[0]
+    assert moved["seen"] and moved["false"] == []
+    assert not recorded["seen"] and recorded["false"] == ["inertia_error"]
+
+
 def test_a_table_of_impacts_is_refused_before_it_is_diagnosed(tmp_path):
     table = impacts(world(), 20, seed=1, noise=0.01)
     write_experiment(tmp_path / "table", replace(table, impacts=table.impacts.fillna(0.0)))
@@ -137,6 +154,7 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     assert "1 of 1 known causes were seen" in done.output and "names that are false: 0" in done.output
     truth, limits = (json.loads((tmp_path / "study" / f"{name}.json").read_text()) for name in ("truth", "limits"))
     case = truth["cases"]["000"]
+    assert truth["without_cause"] is None  # a cause of the camera needs no pieces
     assert case["effect"] == "camera_tilt" and case["expected"] == pytest.approx(case["size"], rel=1e-3)
     assert limits["camera_tilt"]["seen50"] < case["size"]
     assert limits == read_limits(tmp_path / "study", load_experiment(tmp_path / "film"))

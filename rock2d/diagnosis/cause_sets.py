@@ -149,17 +149,18 @@ class Search:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
-        A rival gains at least half of what the member gains. A difference within the share MISSED_BY_FORM, or
-        MISSED_BY_TWIN, counts as less than one standard error; that of the rests counts in full. Its twin, the effects
-        `fitted`, and the first that promise as much are fitted in its place: what screening expects of an effect can be
-        far too little."""
+        A rival gains at least half of what the member gains, and is not the twin of another member. A difference
+        within the share MISSED_BY_FORM, or MISSED_BY_TWIN, counts as less than one standard error; that of the rests
+        counts in full. The twin of the member, the effects `fitted`, and the first that promise as much are fitted in
+        its place: what screening expects of an effect can be far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
         twin, alone = TWINS.get(name, name), self.gain(cause_set, smaller).total
         expected = self.expected.get(smaller.names, {})
         first = sorted(expected.keys() - cause_set.names, key=lambda n: (-expected[n].promise, n))[:EXCHANGED_AT_ONCE]
         rivals = {*fitted, twin, *(n for n in first if expected[n].promise > 0.5 * alone > 0.0)}
-        self._with_each(sorted((rivals & self.effects.keys()) - cause_set.names), smaller)
-        for rival in self.effects.keys() - cause_set.names:
+        possible = {n for n in self.effects.keys() - cause_set.names if TWINS.get(n) not in smaller.names}
+        self._with_each(sorted(rivals & possible), smaller)
+        for rival in possible:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
                 continue
             missed = MISSED_BY_TWIN if rival == twin else MISSED_BY_FORM

@@ -229,6 +229,13 @@ def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     assert beside not in search.known
     search.find_rivals(search.best, "inertia_error", np.inf, ["angle_offset"])
     assert beside in search.known
+    # scale_error beside its twin is no set, however much it promises
+    without = search.without(search.best)["inertia_error"]
+    promising = replace(
+        search.expected_beside(without)["scale_error"], gain=2.0 * search.gain(both, without).gain, promise=99.0
+    )
+    search.expected[without.names]["scale_error"] = promising
+    assert "scale_error" not in search.find_rivals(search.best, "inertia_error", np.inf)
 
 
 def test_no_effect_makes_the_empty_set():

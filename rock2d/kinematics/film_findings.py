@@ -113,7 +113,7 @@ def slow_error_remarks(data: FilmSegments) -> list[str]:
     times = float(data.slow[:, X].max(initial=0.0))
     if not times:
         return []
-    of_flights = data.slow[:, X] * data.film.long_noise[X] * data.basis.level
+    of_flights = data.slow[:, X] * data.film.long_noise[X] * data.flights.level
     off_mm = 1e3 * float(np.median(of_flights[data.slow[:, X] > 0.0]))
     return [
         f"in flights after a contact the track is off by about {off_mm:.1g} mm, {times:.0f} times as much as the noise "

@@ -15,7 +15,7 @@ from rock2d.arrays import Array
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film, Flights, block_clearances, clearances
-from rock2d.kinematics.states import Basis, States, move_freely
+from rock2d.kinematics.states import States, move_freely
 from rock2d.records.columns import LINEAR_VELOCITY, POSE, POSITION, RATES, STATE_NAMES, after
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
@@ -62,16 +62,16 @@ class FlightPairs:
         return FlightPairs(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
-def start_instants(world: World, film: Film, flights: Flights, basis: Basis, states: States) -> Array:
+def start_instants(world: World, film: Film, flights: Flights, states: States) -> Array:
     """(flights,) recorded instant, from the middle of each flight, at which a simulation from it starts.
 
     It is the last frame at which the block is well above the ground; NaN if the block is never above it."""
-    flight = np.repeat(np.arange(len(flights)), np.diff(basis.start))
-    t, block = film.t_s[basis.frames] - basis.middle[flight], flights.block[flight]
+    flight = np.repeat(np.arange(len(flights)), np.diff(flights.start))
+    t, block = film.t_s[flights.frames] - flights.middle[flight], flights.block[flight]
     clearance = block_clearances(world, block, move_freely(world, block, states.middle[flight], t)[:, POSE])
     well_above = clearance > START_HEIGHT_RADII * world.radii_m[block]
     start = np.full(len(flights), np.nan)
-    for i, (a, b) in enumerate(itertools.pairwise(basis.start)):
+    for i, (a, b) in enumerate(itertools.pairwise(flights.start)):
         high = np.flatnonzero(well_above[a:b])
         at = a + (high[-1] if len(high) else int(np.argmax(clearance[a:b])))
         if clearance[at] > 0.0:
@@ -79,16 +79,16 @@ def start_instants(world: World, film: Film, flights: Flights, basis: Basis, sta
     return start
 
 
-def find_pairs(world: World, film: Film, flights: Flights, basis: Basis, states: States, start: Array) -> FlightPairs:
+def find_pairs(world: World, film: Film, flights: Flights, states: States, start: Array) -> FlightPairs:
     """All pairs of consecutive flights; `start`: see `start_instants`."""
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
-    ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
-    begin = film.t_s[flights.first[after]] - basis.middle[after]
+    ends = film.t_s[flights.last[before] - 1] - flights.middle[before]
+    begin = film.t_s[flights.first[after]] - flights.middle[after]
     leaves = move_freely(world, flights.block[before], states.middle[before], ends)
     arrives = move_freely(world, flights.block[after], states.middle[after], begin)
     facet = nearest_facets(0.5 * (leaves + arrives)[:, POSITION], world.cross_section.points_m)
-    wait = film.t_s[flights.first[after]] - (basis.middle[before] + start[before])
+    wait = film.t_s[flights.first[after]] - (flights.middle[before] + start[before])
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]
     size = world.radii_m[flights.block[after]]
     window = np.minimum(length, COMPARISON_WINDOW * np.sqrt(size / max(world.gravity_m_s2, 1e-3)))
@@ -140,19 +140,16 @@ class Contacts(NamedTuple):
         return (self.clearance_m < NEAR_RADII * radius_m) | ((coming < 0.0) & (going > 0.0))
 
 
-def find_contacts(
-    world: World, film: Film, flights: Flights, basis: Basis, states: States, pairs: tuple[Array, Array]
-) -> Contacts:
-    """Contacts between pairs of flights: (n,) indices of those before and of those after."""
-    before, after = pairs
-    block, scale = flights.block[before], world.view.time_scale
+def find_contacts(world: World, film: Film, flights: Flights, states: States, pairs: FlightPairs) -> Contacts:
+    """Contacts between pairs of flights."""
+    before, after, block, scale = pairs.before, pairs.after, pairs.block, world.view.time_scale
 
     def at(which: Array, dt: Array) -> Array:
         return move_freely(world, block, states.middle[which], dt * scale)
 
-    apart = basis.middle[after] - basis.middle[before]
-    ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
-    begins = film.t_s[flights.first[after]] - basis.middle[before]
+    apart = flights.middle[after] - flights.middle[before]
+    ends = film.t_s[flights.last[before] - 1] - flights.middle[before]
+    begins = film.t_s[flights.first[after]] - flights.middle[before]
     one, other = at(before, ends), at(after, ends - apart)
     off, pace = (other - one)[:, POSITION], (other - one)[:, LINEAR_VELOCITY] * scale
     nearest = -(off * pace).sum(axis=1) / np.maximum((pace**2).sum(axis=1), 1e-12)  # both fall alike

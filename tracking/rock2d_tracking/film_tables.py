@@ -39,7 +39,7 @@ def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGra
     table = pd.DataFrame({
         "release": film.release_names[flights.release], "block": np.array(names)[flights.block],
         "begin_s": film.t_s[flights.first], "end_s": film.t_s[flights.last - 1],
-        "frames": flights.last - flights.first, "t_s": data.basis.middle,
+        "frames": flights.last - flights.first, "t_s": data.flights.middle,
     })  # fmt: skip
     for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
@@ -60,7 +60,7 @@ def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array
 def _misfit(data: FilmSegments, experiment: Experiment) -> Array:
     """(flights, 3) root mean square residuals of x, y and theta, over the noise."""
     residuals = data.states(setup_world(experiment)).residuals
-    known = np.minimum(residuals.shape[2], data.basis.degrees)
+    known = np.minimum(residuals.shape[2], data.flights.degrees)
     return np.asarray(np.sqrt((residuals**2).sum(axis=2) / known[:, None]))
 
 
@@ -81,13 +81,11 @@ def _contacts(
     experiment: Experiment, data: FilmSegments, pairs: FlightPairs, world: World, misfit: Array
 ) -> pd.DataFrame:
     film = data.film
-    contacts = find_contacts(
-        world, data.film, data.flights, data.basis, data.states(world), (pairs.before, pairs.after)
-    )
+    contacts = find_contacts(world, film, data.flights, data.states(world), pairs)
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     table = pd.DataFrame({
         "release": film.release_names[pairs.release], "block": np.array(names)[pairs.block],
-        "t_s": data.basis.middle[pairs.before] + contacts.touch_s, "zone": np.array(zones)[pairs.zone],
+        "t_s": data.flights.middle[pairs.before] + contacts.touch_s, "zone": np.array(zones)[pairs.zone],
     })  # fmt: skip
     sides = (
         (str, contacts.arriving, pairs.before, contacts.touch_s),

@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.kinematics.flights import RESIDUAL_DEGREES, Film, Flights, find_flights
-from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
+from rock2d.kinematics.impacts import FlightPairs, find_pairs, release_order, start_instants
 from rock2d.kinematics.rest_poses import RestPoses
 from rock2d.kinematics.states import States, fit_states, free_motion_key, move_freely
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, POSITION, RATES, THETA, VX, VY, X, Y
@@ -73,8 +73,7 @@ class FilmSegments:
         states = fit_states(world, film, flights)
         start = start_instants(world, film, flights, states)
         pairs = find_pairs(world, film, flights, states, start)
-        contacts = find_contacts(world, film, flights, states, pairs)
-        real = contacts.are_impacts(pairs.tangent, world.radii_m[pairs.block])
+        real = pairs.are_impacts(world)
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
         rests = RestPoses.of(film, world)

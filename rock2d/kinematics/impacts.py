@@ -1,4 +1,4 @@
-"""Impacts of a film, the contacts in them, and impacts of a table.
+"""Impacts of a film and impacts of a table.
 
 An *impact* of a film is everything between two consecutive flights: one touch of the ground, or several. Between other
 pairs of flights the block touches nothing; they may be one flight."""
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -41,7 +41,12 @@ class FlightPairs:
     wait_s : recorded time from the start of the simulation to that beginning
     window_s : recorded time for which the flight after is compared with a simulation
     zone : zone of the nearest facet of the ground
-    tangent : (n, 2) direction of that facet"""
+    tangent : (n, 2) direction of that facet
+    touch_s, leave_s : recorded instants, from the middles of the two flights, at which the block touches and leaves the
+        ground. Both flights are extrapolated; if neither reaches the ground, the instants are those at which the
+        flights are nearest to each other
+    arriving, leaving : (n, 6) true states at these instants
+    clearance_m : least clearance of the outline between the flights"""
 
     before: Array
     after: Array
@@ -53,9 +58,19 @@ class FlightPairs:
     window_s: Array
     zone: Array
     tangent: Array
+    touch_s: Array
+    leave_s: Array
+    arriving: Array
+    leaving: Array
+    clearance_m: Array
 
     def __len__(self) -> int:
         return len(self.before)
+
+    def are_impacts(self, world: World) -> Array:
+        """(n,) whether the ground is near the outline, or the velocity across the ground changes its sign."""
+        coming, going = (ground_axes(self.tangent, own[:, LINEAR_VELOCITY])[1] for own in (self.arriving, self.leaving))
+        return (self.clearance_m < NEAR_RADII * world.radii_m[self.block]) | ((coming < 0.0) & (going > 0.0))
 
     def only(self, keep: Array) -> FlightPairs:
         """Some of the pairs, given as a mask."""
@@ -95,54 +110,16 @@ def find_pairs(world: World, film: Film, flights: Flights, states: States, start
     return FlightPairs(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
         world.cross_section.zone_ids[facet], world.cross_section.tangents[facet],
+        *_contacts(world, film, flights, states, (before, after)),
     )  # fmt: skip
 
 
-def release_order(release_block: Array) -> Array:
-    """(releases,) number of earlier releases of the same block."""
-    order = np.zeros(len(release_block), np.int64)
-    for block in np.unique(release_block):
-        of_block = release_block == block
-        order[of_block] = np.arange(of_block.sum())
-    return order
-
-
-def ground_axes(tangent: Array, vectors: Array) -> tuple[Array, Array]:
-    """Components (n,) of vectors (n, 2) along the ground and across it; `tangent` (n, 2) is the ground's direction."""
-    tx, ty = tangent.T
-    x, y = vectors.T
-    return tx * x + ty * y, -ty * x + tx * y
-
-
-class Contacts(NamedTuple):
-    """Contacts between pairs of flights: (n,) arrays.
-
-    Attributes
-    ----------
-    touch_s, leave_s : recorded instants at which the block touches and leaves the ground, from the middles of the two
-        flights. Both flights are extrapolated; the instants are those of contact with the ground, or else the instant
-        at which the flights are nearest to each other
-    arriving, leaving : (n, 6) states at these instants
-    clearance_m : least clearance of the outline between the flights"""
-
-    touch_s: Array
-    leave_s: Array
-    arriving: Array
-    leaving: Array
-    clearance_m: Array
-
-    def are_impacts(self, tangent: Array, radius_m: Array) -> Array:
-        """(n,) whether the ground is near the outline, or the normal velocity changes its sign; `tangent` (n, 2):
-        direction of the ground."""
-        coming, going = (
-            ground_axes(tangent, states[:, LINEAR_VELOCITY])[1] for states in (self.arriving, self.leaving)
-        )
-        return (self.clearance_m < NEAR_RADII * radius_m) | ((coming < 0.0) & (going > 0.0))
-
-
-def find_contacts(world: World, film: Film, flights: Flights, states: States, pairs: FlightPairs) -> Contacts:
-    """Contacts between pairs of flights."""
-    before, after, block, scale = pairs.before, pairs.after, pairs.block, world.view.time_scale
+def _contacts(
+    world: World, film: Film, flights: Flights, states: States, pairs: tuple[Array, Array]
+) -> tuple[Array, ...]:
+    """`FlightPairs.touch_s` to `FlightPairs.clearance_m` of pairs of flights, given as their indices."""
+    before, after = pairs
+    block, scale = flights.block[before], world.view.time_scale
 
     def at(which: Array, dt: Array) -> Array:
         return move_freely(world, block, states.middle[which], dt * scale)
@@ -165,7 +142,7 @@ def find_contacts(world: World, film: Film, flights: Flights, states: States, pa
         touch[i], leave[i] = (_crossed(when, own) for when, own in zip((down, up), both, strict=True))
         seen = world.view.true(film.pose[flights.last[before[i]] - 1 : flights.first[after[i]] + 1])
         least[i] = min(both[0].min(), both[1].min(), clearances(shape, ground, seen).min())
-    return Contacts(touch, leave - apart, at(before, touch), at(after, leave - apart), least)
+    return touch, leave - apart, at(before, touch), at(after, leave - apart), least
 
 
 def _crossed(when: Array, clearance: Array) -> float:
@@ -177,6 +154,22 @@ def _crossed(when: Array, clearance: Array) -> float:
     if k == 0 or not np.isfinite(clearance[k - 1 : k + 1]).all():  # far from the ground, or on the far side of it
         return float(when[k])
     return float(when[k - 1] + (when[k] - when[k - 1]) * clearance[k - 1] / (clearance[k - 1] - clearance[k]))
+
+
+def release_order(release_block: Array) -> Array:
+    """(releases,) number of earlier releases of the same block."""
+    order = np.zeros(len(release_block), np.int64)
+    for block in np.unique(release_block):
+        of_block = release_block == block
+        order[of_block] = np.arange(of_block.sum())
+    return order
+
+
+def ground_axes(tangent: Array, vectors: Array) -> tuple[Array, Array]:
+    """Components (n,) of vectors (n, 2) along the ground and across it; `tangent` (n, 2) is the ground's direction."""
+    tx, ty = tangent.T
+    x, y = vectors.T
+    return tx * x + ty * y, -ty * x + tx * y
 
 
 @dataclass

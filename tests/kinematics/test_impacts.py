@@ -1,5 +1,7 @@
 """Where two flights meet: impacts and their velocities, and what is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Flights, load_film
-from rock2d.kinematics.impacts import _crossed, find_contacts, find_pairs, start_instants
+from rock2d.kinematics.impacts import _crossed, find_pairs, start_instants
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import fit_states
 from rock2d.scene.blocks import make_block
@@ -44,11 +46,11 @@ def test_velocities_are_those_at_the_contact(restitution, lift_m):
     world = setup_world(experiment)
     data = FilmSegments.of(load_film(experiment), world)
     assert len(data.impacts) >= 2 and not len(data.mid_air)
-    contacts = find_contacts(world, data.film, data.flights, data.states(world), data.impacts)
+    impacts = data.impacts
     hit_s = np.sqrt(2 * (1.8 - RADIUS_M) / GRAVITY)
-    assert data.flights.middle[data.impacts.before[0]] + contacts.touch_s[0] == pytest.approx(hit_s, abs=1e-3)
-    assert contacts.arriving[0, 4] == pytest.approx(-GRAVITY * hit_s, rel=2e-3)
-    np.testing.assert_allclose(-contacts.leaving[:, 4] / contacts.arriving[:, 4], restitution, atol=5e-3)
+    assert data.flights.middle[impacts.before[0]] + impacts.touch_s[0] == pytest.approx(hit_s, abs=1e-3)
+    assert impacts.arriving[0, 4] == pytest.approx(-GRAVITY * hit_s, rel=2e-3)
+    np.testing.assert_allclose(-impacts.leaving[:, 4] / impacts.arriving[:, 4], restitution, atol=5e-3)
 
 
 @pytest.mark.parametrize("middle", [12, 20])
@@ -62,10 +64,8 @@ def test_a_free_flight_that_is_divided_has_no_impact(middle):
     flights = Flights.of(film, *np.array([[0, middle + 2], [middle - 2, 32], [-1, 0]]))
     states = fit_states(world, film, flights)
     pairs = find_pairs(world, film, flights, states, start_instants(world, film, flights, states))
-    contacts = find_contacts(world, film, flights, states, pairs)
-    assert len(pairs) == 1 and not contacts.are_impacts(pairs.tangent, np.array([RADIUS_M])).any()
-    low = contacts._replace(clearance_m=np.array([0.2 * RADIUS_M]))
-    assert low.are_impacts(pairs.tangent, np.array([RADIUS_M])).all()
+    assert len(pairs) == 1 and not pairs.are_impacts(world).any()
+    assert replace(pairs, clearance_m=np.array([0.2 * RADIUS_M])).are_impacts(world).all()
 
 
 def test_the_instant_of_contact_is_between_two_clearances_that_are_known():

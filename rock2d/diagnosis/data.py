@@ -171,12 +171,9 @@ class FilmData(FilmSegments):
 
     def _observe(self, world: World) -> Observed:
         impacts, states, pace = self.impacts, self.states(world), world.view.time_scale
-        starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * pace)
         recorded_s = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
-        block, after = (np.repeat(own, COMPARED_INSTANTS, axis=0) for own in (
-            impacts.block, states.middle[impacts.after],
-        ))  # fmt: skip
-        poses = move_freely(world, block, after, ((impacts.begin_s[:, None] + recorded_s) * pace).ravel())[:, POSE]
+        after, since = np.repeat(impacts.after, COMPARED_INSTANTS), impacts.begin_s[:, None] + recorded_s
+        poses = self.states_at(world, after, since.ravel())[:, POSE]
         along = impacts.tangent
         units_m = np.column_stack([
             world.view.true_per_recorded(states.middle[impacts.after], direction)
@@ -186,7 +183,7 @@ class FilmData(FilmSegments):
         noise = self.film.measured * self.film.noise / self._coefficient_noise
         flights = [states.residuals * noise[..., None], as_rows_of_flights(self.rests.residuals(world))]
         return Observed(
-            starts, recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
+            self.incident(world), recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
             poses.reshape(len(impacts), COMPARED_INSTANTS, N_POSE), units_m,
             spin * self._hidden_s * pace > UNSEEN_TURN_RAD, np.concatenate(flights),
         )  # fmt: skip

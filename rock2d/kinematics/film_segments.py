@@ -82,7 +82,7 @@ class FilmSegments:
 
     @property
     def basis(self) -> Flights:
-        """`flights`, under the name by which `blind.injection` reads their middle instants."""
+        """`flights`, by the name under which `blind.injection` reads `Flights.middle`."""
         return self.flights
 
     def only(self, releases: Array) -> Self:

@@ -82,8 +82,7 @@ class Film:
 
 @dataclass
 class Flights:
-    """All flights in the order of time, and orthonormal polynomials of each on its frames. They are the same in every
-    world.
+    """n flights in the order of time, with orthonormal polynomials on the frames of each, the same in every world.
 
     Attributes
     ----------
@@ -91,9 +90,9 @@ class Flights:
     first, last : (n,) a flight has the frames `first` to `last` - 1 of the film, without those next to a contact
     follows : (n,) index of the flight before it in the same release, -1 if it is the first
     middle : (n,) mean instant, in s as recorded
-    slope : (n,) value of degree 1 per s
-    values : (m, 2 + RESIDUAL_DEGREES) polynomials of degree 0, 1, 2 ... on `frames`; 0 beyond the degrees that a flight
-        has"""
+    slope : (n,) slope of the polynomial of degree 1, per s
+    values : (m, 2 + RESIDUAL_DEGREES) polynomials of degree 0, 1, 2 ... on `frames`; 0 beyond the `degrees` of a flight
+    """
 
     release: Array
     block: Array
@@ -106,7 +105,7 @@ class Flights:
 
     @classmethod
     def of(cls, film: Film, first: Array, last: Array, follows: Array) -> Self:
-        """The flights of a film with these frames."""
+        """The flights of a film with these frames (n,) and `follows` (n,)."""
         release, lengths = film.release[first], last - first
         middle, slope = np.empty(len(lengths)), np.empty(len(lengths))
         flights = cls(
@@ -143,12 +142,12 @@ class Flights:
 
     @cached_property
     def level(self) -> Array:
-        """(n,) value of degree 0."""
+        """(n,) value of the polynomial of degree 0."""
         return np.asarray(1.0 / np.sqrt(self.last - self.first))
 
     @cached_property
     def degrees(self) -> Array:
-        """(n,) number of degrees beyond 1."""
+        """(n,) number of degrees beyond 1, fewer for a short flight."""
         return np.clip((self.last - self.first) // FRAMES_PER_DEGREE, 1, RESIDUAL_DEGREES)
 
 

@@ -23,9 +23,9 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import FilmSegments, LastValues
-from rock2d.kinematics.flights import block_clearances
+from rock2d.kinematics.flights import RESIDUAL_DEGREES, block_clearances
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, FlightPairs, ImpactTable, ground_axes
-from rock2d.kinematics.states import RESIDUAL_DEGREES, free_motion_key, move_freely
+from rock2d.kinematics.states import free_motion_key, move_freely
 from rock2d.kinematics.turned_ground import run_on_turned_ground
 from rock2d.records.columns import (
     AFTER,
@@ -171,12 +171,9 @@ class FilmData(FilmSegments):
 
     def _observe(self, world: World) -> Observed:
         impacts, states, pace = self.impacts, self.states(world), world.view.time_scale
-        starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * pace)
         recorded_s = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
-        block, after = (np.repeat(own, COMPARED_INSTANTS, axis=0) for own in (
-            impacts.block, states.middle[impacts.after],
-        ))  # fmt: skip
-        poses = move_freely(world, block, after, ((impacts.begin_s[:, None] + recorded_s) * pace).ravel())[:, POSE]
+        after, since = np.repeat(impacts.after, COMPARED_INSTANTS), impacts.begin_s[:, None] + recorded_s
+        poses = self.states_at(world, after, since.ravel())[:, POSE]
         along = impacts.tangent
         units_m = np.column_stack([
             world.view.true_per_recorded(states.middle[impacts.after], direction)
@@ -186,7 +183,7 @@ class FilmData(FilmSegments):
         noise = self.film.measured * self.film.noise / self._coefficient_noise
         flights = [states.residuals * noise[..., None], as_rows_of_flights(self.rests.residuals(world))]
         return Observed(
-            starts, recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
+            self.incident(world), recorded_s * pace, (impacts.wait_s[:, None] + recorded_s) * pace,
             poses.reshape(len(impacts), COMPARED_INSTANTS, N_POSE), units_m,
             spin * self._hidden_s * pace > UNSEEN_TURN_RAD, np.concatenate(flights),
         )  # fmt: skip
@@ -199,9 +196,8 @@ class FilmData(FilmSegments):
     @cached_property
     def _hidden_s(self) -> Array:
         """(n,) longest recorded time between two frames, from the flight before each impact to the flight after."""
-        basis, t_s = self.basis, self.film.t_s
-        first = basis.frames[basis.start[self.impacts.before + 1] - 1]
-        last = basis.frames[basis.start[self.impacts.after]]
+        flights, t_s = self.flights, self.film.t_s
+        first, last = flights.last[self.impacts.before] - 1, flights.first[self.impacts.after]
         return np.array([np.diff(t_s[a : b + 1]).max() for a, b in zip(first, last, strict=True)], float)
 
     def outcomes(self, world: World, difference: Array) -> Array:
@@ -248,8 +244,8 @@ class FilmData(FilmSegments):
         size = self.slow[which] * self.film.long_noise
         level, rate = (np.zeros((len(which), N_STATE, N_STATE)) for _ in range(2))
         for c in range(N_POSE):
-            level[:, c, c] = size[:, c] * self.basis.level[which]
-            rate[:, VX + c, VX + c] = size[:, c] * self.basis.slope[which]
+            level[:, c, c] = size[:, c] * self.flights.level[which]
+            rate[:, VX + c, VX + c] = size[:, c] * self.flights.slope[which]
             rate[:, c, VX + c] = rate[:, VX + c, VX + c] * self.impacts.begin_s
         return self._to_ground_axes() @ (level + rate)
 
@@ -267,7 +263,7 @@ class FilmData(FilmSegments):
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         impacts = self.impacts
-        began = self.basis.middle[impacts.before] + impacts.start_s
+        began = self.flights.middle[impacts.before] + impacts.start_s
         found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
         found |= history_quantities(impacts.release, self.impact_order, began) | {TIME_S: self._times(world)}
         return found
@@ -283,7 +279,7 @@ class FilmData(FilmSegments):
         """(n,) true time in s from the beginning of the release to the end of each impact."""
         impacts = self.impacts
         begin = self.film.t_s[np.searchsorted(self.film.release, impacts.release)]
-        return np.asarray((self.basis.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale)
+        return np.asarray((self.flights.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale)
 
     def flight_noise(self, world: World) -> Array:
         """(m, 3) standard deviations of the true coefficients of flights; residuals of flights are in these units."""
@@ -307,8 +303,8 @@ class FilmData(FilmSegments):
 
     def unit_bends(self) -> Array:
         """(m,) bend of each flight under the same acceleration, scaled to unit mean square."""
-        duration = 1.0 / (self.basis.slope * self.basis.level)
-        bends = duration**2 / self.basis.level
+        duration = 1.0 / (self.flights.slope * self.flights.level)
+        bends = duration**2 / self.flights.level
         return np.asarray(bends / np.sqrt(np.mean(bends**2)))
 
 

@@ -34,24 +34,23 @@ class FlightPaths:
 
 def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
     """The paths of a film's flights in a world."""
-    basis, flights = data.basis, data.flights
-    lengths = np.diff(basis.start)
-    flight = np.repeat(np.arange(len(lengths)), lengths)
-    t_s = (data.film.t_s[basis.frames] - basis.middle[flight]) * world.view.time_scale
+    flights = data.flights
+    flight = np.repeat(np.arange(len(flights)), np.diff(flights.start))
+    t_s = (data.film.t_s[flights.frames] - flights.middle[flight]) * world.view.time_scale
     path = move_freely(world, flights.block[flight], data.states(world).middle[flight], t_s)
     release = flights.release[flight]
     began = data.film.t_s[np.searchsorted(data.film.release, release)]
-    number = np.zeros(len(lengths))
+    number = np.zeros(len(flights))
     for i in np.flatnonzero(flights.follows >= 0):
         number[i] = number[flights.follows[i]] + 1
     quantities = path_quantities(world, path)
     quantities |= {
         q.BLOCK: flights.block[flight].astype(float),
         q.SERIES: data.order[release].astype(float),
-        q.TIME_S: (data.film.t_s[basis.frames] - began) * world.view.time_scale,
+        q.TIME_S: (data.film.t_s[flights.frames] - began) * world.view.time_scale,
         q.HISTORY: np.minimum(number, q.MOST_COUNTED_IMPACTS)[flight],
     }
-    return FlightPaths(basis.start, t_s, quantities)
+    return FlightPaths(flights.start, t_s, quantities)
 
 
 def path_quantities(world: World, states: Array) -> dict[str, Array]:
@@ -107,12 +106,12 @@ def flight_response(data: FilmSegments, world: World, paths: FlightPaths, basis:
     begin = paths.start[:-1]
     moving = integral(paths.t_s, basis.features(paths.quantities), begin)
     moved = integral(paths.t_s, moving, begin)
-    values = data.basis.values
+    values = data.flights.values
     coefficient = np.stack([values[a:b].T @ moved[a:b] for a, b in itertools.pairwise(paths.start)])
-    slope = data.basis.slope / world.view.time_scale
+    slope = data.flights.slope / world.view.time_scale
     return FlightResponse(
         coefficient[:, 2:],
-        coefficient[:, 0] * data.basis.level[:, None],
+        coefficient[:, 0] * data.flights.level[:, None],
         coefficient[:, 1] * slope[:, None],
         paths,
         moved,

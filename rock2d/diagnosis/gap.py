@@ -225,7 +225,7 @@ def find_rests(data: FilmData) -> Rests:
     last, ends = last[use], ends[use]
     pose = np.array([film.pose[end - REST_FRAMES : end].mean(axis=0) for end in ends]).reshape(-1, 3)
     middle = np.array([film.t_s[end - REST_FRAMES : end].mean() for end in ends])
-    return Rests(last, middle - data.basis.middle[last] - data.start_s[last], pose)
+    return Rests(last, middle - data.flights.middle[last] - data.start_s[last], pose)
 
 
 def rest_squares(data: FilmData, rests: Rests, fit: Fit, variance: Array) -> Array:

@@ -58,7 +58,7 @@ class Segments:
         flight = np.flatnonzero(np.isfinite(data.start_s) & (flights.last < ends))
         frames = [np.arange(flights.last[f], ends[f]) for f in flight]
         instants = np.full((len(flight), max(map(len, frames), default=0)), np.inf)
-        begins = data.basis.middle[flight] + data.start_s[flight]
+        begins = data.flights.middle[flight] + data.start_s[flight]
         for i, rows in enumerate(frames):
             instants[i, : len(rows)] = film.t_s[rows] - begins[i]
         release = flights.release[flight]
@@ -167,7 +167,7 @@ def recorded_simulation(
     The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). After
     a block has left the cross-section, its last pose is repeated."""
     block = data.flights.block[flights]
-    starts = data.states_at(world, flights, start_s - data.basis.middle[flights])
+    starts = data.states_at(world, flights, start_s - data.flights.middle[flights])
     times = (t_s - start_s[:, None]) * world.view.time_scale
     limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)
     samples = run_world(world, starts, block, time_limit_s=limits, times_s=instants).samples

@@ -12,7 +12,7 @@ circles, squares and elongated blocks."""
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from rock2d.arrays import Array
 from rock2d.effects.flight import drag_coefficient
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.errors import comma_list, counted
+from rock2d.files.diagnosis_keys import FilmRest
 from rock2d.files.experiment import FromGravity
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
@@ -60,29 +61,11 @@ LARGEST_CONDITION = 1.0e3
 OUTLYING_DEPTH_MADS = 6.0  # distance of a depth from the median, in median deviations
 
 
-@dataclass(frozen=True)
-class RestHeight:
-    """Height of a block at rest above the stated ground: mean over `rests` releases in m, its standard error (None for
-    a single release), and the height over the radius of the block.
+def rest_heights(film: Film, world: World) -> list[FilmRest]:
+    """Height at rest of each block that comes to rest on the ground of a world, or near it.
 
     It is that of the side on which the block lies, which a wrong tracked angle does not change, or of its lowest point
     if it lies on none."""
-
-    block: str
-    rests: int
-    height_m: float
-    error_m: float | None
-    height_radii: float
-
-    @property
-    def above_ground(self) -> bool:
-        """Whether the block is significantly above the ground."""
-        above = self.height_radii > LEAST_HEIGHT_RADII
-        return above and self.error_m is not None and self.height_m > CLEAR_HEIGHT * self.error_m
-
-
-def rest_heights(film: Film, world: World) -> list[RestHeight]:
-    """Height at rest of each block that comes to rest on the ground of a world, or near it."""
     found = []
     _, block_at, pose = still_poses(film, world)
     side_m, angle_rad = heights_and_angles(world, block_at, pose).T
@@ -93,8 +76,16 @@ def rest_heights(film: Film, world: World) -> list[RestHeight]:
         if n := len(found_m):
             error = float(found_m.std(ddof=1) / np.sqrt(n)) if n > 1 else None
             height = float(found_m.mean())
-            found.append(RestHeight(name, n, height, error, height / block.radius_m))
+            found.append(
+                FilmRest(block=name, rests=n, height_m=height, error_m=error, height_radii=height / block.radius_m)
+            )
     return found
+
+
+def _is_above_ground(own: FilmRest) -> bool:
+    """Whether a block at rest is significantly above the ground."""
+    above = own.height_radii > LEAST_HEIGHT_RADII
+    return above and own.error_m is not None and own.height_m > CLEAR_HEIGHT * own.error_m
 
 
 def rest_remarks(data: FilmSegments, world: World) -> list[str]:
@@ -103,7 +94,7 @@ def rest_remarks(data: FilmSegments, world: World) -> list[str]:
         f"at rest, block {own.block} lies {1e3 * own.height_m:.2g} ± {1e3 * own.error_m:.1g} mm above the ground (mean "
         f"of {counted(own.rests, 'release')}): are its sizes, the scale, the origin and the ground right?"
         for own in rest_heights(data.film, world)
-        if own.rests >= FEWEST_RESTS and own.above_ground and own.error_m is not None
+        if own.rests >= FEWEST_RESTS and _is_above_ground(own) and own.error_m is not None
     ]
     return lies_above + _inclined_rest_remarks(data.rests, world)
 
@@ -113,7 +104,7 @@ def slow_error_remarks(data: FilmSegments) -> list[str]:
     times = float(data.slow[:, X].max(initial=0.0))
     if not times:
         return []
-    of_flights = data.slow[:, X] * data.film.long_noise[X] * data.basis.level
+    of_flights = data.slow[:, X] * data.film.long_noise[X] * data.flights.level
     off_mm = 1e3 * float(np.median(of_flights[data.slow[:, X] > 0.0]))
     return [
         f"in flights after a contact the track is off by about {off_mm:.1g} mm, {times:.0f} times as much as the noise "
@@ -163,7 +154,7 @@ class FilmFindings:
     left_out: int
     air: tuple[float, float]
     spin: float
-    rests: list[RestHeight]
+    rests: list[FilmRest]
     without_angle: list[str]
     from_gravity: FromGravity | None = None
 
@@ -242,7 +233,7 @@ class FilmFindings:
         return {
             "gravity": self._gravity_content() if self.from_gravity is None else None,
             "from_gravity": None if self.from_gravity is None else self.from_gravity.model_dump(),
-            "rests": [asdict(rest) for rest in self.rests],
+            "rests": [rest.model_dump() for rest in self.rests],
             "without_angle": self.without_angle,
             "said": self.sentences(),
         }
@@ -374,11 +365,11 @@ def write_film_findings(folder: Path, findings: FilmFindings) -> None:
     write_whole(folder / FILM_FILE, text + "\n")
 
 
-def _rest_sentence(own: RestHeight) -> str:
+def _rest_sentence(own: FilmRest) -> str:
     way = "above" if own.height_m > 0 else "below"
     size = f"{1e3 * abs(own.height_m):.2g}"
     error = "" if own.error_m is None else f" ± {1e3 * own.error_m:.1g}"
-    ask = ": are its size, the scale, the origin and the ground right?" if own.above_ground else ""
+    ask = ": are its size, the scale, the origin and the ground right?" if _is_above_ground(own) else ""
     return (
         f"at rest, block {own.block} lies {size}{error} mm {way} the stated ground, "
         f"{100 * abs(own.height_radii):.2g} % of its radius ({counted(own.rests, 'release')}){ask}"

@@ -1,25 +1,17 @@
 """Flights and impacts of a film with measured states, without a model of contact."""
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Self, TypeVar
 
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.kinematics.flights import Film, Flights, find_flights
-from rock2d.kinematics.impacts import FlightPairs, find_contacts, find_pairs, release_order, start_instants
+from rock2d.kinematics.flights import RESIDUAL_DEGREES, Film, Flights, find_flights
+from rock2d.kinematics.impacts import FlightPairs, find_pairs, release_order, start_instants
 from rock2d.kinematics.rest_poses import RestPoses
-from rock2d.kinematics.states import (
-    RESIDUAL_DEGREES,
-    Basis,
-    States,
-    fit_states,
-    flight_basis,
-    free_motion_key,
-    move_freely,
-)
+from rock2d.kinematics.states import States, fit_states, free_motion_key, move_freely
 from rock2d.records.columns import N_POSE, N_STATE, OMEGA, POSITION, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 from rock2d.statistics import MAD_TO_SD
@@ -53,7 +45,6 @@ class FilmSegments:
     Attributes
     ----------
     film, flights : the film and its flights
-    basis : polynomials of the flights
     impacts : pairs of consecutive flights between which the block met the ground or its normal velocity changed sign
     mid_air : other pairs of consecutive flights, which may be one flight
     start_s : (flights,) see `impacts.start_instants`
@@ -64,7 +55,6 @@ class FilmSegments:
 
     film: Film
     flights: Flights
-    basis: Basis
     impacts: FlightPairs
     mid_air: FlightPairs
     start_s: Array
@@ -80,36 +70,38 @@ class FilmSegments:
 
         `film.noise` and `film.long_noise` become those of its flights, without slow errors."""
         flights = find_flights(world, film)
-        basis = flight_basis(film, flights)
-        states = fit_states(world, film, flights, basis)
-        start = start_instants(world, film, flights, basis, states)
-        pairs = find_pairs(world, film, flights, basis, states, start)
-        contacts = find_contacts(world, film, flights, basis, states, (pairs.before, pairs.after))
-        real = contacts.are_impacts(pairs.tangent, world.radii_m[pairs.block])
+        states = fit_states(world, film, flights)
+        start = start_instants(world, film, flights, states)
+        pairs = find_pairs(world, film, flights, states, start)
+        real = pairs.are_impacts(world)
         spin = np.where(film.angle_known[flights.release], 0.0, _rolling(world, flights, states))
         order = release_order(film.release_block).astype(float)
         rests = RestPoses.of(film, world)
-        slow, film.long_noise = slow_errors(film, flights, basis, states)
-        return cls(film, flights, basis, pairs.only(real), pairs.only(~real), start, spin, slow, order, rests)
+        slow, film.long_noise = slow_errors(film, flights, states)
+        return cls(film, flights, pairs.only(real), pairs.only(~real), start, spin, slow, order, rests)
+
+    @property
+    def basis(self) -> Flights:
+        """`flights`, by the name under which `blind.injection` reads `Flights.middle`."""
+        return self.flights
 
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
         keep = releases[self.flights.release]
         index = np.append(np.cumsum(keep) - 1, -1)  # -1 stays -1: the first flight of a release follows none
-        flights = Flights(*(getattr(self.flights, f.name)[keep] for f in fields(Flights)))
+        flights = self.flights.only(keep)
         flights.follows = index[flights.follows]
         pairs = [each.only(releases[each.release]) for each in (self.impacts, self.mid_air)]
         for each in pairs:
             each.before, each.after = index[each.before], index[each.after]
         return replace(
-            self, flights=flights, basis=self.basis.only(keep), impacts=pairs[0], mid_air=pairs[1],
-            start_s=self.start_s[keep], unknown_spin=self.unknown_spin[keep], slow=self.slow[keep],
-            rests=self.rests.only(releases),
+            self, flights=flights, impacts=pairs[0], mid_air=pairs[1], start_s=self.start_s[keep],
+            unknown_spin=self.unknown_spin[keep], slow=self.slow[keep], rests=self.rests.only(releases),
         )  # fmt: skip
 
     def states(self, world: World) -> States:
         """The states of the flights in a world; they do not depend on the ground."""
-        make = partial(fit_states, world, self.film, self.flights, self.basis)
+        make = partial(fit_states, world, self.film, self.flights)
         return self._states.of(free_motion_key(world), make)
 
     def states_at(self, world: World, which: Array, dt: Array) -> Array:
@@ -130,7 +122,7 @@ class FilmSegments:
 
         An angle that was not measured is uniform, and its spin may be that of rolling in either sense."""
         out = np.zeros((len(which), N_STATE, N_STATE))
-        rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
+        rate, level = self.flights.slope[which] ** 2, self.flights.level[which] ** 2
         for c in range(N_POSE):
             variance = self.film.long_noise[c] ** 2 * (1.0 + self.slow[which, c] ** 2)
             out[:, c, c] = variance * (level + rate * dt**2)
@@ -143,7 +135,7 @@ class FilmSegments:
         return out
 
 
-def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> tuple[Array, Array]:
+def slow_errors(film: Film, flights: Flights, states: States) -> tuple[Array, Array]:
     """(flights, 3) errors of x, y and theta that change slowly, over the noise of averages over many frames, and (3,)
     that noise without them.
 
@@ -153,7 +145,7 @@ def slow_errors(film: Film, flights: Flights, basis: Basis, states: States) -> t
     after a contact than in those before."""
     found, noise = np.zeros((len(flights), N_POSE)), film.long_noise.copy()
     size = np.abs(states.residuals[:, :, SLOW_DEGREES - 2]) * film.noise[:, None]
-    long, later = basis.degrees == RESIDUAL_DEGREES, flights.follows >= 0
+    long, later = flights.degrees == RESIDUAL_DEGREES, flights.follows >= 0
     after, before = long & later, long & ~later
     if min(after.sum(), before.sum()) < FEWEST_SLOW_FLIGHTS:
         return found, noise

@@ -302,21 +302,15 @@ def _combined_over_releases(values: Array, errors: Array, release: Array, freedo
     if len(names) == 1:
         names = index = np.arange(len(values))
     total = np.bincount(index, errors**-2.0)
-    mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
-    if mean.scattered:
+    mean, error, weight, scattered = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
+    if scattered:
         freedom = len(names) - 1
-    return Measured(mean.value, mean.error * student(freedom)), mean.weight[index] * errors**-2.0 / total[index]
+    return Measured(mean, error * student(freedom)), weight[index] * errors**-2.0 / total[index]
 
 
-class _Mean(NamedTuple):
-    value: float
-    error: float
-    weight: Array
-    scattered: bool
-
-
-def _combined(values: Array, errors: Array) -> _Mean:
-    """Weighted mean; if the values disagree, with an added scatter that makes chi-square their number minus one."""
+def _combined(values: Array, errors: Array) -> tuple[float, float, Array, bool]:
+    """Weighted mean, its error, the weights (n,), and whether the values disagree; if they do, with an added scatter
+    that makes chi-square their number minus one."""
     from scipy.optimize import brentq
     from scipy.special import chdtrc
 
@@ -330,7 +324,7 @@ def _combined(values: Array, errors: Array) -> _Mean:
         scatter = float(brentq(disagreement, 0.0, 10.0 * np.ptp(values) ** 2))
     weight = 1.0 / (errors**2 + scatter)
     total = float(weight.sum())
-    return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0)
+    return float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0
 
 
 def _smear_and_drag_responses(paths: list[_Path]) -> tuple[Array, Array]:

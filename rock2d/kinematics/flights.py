@@ -1,9 +1,9 @@
 """A film as arrays, its segmentation into flights, contacts and rests, and its noise, measured in the flights."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
 
 FEWEST_FLIGHT_FRAMES = 8
+RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
+FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # in √(g × size): a smaller change of velocity above the ground is no impact
@@ -80,17 +82,73 @@ class Film:
 
 @dataclass
 class Flights:
-    """All flights in the order of time: (n,) arrays. A flight has the frames `first` to `last` - 1 of the film; the
-    frames next to a contact are left out."""
+    """n flights in the order of time, with orthonormal polynomials on the frames of each, the same in every world.
+
+    Attributes
+    ----------
+    release, block : (n,) index of release and block
+    first, last : (n,) a flight has the frames `first` to `last` - 1 of the film, without those next to a contact
+    follows : (n,) index of the flight before it in the same release, -1 if it is the first
+    middle : (n,) mean instant, in s as recorded
+    slope : (n,) slope of the polynomial of degree 1, per s
+    values : (m, 2 + RESIDUAL_DEGREES) polynomials of degree 0, 1, 2 ... on `frames`; 0 beyond the `degrees` of a flight
+    """
 
     release: Array
     block: Array
     first: Array
     last: Array
-    follows: Array  # index of the flight before it in the same release, -1 if it is the first
+    follows: Array
+    middle: Array
+    slope: Array
+    values: Array
+
+    @classmethod
+    def of(cls, film: Film, first: Array, last: Array, follows: Array) -> Self:
+        """The flights of a film with these frames (n,) and `follows` (n,)."""
+        release, lengths = film.release[first], last - first
+        middle, slope = np.empty(len(lengths)), np.empty(len(lengths))
+        flights = cls(
+            release, film.release_block[release], first, last, follows, middle, slope,
+            np.zeros((lengths.sum(), 2 + RESIDUAL_DEGREES)),
+        )  # fmt: skip
+        for i, (a, b) in enumerate(itertools.pairwise(flights.start)):
+            t, degrees = film.t_s[first[i] : last[i]], 2 + flights.degrees[i]
+            middle[i] = t.mean()
+            span = np.ptp(t)
+            polynomials, r = np.linalg.qr(np.vander((t - middle[i]) / span, degrees, increasing=True))
+            flights.values[a:b, :degrees] = polynomials * np.sign(np.diag(r))
+            slope[i] = 1.0 / (r[1, 1] * np.sign(r[1, 1]) * span)
+        return flights
 
     def __len__(self) -> int:
         return len(self.release)
+
+    def only(self, keep: Array) -> Self:
+        """Some of the flights, given as a mask; `follows` keeps its numbers."""
+        own = {f.name: getattr(self, f.name)[keep] for f in fields(self) if f.name != "values"}
+        return type(self)(**own, values=self.values[np.repeat(keep, self.last - self.first)])
+
+    @cached_property
+    def frames(self) -> Array:
+        """(m,) frames of all flights, one flight after the other."""
+        every = (np.arange(a, b) for a, b in zip(self.first, self.last, strict=True))
+        return np.concatenate([np.empty(0, np.int64), *every])
+
+    @cached_property
+    def start(self) -> Array:
+        """(n + 1,) index in `frames` at which each flight begins."""
+        return np.concatenate([[0], np.cumsum(self.last - self.first)])
+
+    @cached_property
+    def level(self) -> Array:
+        """(n,) value of the polynomial of degree 0."""
+        return np.asarray(1.0 / np.sqrt(self.last - self.first))
+
+    @cached_property
+    def degrees(self) -> Array:
+        """(n,) number of degrees beyond 1, fewer for a short flight."""
+        return np.clip((self.last - self.first) // FRAMES_PER_DEGREE, 1, RESIDUAL_DEGREES)
 
 
 def load_film(experiment: Experiment) -> Film:
@@ -158,7 +216,7 @@ def find_flights(world: World, film: Film) -> Flights:
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section)
     g = max(world.gravity_m_s2, 1e-3)
-    found: list[tuple[int, int, int, int, int]] = []
+    found: list[tuple[int, int, int]] = []
     starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
         block = int(film.release_block[r])
@@ -171,9 +229,9 @@ def find_flights(world: World, film: Film) -> Flights:
         before = -1
         for i, j in _true_flights(recording, kind, number):
             first, last = _trimmed(recording, i, j)
-            found.append((r, block, a + first, a + last, before))
+            found.append((a + first, a + last, before))
             before = len(found) - 1
-    flights = Flights(*np.array(found, np.int64).reshape(-1, 5).T)
+    flights = Flights.of(film, *np.array(found, np.int64).reshape(-1, 3).T)
     if len(found):
         film.noise, film.long_noise = (_or_stated(film, own) for own in flight_noise(film, flights))
     return flights

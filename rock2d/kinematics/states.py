@@ -6,7 +6,6 @@ orthonormal polynomials in time of degree 2 and higher; degree 2 is an accelerat
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,64 +21,10 @@ from rock2d.records.columns import VX, VY, X, Y
 from rock2d.scene.blocks import poses_at
 from rock2d.scene.world import World
 
-RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
-FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the noise of the states
 AIR_ROUNDS = 12  # most iterations of the fit of a flight through air, whose forces depend on the state
 CONVERGED_SLOPE = 1e-3  # remaining slope at which the iteration ends, as a share of the noise of a frame
 LEAST_EFFECT = 0.03  # smallest effect of a step along itself, as a share of it, from which the fit learns
-
-
-@dataclass
-class Basis:
-    """Orthonormal polynomials of each flight on its frames. They are the same in every world.
-
-    Attributes
-    ----------
-    frames : (m,) frames of all flights, one flight after the other
-    start : (n + 1,) index in `frames` at which each flight begins
-    values : (m, 2 + RESIDUAL_DEGREES) polynomials of degree 0, 1, 2 ...; 0 beyond the degrees that a flight has
-    middle : (n,) mean instant, in s as recorded
-    slope : (n,) value of degree 1 per s
-    level : (n,) value of degree 0
-    degrees : (n,) number of degrees beyond 1 of each flight"""
-
-    frames: Array
-    start: Array
-    values: Array
-    middle: Array
-    slope: Array
-    level: Array
-    degrees: Array
-
-    def only(self, keep: Array) -> Basis:
-        """The basis of some of the flights, given as a mask."""
-        lengths = np.diff(self.start)
-        rows = np.repeat(keep, lengths)
-        start = np.concatenate([[0], np.cumsum(lengths[keep])])
-        own = (a[keep] for a in (self.middle, self.slope, self.level, self.degrees))
-        return Basis(self.frames[rows], start, self.values[rows], *own)
-
-
-def flight_basis(film: Film, flights: Flights) -> Basis:
-    """The basis of all flights of a film."""
-    lengths = flights.last - flights.first
-    start = np.concatenate([[0], np.cumsum(lengths)])
-    frames = np.concatenate(
-        [np.empty(0, np.int64), *(np.arange(a, b) for a, b in zip(flights.first, flights.last, strict=True))]
-    )
-    values = np.zeros((len(frames), 2 + RESIDUAL_DEGREES))
-    middle, slope, level = np.empty(len(lengths)), np.empty(len(lengths)), 1.0 / np.sqrt(lengths)
-    degrees = np.clip(lengths // FRAMES_PER_DEGREE, 1, RESIDUAL_DEGREES)
-    for i, (a, b) in enumerate(itertools.pairwise(start)):
-        t = film.t_s[frames[a:b]]
-        middle[i] = t.mean()
-        span = np.ptp(t)
-        polynomials, r = np.linalg.qr(np.vander((t - middle[i]) / span, 2 + degrees[i], increasing=True))
-        polynomials *= np.sign(np.diag(r))
-        values[a:b, : 2 + degrees[i]] = polynomials
-        slope[i] = 1.0 / (r[1, 1] * np.sign(r[1, 1]) * span)
-    return Basis(frames, start, values, middle, slope, level, degrees)
 
 
 @dataclass
@@ -88,7 +33,7 @@ class States:
 
     Attributes
     ----------
-    middle : (n, 6) state of the centre of mass at the basis' middle instant
+    middle : (n, 6) state of the centre of mass at the middle instants of the flights
     residuals : (n, 3, RESIDUAL_DEGREES) coefficients of x, y, theta in units of the noise of a frame"""
 
     middle: Array
@@ -96,17 +41,12 @@ class States:
 
 
 class _Frames(NamedTuple):
-    """Frames of all flights, one flight after the other: true time from the middle of the flight (m,), true poses of
-    the centre of mass (m, 3); flight i has the frames start[i] to start[i + 1]."""
+    """Frames of all flights in a world: true time from the middle of the flight (m,), true poses of the centre of mass
+    (m, 3), and `start`, `values`, `slope` per true second and `level` of `Flights`."""
 
     t_s: Array
     pose: Array
     start: Array
-
-
-class _Polynomials(NamedTuple):
-    """`Basis.values`, `slope` per true second, `level`."""
-
     values: Array
     slope: Array
     level: Array
@@ -133,21 +73,21 @@ def free_motion_key(world: World) -> Hashable:
     return world.view, world.gravity_m_s2, tuple(bodies)
 
 
-def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> States:
+def fit_states(world: World, film: Film, flights: Flights) -> States:
     """Fit every flight in a world."""
-    pose = np.ascontiguousarray(world.view.true(film.pose[basis.frames]))
+    start, pace = flights.start, world.view.time_scale
+    pose = np.ascontiguousarray(world.view.true(film.pose[flights.frames]))
     offset = centres_of_mass(world, flights.block)
     if offset.any():
-        pose = poses_at(pose, np.repeat(offset, np.diff(basis.start), axis=0))
-    t = (film.t_s[basis.frames] - np.repeat(basis.middle, np.diff(basis.start))) * world.view.time_scale
-    rows = 0.5 * (basis.start[:-1] + basis.start[1:])
+        pose = poses_at(pose, np.repeat(offset, np.diff(start), axis=0))
+    t = (film.t_s[flights.frames] - np.repeat(flights.middle, np.diff(start))) * pace
+    rows = 0.5 * (start[:-1] + start[1:])
     at = pose[rows.astype(int)]
     noise = np.tile(film.noise, (len(at), 1))
     for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
         noise[:, c] *= world.view.true_per_recorded(at, np.array(axis))
-    frames = _Frames(t, pose, basis.start)
-    polynomials = _Polynomials(basis.values, basis.slope / world.view.time_scale, basis.level)
-    return States(*_fit(frames, polynomials, _bodies(world, flights.block), noise))
+    frames = _Frames(t, pose, start, flights.values, flights.slope / pace, flights.level)
+    return States(*_fit(frames, _bodies(world, flights.block), noise))
 
 
 def centroid_poses(world: World, block: Array, poses: Array) -> Array:
@@ -212,11 +152,10 @@ def _update_inverse(inverse, step, left):
 
 
 @njit
-def _fit(frames, polynomials, bodies, noise):
+def _fit(frames, bodies, noise):
     """States at the middle (n, 6) and residuals (n, 3, degrees) of every flight."""
-    t, pose, start = frames
-    basis = polynomials.values
-    n, degrees = start.size - 1, basis.shape[1] - 2
+    t, pose, start, values, slopes, levels = frames
+    n, degrees = start.size - 1, values.shape[1] - 2
     middle, residuals = np.zeros((n, 6)), np.zeros((n, 3, degrees))
     q, begin, inverse, step = np.empty(6), np.empty(6), np.empty((3, 3)), np.empty(3)
     longest = 0
@@ -241,16 +180,16 @@ def _fit(frames, polynomials, bodies, noise):
                 for c in range(3):
                     d = pose[f, c] - q[c]
                     for k in range(degrees + 2):
-                        coefficient[c, k] += d * basis[f, k]
-            slope = coefficient[:, 1] * polynomials.slope[i]
+                        coefficient[c, k] += d * values[f, k]
+            slope = coefficient[:, 1] * slopes[i]
             if round == 0:
                 inverse, begin = np.eye(3), np.zeros(6)
                 begin[Y] = -0.5 * bodies.gravity * early * early
                 begin[VY] = -bodies.gravity * early
             for c in range(3):
-                middle[i, c] += coefficient[c, 0] * polynomials.level[i]
+                middle[i, c] += coefficient[c, 0] * levels[i]
                 middle[i, VX + c] += slope[c]
-                begin[c] += coefficient[c, 0] * polynomials.level[i] + slope[c] * early
+                begin[c] += coefficient[c, 0] * levels[i] + slope[c] * early
             if round > 1:
                 _update_inverse(inverse, step, slope / noise[i])
             step = inverse @ (slope / noise[i])

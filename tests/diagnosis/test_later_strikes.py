@@ -84,7 +84,7 @@ def test_a_full_turn_counts_only_where_the_film_shows_it(monkeypatch, unseen_rad
     """A tracker cannot count the full turns of a block that spins fast while it is hidden. Here every frame is seen."""
     true, record = world(), film(world(), 4, seed=1)
     counted, data = load_film(record), FilmData.of(load_film(record), true)
-    begin_s = data.basis.middle[data.impacts.after] + data.impacts.begin_s
+    begin_s = data.flights.middle[data.impacts.after] + data.impacts.begin_s
     for release in np.unique(data.impacts.release):
         later = counted.t_s >= begin_s[data.impacts.release == release].min() - 1e-9
         counted.pose[(counted.release == release) & later, THETA] += 2.0 * np.pi

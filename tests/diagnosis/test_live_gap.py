@@ -269,7 +269,7 @@ def test_an_impact_is_shown_measured_and_simulated(page, diagnosed):
         assert numbers[:3] == pytest.approx(measured + left[3:], abs=0.011)
         assert numbers[3:] == pytest.approx(left[:3] * [1e3, 1e3, np.rad2deg(1.0)], abs=0.011)
     assert page.input_value("#live-release") == str(release)
-    after = data.basis.middle[data.impacts.after[i]] + data.impacts.begin_s[i] - began
+    after = data.flights.middle[data.impacts.after[i]] + data.impacts.begin_s[i] - began
     shown_s = float(re.match(r"t = ([\d.]+) s", frame_words(page)).group(1))
     assert after - 2 / 500.0 < shown_s < after + 1e-3  # where the flight after it begins
 

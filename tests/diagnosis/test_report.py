@@ -289,7 +289,7 @@ def impact_table(result: Diagnosis) -> pd.DataFrame:
     """The impacts of a film as a table."""
     data = result.data
     impacts, states = data.impacts, data.states(result.setup).middle
-    ends = data.film.t_s[data.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    ends = data.film.t_s[data.flights.last[impacts.before] - 1] - data.flights.middle[impacts.before]
     before = move_freely(result.setup, impacts.block, states[impacts.before], ends)
     after = move_freely(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
     columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]

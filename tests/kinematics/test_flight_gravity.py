@@ -34,7 +34,7 @@ def flights(
         np.tile(t, count), pose, np.repeat(release, n), np.arange(releases), np.zeros(releases, int), ["ball"],
         np.zeros(releases, bool), *[np.full(3, sigma)] * 3, smear,
     )  # fmt: skip
-    return film, Flights(release, np.zeros(count, int), first, first + n, np.full(count, -1))
+    return film, Flights.of(film, first, first + n, np.full(count, -1))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Where two flights meet: impacts and their velocities, and what is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,9 +9,9 @@ import pytest
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Flights, load_film
-from rock2d.kinematics.impacts import _crossed, find_contacts
+from rock2d.kinematics.impacts import _crossed, find_pairs, start_instants
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import fit_states, flight_basis
+from rock2d.kinematics.states import fit_states
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 
@@ -43,13 +45,12 @@ def test_velocities_are_those_at_the_contact(restitution, lift_m):
     experiment = bouncing(restitution, 60, 1.8 + lift_m, lift_m)
     world = setup_world(experiment)
     data = FilmSegments.of(load_film(experiment), world)
-    pairs = (data.impacts.before, data.impacts.after)
     assert len(data.impacts) >= 2 and not len(data.mid_air)
-    contacts = find_contacts(world, data.film, data.flights, data.basis, data.states(world), pairs)
+    impacts = data.impacts
     hit_s = np.sqrt(2 * (1.8 - RADIUS_M) / GRAVITY)
-    assert data.basis.middle[pairs[0][0]] + contacts.touch_s[0] == pytest.approx(hit_s, abs=1e-3)
-    assert contacts.arriving[0, 4] == pytest.approx(-GRAVITY * hit_s, rel=2e-3)
-    np.testing.assert_allclose(-contacts.leaving[:, 4] / contacts.arriving[:, 4], restitution, atol=5e-3)
+    assert data.flights.middle[impacts.before[0]] + impacts.touch_s[0] == pytest.approx(hit_s, abs=1e-3)
+    assert impacts.arriving[0, 4] == pytest.approx(-GRAVITY * hit_s, rel=2e-3)
+    np.testing.assert_allclose(-impacts.leaving[:, 4] / impacts.arriving[:, 4], restitution, atol=5e-3)
 
 
 @pytest.mark.parametrize("middle", [12, 20])
@@ -60,14 +61,11 @@ def test_a_free_flight_that_is_divided_has_no_impact(middle):
     table = pd.DataFrame({"release": 0, "block": "ball", "t_s": t, "x_m": t, "y_m": y, "theta_rad": np.nan})
     experiment = Experiment("toss", GRAVITY, FPS, 1e-4, 0.01, FLOOR, {"ball": BALL}, trajectories=table)
     film, world = load_film(experiment), setup_world(experiment)
-    flights = Flights(*np.array([[0, 0], [0, 0], [0, middle + 2], [middle - 2, 32], [-1, 0]]))
-    basis = flight_basis(film, flights)
-    states = fit_states(world, film, flights, basis)
-    pair = (np.array([0]), np.array([1]))
-    contacts = find_contacts(world, film, flights, basis, states, pair)
-    assert not contacts.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).any()
-    low = contacts._replace(clearance_m=np.array([0.2 * RADIUS_M]))
-    assert low.are_impacts(np.array([[1.0, 0.0]]), np.array([RADIUS_M])).all()
+    flights = Flights.of(film, *np.array([[0, middle + 2], [middle - 2, 32], [-1, 0]]))
+    states = fit_states(world, film, flights)
+    pairs = find_pairs(world, film, flights, states, start_instants(world, film, flights, states))
+    assert len(pairs) == 1 and not pairs.are_impacts(world).any()
+    assert replace(pairs, clearance_m=np.array([0.2 * RADIUS_M])).are_impacts(world).all()
 
 
 def test_the_instant_of_contact_is_between_two_clearances_that_are_known():

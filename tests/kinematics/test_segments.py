@@ -17,7 +17,7 @@ from rock2d.kinematics.film_findings import flightless_remarks, slow_error_remar
 from rock2d.kinematics.flights import Flights, find_flights, flight_noise, load_film
 from rock2d.kinematics.partition import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_law_start, setup_world
-from rock2d.kinematics.states import fit_states, flight_basis, move_freely
+from rock2d.kinematics.states import fit_states, move_freely
 from rock2d.records.columns import VX
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import data_of, film, world
@@ -143,10 +143,9 @@ def test_a_flight_through_strong_air_is_fitted_exactly(name, value):
     flown = move_freely(true, np.zeros(len(t), int), np.repeat(begin, len(t), axis=0), t)
     read = load_film(film(world(), 2))
     path = replace(read, t_s=t, pose=flown[:, :3])
-    flights = Flights(*np.array([[0], [0], [0], [len(t)], [-1]]))
-    basis = flight_basis(path, flights)
-    states = fit_states(true, path, flights, basis)
-    middle = move_freely(true, np.zeros(1, int), begin, basis.middle)
+    flights = Flights.of(path, *np.array([[0], [len(t)], [-1]]))
+    states = fit_states(true, path, flights)
+    middle = move_freely(true, np.zeros(1, int), begin, flights.middle)
     assert np.abs(states.residuals).max() < 0.01  # of the noise of a frame
     assert states.middle == pytest.approx(middle, rel=1e-4)
 

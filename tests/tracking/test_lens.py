@@ -26,7 +26,7 @@ def filmed(k: float, frames: int, noise_px: float, seed: int) -> tuple[Film, Fli
     film = Film(share, pose, np.zeros(frames, int), np.zeros(1, int), np.zeros(1, int), ["ball"],
                 np.zeros(1, bool), noise, noise, noise)  # fmt: skip
     one = np.zeros(1, int)
-    return film, Flights(one, one, one, one + frames, one - 1)
+    return film, Flights.of(film, one, one + frames, one - 1)
 
 
 @pytest.mark.parametrize("k", [-0.06, 0.03])

@@ -12,10 +12,9 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity
 from rock2d.kinematics.flights import clearances
-from rock2d.kinematics.impacts import Contacts, FlightPairs, find_contacts
+from rock2d.kinematics.impacts import FlightPairs
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, STATE_NAMES, VX, VY, after
-from rock2d.scene.world import World
 
 DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration above which the ground hides part of the block
 # in block sizes: rebound below which a flight is too short for precise velocities
@@ -39,7 +38,7 @@ def flights_table(experiment: Experiment, data: FilmSegments, gravity: FlightGra
     table = pd.DataFrame({
         "release": film.release_names[flights.release], "block": np.array(names)[flights.block],
         "begin_s": film.t_s[flights.first], "end_s": film.t_s[flights.last - 1],
-        "frames": flights.last - flights.first, "t_s": data.basis.middle,
+        "frames": flights.last - flights.first, "t_s": data.flights.middle,
     })  # fmt: skip
     for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
@@ -60,7 +59,7 @@ def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array
 def _misfit(data: FilmSegments, experiment: Experiment) -> Array:
     """(flights, 3) root mean square residuals of x, y and theta, over the noise."""
     residuals = data.states(setup_world(experiment)).residuals
-    known = np.minimum(residuals.shape[2], data.basis.degrees)
+    known = np.minimum(residuals.shape[2], data.flights.degrees)
     return np.asarray(np.sqrt((residuals**2).sum(axis=2) / known[:, None]))
 
 
@@ -69,31 +68,23 @@ def measured_impacts_table(experiment: Experiment, data: FilmSegments) -> pd.Dat
     block, t_s and zone of the contact, velocities just before and after it with standard errors, `restitution` (speed
     across the ground after over before), `penetration_m`, `rebound_m`, `flag` (any of "deep", "low", "wide gap";
     "mid-air" if the ground is not near and the block does not bounce: this is not an impact)."""
-    world, misfit = setup_world(experiment), _misfit(data, experiment)
-    tables = [_contacts(experiment, data, pairs, world, misfit) for pairs in (data.impacts, data.mid_air)]
+    misfit = _misfit(data, experiment)
+    tables = [_contacts(experiment, data, pairs, misfit) for pairs in (data.impacts, data.mid_air)]
     tables[1]["flag"] = MID_AIR
     tables[1][["restitution", "restitution_se"]] = np.nan
     own = [table for table in tables if len(table)] or tables[:1]
     return pd.concat(own, ignore_index=True).sort_values(["release", "t_s"], ignore_index=True)
 
 
-def _contacts(
-    experiment: Experiment, data: FilmSegments, pairs: FlightPairs, world: World, misfit: Array
-) -> pd.DataFrame:
+def _contacts(experiment: Experiment, data: FilmSegments, pairs: FlightPairs, misfit: Array) -> pd.DataFrame:
     film = data.film
-    contacts = find_contacts(
-        world, data.film, data.flights, data.basis, data.states(world), (pairs.before, pairs.after)
-    )
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     table = pd.DataFrame({
         "release": film.release_names[pairs.release], "block": np.array(names)[pairs.block],
-        "t_s": data.basis.middle[pairs.before] + contacts.touch_s, "zone": np.array(zones)[pairs.zone],
+        "t_s": data.flights.middle[pairs.before] + pairs.touch_s, "zone": np.array(zones)[pairs.zone],
     })  # fmt: skip
-    sides = (
-        (str, contacts.arriving, pairs.before, contacts.touch_s),
-        (after, contacts.leaving, pairs.after, contacts.leave_s),
-    )
-    instant = _instant_errors(data, contacts, pairs, misfit)
+    sides = ((str, pairs.arriving, pairs.before, pairs.touch_s), (after, pairs.leaving, pairs.after, pairs.leave_s))
+    instant = _instant_errors(data, pairs, misfit)
     across = np.column_stack([-pairs.tangent[:, 1], pairs.tangent[:, 0]])
     normal = []
     for named, state, which, dt in sides:
@@ -116,13 +107,13 @@ def _contacts(
     return table
 
 
-def _instant_errors(data: FilmSegments, contacts: Contacts, pairs: FlightPairs, misfit: Array) -> Array:
+def _instant_errors(data: FilmSegments, pairs: FlightPairs, misfit: Array) -> Array:
     """(n,) standard errors in s of the instants at which two flights meet."""
     errors = [
         _errors(data, which, dt, misfit)[:, POSITION].max(axis=1)
-        for which, dt in ((pairs.before, contacts.touch_s), (pairs.after, contacts.leave_s))
+        for which, dt in ((pairs.before, pairs.touch_s), (pairs.after, pairs.leave_s))
     ]
-    change = np.hypot(*(contacts.leaving - contacts.arriving)[:, LINEAR_VELOCITY].T)
+    change = np.hypot(*(pairs.leaving - pairs.arriving)[:, LINEAR_VELOCITY].T)
     return np.hypot(*errors) / np.maximum(change, 1e-9)
 
 

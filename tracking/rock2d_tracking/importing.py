@@ -8,7 +8,7 @@ played back)."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,8 +115,7 @@ def import_tracks(
             raise InputError(f"y grows {points.y}wards in this format: state y {points.y}", points.path, points.line)
         if points.said:
             report(points.said)
-        tracks = _tracks(points, options)
-        frame, x_y_m, theta_rad = _motion(tracks, camera, block, options)
+        frame, x_y_m, theta_rad = _motion(points, options, camera, block)
         if theta_rad is None:
             without_spin, theta_rad = True, np.full(len(frame), np.nan)
         longest_gap = math.inf if options.gap_frames is None else options.gap_frames
@@ -129,8 +128,8 @@ def import_tracks(
     return pd.concat(parts, ignore_index=True)
 
 
-def _tracks(points: Points, options: ImportOptions) -> dict[str, Points]:
-    """The points of each track of a film, by frame number."""
+def _tracks(points: Points, options: ImportOptions) -> dict[str, pd.DataFrame]:
+    """Rows of `Points.table` of each track of a film, by frame number."""
     table = points.table.assign(frame=_frames(points, options.file_fps))
     twice = table.duplicated(["track", "frame"])
     if twice.any():
@@ -142,10 +141,7 @@ def _tracks(points: Points, options: ImportOptions) -> dict[str, Points]:
             message = "the file states confidences: give min_confidence, below which a point was not seen"
             raise InputError(message, points.path, points.line)
         table = table[table["confidence"] >= options.min_confidence]
-    return {
-        name: Points(points.path, points.line, table[table["track"] == name].set_index("frame"))
-        for name in dict.fromkeys(points.table["track"])
-    }
+    return {name: table[table["track"] == name].set_index("frame") for name in dict.fromkeys(points.table["track"])}
 
 
 def _frames(points: Points, file_fps: float | None) -> pd.Series:
@@ -166,26 +162,27 @@ def _frames(points: Points, file_fps: float | None) -> pd.Series:
 
 
 def _motion(
-    tracks: Mapping[str, Points], world: PixelMap, block: Block, options: ImportOptions
+    points: Points, options: ImportOptions, world: PixelMap, block: Block
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Frames (n,) that show all points needed, centroid (n, 2) in m, and theta (n,) in rad, None if unknown."""
-    first, known = next(iter(tracks.values())), ", ".join(map(shown, tracks))
+    tracks, header = _tracks(points, options), (points.path, points.line)
+    known = ", ".join(map(shown, tracks))
     if not options.marks and len(tracks) > 1:
-        raise InputError(f"marks: name one or two of the tracks {known}", first.path, first.line)
+        raise InputError(f"marks: name one or two of the tracks {known}", *header)
     marks = options.marks or list(tracks)
     centroid = options.centroid or marks[:1]
     for name in [*marks, *centroid]:
         if name not in tracks:
             message = f"no track {shown(name)}{did_you_mean(name, tracks)}; the tracks are {known}"
-            raise InputError(message, first.path, first.line)
-    used = {name: tracks[name].table for name in [*marks, *centroid]}
+            raise InputError(message, *header)
+    used = {name: tracks[name] for name in [*marks, *centroid]}
     states_theta = "theta_rad" in used[marks[0]]
     if len(marks) == 1 and not states_theta and block.shape != "circle":
         message = f"marks: one does not show the orientation of {block.name}, a {block.shape}; name two"
-        raise InputError(message, first.path, first.line)
+        raise InputError(message, *header)
     frame = np.array(sorted(set.intersection(*(set(table.index) for table in used.values()))), np.int64)
     if not frame.size:
-        raise InputError(f"no frame shows {' and '.join(map(shown, used))}", first.path, first.line)
+        raise InputError(f"no frame shows {' and '.join(map(shown, used))}", *header)
     at_m = {name: world.to_world(table.loc[frame, ["u", "v"]].to_numpy()) for name, table in used.items()}
     x_y_m = np.mean([at_m[name] for name in centroid], axis=0)
     if len(marks) == 1:
@@ -195,5 +192,5 @@ def _motion(
     same = frame[~along.any(axis=1)]
     if same.size:
         line = int(used[marks[1]].loc[same[0], "line"])
-        raise InputError("both marks are at one point: their line has no direction", tracks[marks[1]].path, line)
+        raise InputError("both marks are at one point: their line has no direction", points.path, line)
     return frame, x_y_m, np.unwrap(np.arctan2(along[:, 1], along[:, 0]))

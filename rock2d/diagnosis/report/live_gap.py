@@ -292,7 +292,7 @@ class Items:
         """All impacts and flights, with residuals on held-out releases."""
         found, impacts, flights = result.found, data.impacts, data.flights
         assert found is not None
-        setup, film, middle = report_data.corrected_setup(result), data.film, data.basis.middle
+        setup, film, middle = report_data.corrected_setup(result), data.film, flights.middle
         began = film.t_s[np.searchsorted(film.release, np.arange(len(data.order)))]
         ends = film.t_s[flights.last[impacts.before] - 1]
         velocities = [
@@ -362,7 +362,7 @@ def _squares_and_misses(result: Diagnosis, data: FilmData, own: Validated) -> tu
     flights = residuals.flights[: data.flown, :, :FLIGHT_DEGREES]
     poses, rates = residuals.impacts.reshape(-1, 2, 3).swapaxes(0, 1)
     bend = np.sqrt((flights**2).sum(axis=2))
-    bend *= data.film.long_noise * data.basis.level[:, None]
+    bend *= data.film.long_noise * data.flights.level[:, None]
     squares = np.concatenate([z.reshape(-1, 2, 3).swapaxes(1, 2) ** 2, clipped(flights) ** 2])
     misses = np.stack([rates, poses], axis=2), np.stack([bend, np.full_like(bend, np.nan)], axis=2)
     return squares, np.concatenate(misses)

@@ -83,7 +83,7 @@ def states_around(result: Diagnosis, data: FilmData) -> tuple[Array, Array]:
     mirrored axes corrected."""
     setup, impacts = corrected_setup(result), data.impacts
     ends = data.film.t_s[data.flights.last[impacts.before] - 1]
-    before = data.states_at(setup, impacts.before, ends - data.basis.middle[impacts.before])
+    before = data.states_at(setup, impacts.before, ends - data.flights.middle[impacts.before])
     return before, data.states_at(setup, impacts.after, impacts.begin_s)
 
 
@@ -111,7 +111,7 @@ def shown_impacts(result: Diagnosis, models: Models, improves: bool) -> list[Sho
         if len(chosen) == MOST_SHOWN_IMPACTS:
             break
     signs, which = signs_of(result), np.array(chosen)
-    impacts, middle = data.impacts, data.basis.middle
+    impacts, middle = data.impacts, data.flights.middle
     start = middle[impacts.before[which]] + impacts.start_s[which]
     begin = middle[impacts.after[which]] + impacts.begin_s[which]
     flights_end = data.film.t_s[data.flights.last[impacts.after[which]] - 1]

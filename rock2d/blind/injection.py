@@ -155,7 +155,7 @@ def _pose_changes(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> 
         flight, begin, end, piece = (a[rows] for a in (stretches.flight, stretches.begin, ends, stretches.piece))
         old, new = worlds(rows)
         scale, block = old.view.time_scale, flights.block[flight]
-        since = (film.t_s[begin] - data.basis.middle[flight]) * scale
+        since = (film.t_s[begin] - data.flights.middle[flight]) * scale
         state = _tracked(old, block, move_freely(old, block, data.states(old).middle[flight], since))
         frames = begin[:, None] + np.arange((end - begin).max(initial=0))
         in_stretch = frames < end[:, None]

@@ -80,11 +80,6 @@ class FilmSegments:
         slow, film.long_noise = slow_errors(film, flights, states)
         return cls(film, flights, pairs.only(real), pairs.only(~real), start, spin, slow, order, rests)
 
-    @property
-    def basis(self) -> Flights:
-        """`flights`, by the name under which `blind.injection` reads `Flights.middle`."""
-        return self.flights
-
     def only(self, releases: Array) -> Self:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
         keep = releases[self.flights.release]

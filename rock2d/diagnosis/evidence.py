@@ -269,6 +269,8 @@ def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
     """`Evidence.others_gain` of the member `name`."""
     best, phase = search.best, search.effects[name].phase
     gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
+    if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
+        gain *= FORM_SHARE / EFFECT_FORM_SHARE  # what the form of an acceleration misses may look like another gravity
     return gain + sum(
         _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rock2d.diagnosis import evidence
 from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, unexplained_probability
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
@@ -17,6 +18,7 @@ from rock2d.diagnosis.evidence import (
     relative_size,
     size_faults,
 )
+from rock2d.diagnosis.levers import FLIGHT, LAW
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
 from rock2d.diagnosis.visibility import only_gravity_is_turned
@@ -185,6 +187,19 @@ def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, z, n
     lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0, air_drag=z))
     assert lens.named("lens_distortion") == named
     assert not lens.replacement_gain.gain.any()  # a smaller set must not take it for what was learnt
+
+
+@pytest.mark.parametrize(
+    ("name", "lever", "times"),
+    [("scale_error", FLIGHT, 5.0), ("scale_error", LAW, 1.0), ("lens_distortion", FLIGHT, 1.0)],
+)
+def test_another_gravity_may_be_what_the_form_of_a_learnt_acceleration_misses(name, lever, times, monkeypatch):
+    """A pull near the ground, learnt as a smooth function of the height: a quarter of its gain may be left, and a
+    twentieth for effects that do not change gravity in flights."""
+    monkeypatch.setattr(evidence, "_gain_in", lambda phase, model, reference: 100.0)
+    search = SimpleNamespace(best=None, effects=catalogue(), without=lambda cause_set: {})
+    learnt = SimpleNamespace(changes=[SimpleNamespace(lever=lever)])
+    assert evidence._gain_of_others(search, learnt, name) == pytest.approx(100.0 * times)
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

@@ -241,8 +241,10 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
 
 
 def beside_better_rivals(search: Search, name: str, own: Evidence) -> Evidence:
-    """Evidence in which a rival that gains more, but could not take its place, counts as another imitation."""
-    shares = [search.share_in_place(name, rival) for rival, z in own.rival_z.items() if z < 0.0]
+    """Evidence in which a rival that gains more, but could not take its place, counts as another imitation, also one of
+    impossible size."""
+    rivals = search.find_rivals(search.best, name, 0.0)
+    shares = [search.share_in_place(name, rival) for rival in rivals]
     return replace(own, rival_share=max(shares, default=0.0))
 
 

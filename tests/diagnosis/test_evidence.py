@@ -183,8 +183,12 @@ def test_a_part_of_a_twin_counts_with_what_it_gains_beside_the_twin():
 @pytest.mark.parametrize(("share", "z", "named"), [(2.5, -15.0, False), (1.1, -1.5, True), (0.9, 0.5, True)])
 def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, z, named):
     """A lens in the place of the drag of the air, which gains 2.5 times as much, but cannot be named."""
-    search = SimpleNamespace(share_in_place=lambda name, rival: share)
-    lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0, air_drag=z))
+    search = SimpleNamespace(
+        best=None,
+        find_rivals=lambda cause_set, name, below: {"air_drag": z} if z < below else {},
+        share_in_place=lambda name, rival: share,
+    )
+    lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0))
     assert lens.named("lens_distortion") == named
     assert not lens.replacement_gain.gain.any()  # a smaller set must not take it for what was learnt
 

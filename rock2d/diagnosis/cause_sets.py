@@ -44,6 +44,7 @@ REFIT_SHARE = 0.5  # an addition is fitted again if it gains this share of the l
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
+KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
 MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, where a law is least exact
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
@@ -178,6 +179,20 @@ class Search:
         smaller = self.without(self.best)[name]
         in_place = self._with_each([other], smaller)[0]
         return self.gain(in_place, smaller).total / max(self.gain(self.best, smaller).total, 1e-9)
+
+    def share_of_better(self, name: str) -> float:
+        """Share of the gain of a member of the best set that the best rival has in its place, if one gains more; else
+        0. A rival counts whatever its size, but not if the member keeps its gain beside it: it explains something
+        else."""
+        best, shares = self.best, [0.0]
+        least = KEPT_BESIDE_OTHER * self.gain(best, self.without(best)[name]).total
+        for rival in self.find_rivals(best, name, 0.0):
+            share = self.share_in_place(name, rival)
+            if rival != TWINS.get(name):  # which is never beside the member
+                both = self.set_of(best.names | {rival})
+                share *= self.gain(both, self.without(both)[name]).total < least
+            shares.append(share)
+        return max(shares)
 
     def _lead_over(self, cause_set: Validated, less: Validated, name: str) -> Gain | None:
         """Gain of a set over the set `less` with one more effect, fitted or expected; None if neither is known."""

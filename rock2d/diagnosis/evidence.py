@@ -76,6 +76,7 @@ NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at w
 # Shares of the gain of causes that may remain because the form of their laws is not exact: for learnt changes (causes
 # in the world, causes in the camera), and for another effect; but no law leaves what grows from release to release.
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
+GRAVITY_FORM_SHARE = 0.2  # of learnt accelerations: what their form misses may look like another gravity
 FORM_STEEPNESS = 3.0
 # Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an
 # effect at the end of the range does not fit the data.
@@ -217,7 +218,7 @@ def evidence_of_members(
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
-    evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}
+    evidence_of = {name: replace(own, rival_share=search.share_of_better(name)) for name, own in evidence_of.items()}
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
@@ -238,14 +239,6 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
         for member, own in evidence_of.items()
         if member != name and (gain := gains[member]).total < own.own_gain.total
     }
-
-
-def beside_better_rivals(search: Search, name: str, own: Evidence) -> Evidence:
-    """Evidence in which a rival that gains more, but could not take its place, counts as another imitation, also one of
-    impossible size."""
-    rivals = search.find_rivals(search.best, name, 0.0)
-    shares = [search.share_in_place(name, rival) for rival in rivals]
-    return replace(own, rival_share=max(shares, default=0.0))
 
 
 def _with_known_replacement(evidence: Evidence, before: Evidence | None, name: str) -> Evidence | None:
@@ -272,7 +265,7 @@ def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
     best, phase = search.best, search.effects[name].phase
     gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
-        gain *= FORM_SHARE / EFFECT_FORM_SHARE  # what the form of an acceleration misses may look like another gravity
+        gain *= GRAVITY_FORM_SHARE / EFFECT_FORM_SHARE
     return gain + sum(
         _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()

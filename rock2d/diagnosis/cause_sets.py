@@ -150,10 +150,11 @@ class Search:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
-        A rival gains at least half of what the member gains, and is not the twin of another member. A difference
-        within the share MISSED_BY_FORM, or MISSED_BY_TWIN, counts as less than one standard error; that of the rests
-        counts in full. The twin of the member, the effects `fitted`, and the first that promise as much are fitted in
-        its place: what screening expects of an effect can be far too little."""
+        A rival gains at least half of what the member gains, and is not the twin of another member. One that gains more
+        must explain the same: beside it the member loses gain, see KEPT_BESIDE_OTHER. A difference within the share
+        MISSED_BY_FORM, or MISSED_BY_TWIN, counts as less than one standard error; that of the rests counts in full. The
+        twin of the member, the effects `fitted`, and the first that promise as much are fitted in its place: what
+        screening expects of an effect can be far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
         twin, alone = TWINS.get(name, name), self.gain(cause_set, smaller).total
         expected = self.expected.get(smaller.names, {})
@@ -168,7 +169,11 @@ class Search:
             found[rival] = min(lead.significance, lead.total / (missed * alone))
             if (other := self.known.get(smaller.names | {rival})) is not None:
                 found[rival] += rests_z(self.data, cause_set, other)
-        return {rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z}
+        closest = [rival for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z]
+        return {
+            rival: found[rival] for rival in closest
+            if found[rival] >= 0.0 or not self._explains_something_else(cause_set, name, rival)
+        }  # fmt: skip
 
     def gain(self, cause_set: Validated, other: Validated) -> Gain:
         """Gain of a set over another one."""
@@ -180,19 +185,14 @@ class Search:
         in_place = self._with_each([other], smaller)[0]
         return self.gain(in_place, smaller).total / max(self.gain(self.best, smaller).total, 1e-9)
 
-    def share_of_better(self, name: str) -> float:
-        """Share of the gain of a member of the best set that the best rival has in its place, if one gains more; else
-        0. A rival counts whatever its size, but not if the member keeps its gain beside it: it explains something
-        else."""
-        best, shares = self.best, [0.0]
-        least = KEPT_BESIDE_OTHER * self.gain(best, self.without(best)[name]).total
-        for rival in self.find_rivals(best, name, 0.0):
-            share = self.share_in_place(name, rival)
-            if rival != TWINS.get(name):  # which is never beside the member
-                both = self.set_of(best.names | {rival})
-                share *= self.gain(both, self.without(both)[name]).total < least
-            shares.append(share)
-        return max(shares)
+    def _explains_something_else(self, cause_set: Validated, name: str, rival: str) -> bool:
+        """Whether a member of a set keeps its gain beside a rival. The twin of the member is never beside it."""
+        if rival == TWINS.get(name):
+            return False
+        smaller = self.without(cause_set)[name]
+        (both,), (in_place,) = (self._with_each([rival], each) for each in (cause_set, smaller))
+        least = KEPT_BESIDE_OTHER * self.gain(cause_set, smaller).total
+        return self.gain(both, in_place).total > least
 
     def _lead_over(self, cause_set: Validated, less: Validated, name: str) -> Gain | None:
         """Gain of a set over the set `less` with one more effect, fitted or expected; None if neither is known."""

@@ -218,7 +218,9 @@ def evidence_of_members(
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
-    evidence_of = {name: replace(own, rival_share=search.share_of_better(name)) for name, own in evidence_of.items()}
+    for name, own in evidence_of.items():  # a rival of impossible size shows an imitation, too
+        shares = [search.share_in_place(name, rival) for rival in search.find_rivals(best, name, 0.0)]
+        evidence_of[name] = replace(own, rival_share=max(shares, default=0.0))
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)

@@ -186,19 +186,16 @@ def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, name
     assert replace(found(own_gain=100.0), rival_share=share).named("lens_distortion") == named
 
 
-@pytest.mark.parametrize(("beside", "share"), [(20.0, 2.5), (90.0, 0.0)])
-def test_a_rival_beside_which_a_member_keeps_its_gain_explains_something_else(beside, share):
-    """A drag of the air gains 2.5 times as much as a lens in its place, and as much as an offset of the angle."""
-    best, both = SimpleNamespace(names=frozenset({"lens_distortion"})), object()
+@pytest.mark.parametrize(("beside", "other"), [(20.0, False), (90.0, True)])
+def test_a_rival_beside_which_a_member_keeps_its_gain_explains_something_else(beside, other):
+    """A drag of the air in the place of a lens, which gains by it what it gains alone, and of an offset of the angle."""
+    best, smaller, both, in_place = (object() for _ in range(4))
     search = SimpleNamespace(
-        best=best,
-        without=lambda cause_set: {"lens_distortion": cause_set},
-        gain=lambda cause_set, less: gain(100.0 if cause_set is best else beside),
-        find_rivals=lambda cause_set, name, z: {"air_drag": -15.0},
-        share_in_place=lambda name, rival: 2.5,
-        set_of=lambda names: both,
+        without=lambda cause_set: {"lens_distortion": smaller},
+        _with_each=lambda names, cause_set: [{best: both, smaller: in_place}[cause_set]],
+        gain=lambda cause_set, less: {(best, smaller): gain(100.0), (both, in_place): gain(beside)}[cause_set, less],
     )
-    assert Search.share_of_better(search, "lens_distortion") == share
+    assert Search._explains_something_else(search, best, "lens_distortion", "air_drag") == other
 
 
 @pytest.mark.parametrize(

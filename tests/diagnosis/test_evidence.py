@@ -188,7 +188,7 @@ def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, name
 
 @pytest.mark.parametrize(("beside", "other"), [(20.0, False), (90.0, True)])
 def test_a_rival_beside_which_a_member_keeps_its_gain_explains_something_else(beside, other):
-    """A drag of the air in the place of a lens, which gains by it what it gains alone, and of an offset of the angle."""
+    """A drag of the air in the place of a lens, whose gain it takes, and in that of an offset of the angle."""
     best, smaller, both, in_place = (object() for _ in range(4))
     search = SimpleNamespace(
         without=lambda cause_set: {"lens_distortion": smaller},

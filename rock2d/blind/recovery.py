@@ -151,12 +151,11 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
     is found. The record of a case with a cause of the motion is the one in pieces."""
     truth, known, cases = read_json(folder / TRUTH), catalogue(), []
     original = set(truth["named"])
-    without_cause = _groups(folder, truth["without_cause"]) if truth.get("without_cause") else {}
+    without_cause = _named(folder, truth["without_cause"])[0] if truth.get("without_cause") else {}
     of_pieces = original.union(*without_cause.values())
     for name, case in truth["cases"].items():
-        effect, groups = case["effect"], _groups(folder, name)
+        effect, (groups, parameters) = case["effect"], _named(folder, name)
         has = original if known[effect].camera else of_pieces
-        parameters = read_json(folder / RESULTS / f"{name}.json")["parameters"]
         value = None
         if effect in groups and effect in parameters:
             value = parameters[effect][known[effect].parameters[0].name]["value"]
@@ -170,10 +169,10 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
     return cases, limits_of(curves, results)
 
 
-def _groups(folder: Path, case: str) -> dict[str, set[str]]:
-    """Each named effect of a case -> it and the effects with which it shares its name."""
-    named = read_json(folder / RESULTS / f"{case}.json")["named"]
-    return {name: {name, *group} for name, group in named.items()}
+def _named(folder: Path, case: str) -> tuple[dict[str, set[str]], dict[str, Any]]:
+    """Each named effect of a case -> it and the effects with which it shares its name; and `effect_values`."""
+    result = read_json(folder / RESULTS / f"{case}.json")
+    return {name: {name, *group} for name, group in result["named"].items()}, result["parameters"]
 
 
 def case_lines(cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]) -> list[str]:

@@ -44,8 +44,8 @@ REFIT_SHARE = 0.5  # an addition is fitted again if it gains this share of the l
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
-KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
 MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, where a law is least exact
+KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}

@@ -218,9 +218,7 @@ def evidence_of_members(
     if only_gravity_is_turned(best.fit):
         for name in TURNS:
             evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
-    for name, own in evidence_of.items():  # a rival of impossible size shows an imitation, too
-        shares = [search.share_in_place(name, rival) for rival in search.find_rivals(best, name, 0.0)]
-        evidence_of[name] = replace(own, rival_share=max(shares, default=0.0))
+    evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
             evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
@@ -241,6 +239,12 @@ def beside_twin(search: Search, name: str, evidence_of: Mapping[str, Evidence]) 
         for member, own in evidence_of.items()
         if member != name and (gain := gains[member]).total < own.own_gain.total
     }
+
+
+def beside_better_rivals(search: Search, name: str, own: Evidence) -> Evidence:
+    """Evidence in which a rival that gains more counts as another imitation, also one of impossible size."""
+    shares = [search.share_in_place(name, rival) for rival in search.find_rivals(search.best, name, 0.0)]
+    return replace(own, rival_share=max(shares, default=0.0))
 
 
 def _with_known_replacement(evidence: Evidence, before: Evidence | None, name: str) -> Evidence | None:

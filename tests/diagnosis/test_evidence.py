@@ -12,6 +12,7 @@ from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
+    beside_better_rivals,
     beside_twin,
     beyond_other_law,
     outside_probability,
@@ -180,10 +181,17 @@ def test_a_part_of_a_twin_counts_with_what_it_gains_beside_the_twin():
         assert all(own.p_chance > alone[name].p_chance for name, own in found_beside.items())
 
 
-@pytest.mark.parametrize(("share", "named"), [(2.5, False), (1.1, True), (0.0, True)])
-def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, named):
+@pytest.mark.parametrize(("share", "z", "named"), [(2.5, -15.0, False), (1.1, -1.5, True), (0.9, 0.5, True)])
+def test_a_member_that_gains_much_less_than_a_refused_rival_imitates(share, z, named):
     """A lens in the place of the drag of the air, which gains 2.5 times as much, but cannot be named."""
-    assert replace(found(own_gain=100.0), rival_share=share).named("lens_distortion") == named
+    search = SimpleNamespace(
+        best=None,
+        find_rivals=lambda cause_set, name, least: {"air_drag": z} if z < least else {},
+        share_in_place=lambda name, rival: share,
+    )
+    lens = beside_better_rivals(search, "lens_distortion", found(own_gain=100.0))
+    assert lens.named("lens_distortion") == named
+    assert not lens.replacement_gain.gain.any()  # a smaller set must not take it for what was learnt
 
 
 @pytest.mark.parametrize(("beside", "other"), [(20.0, False), (90.0, True)])

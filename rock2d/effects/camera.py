@@ -128,8 +128,11 @@ def frame_rate_error_remedy(fitted: FittedEffect) -> str:
     true, width = stated / value, stated * half / value**2
     film = f"multiply every `t_s` by {plain(value, half)} and set `fps: {plain(true, width)}` in experiment.yaml"
     table = f"divide all velocities and spins by {plain(value, half)}"
+    lost = (
+        f", or {number(100 * (1 - 1 / value), 100 * half / value**2)} % of its frames are missing" if value > 1 else ""
+    )
     return (
-        f"The film was taken with {number(true, width)} frames/s, not with {stated:g}. Set `fps: "
+        f"The film was taken with {number(true, width)} frames/s, not with {stated:g}{lost}. Set `fps: "
         f"{plain(true, width)}` in the set-up file. {TRACK_AGAIN}{fitted.by_hand(film, table)} Film a clock to check."
     )
 

@@ -14,6 +14,7 @@ from rock2d.scene.cross_section import CrossSection
 
 # Newton's method for the inverse of the lens ends at a step this small, relative to the largest distance.
 LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30
+FOLD_SHARE = 1.0 - 1e-6  # share of the distance at which a lens folds the picture, and its derivative is 0
 
 
 @dataclass(frozen=True)
@@ -56,17 +57,19 @@ class View:
         return np.stack([cx + dx * swell, cy + dy * swell, theta], axis=-1) * self.mirror
 
     def true(self, recorded: Array) -> Array:
-        """True poses (..., 3) from recorded ones: the inverse of `record`."""
+        """True poses (..., 3) from recorded ones: the inverse of `record`. A point beyond the fold of a lens lies at it."""
         x, y, theta = np.moveaxis(np.asarray(recorded, float) * self.mirror, -1, 0)
         cx, cy = self.axis_m
         dx, dy = x - cx, y - cy
         if self.lens_per_m2:
             far = np.hypot(dx, dy)
-            near = far
+            # a lens that folds the picture cannot record a point beyond the fold
+            fold = FOLD_SHARE * (-3.0 * self.lens_per_m2) ** -0.5 if self.lens_per_m2 < 0.0 else np.inf
+            near = np.minimum(far, fold)
             for _ in range(MOST_LENS_STEPS):  # Newton on r (1 + k r²) = far
                 swollen = near * (1 + self.lens_per_m2 * near**2) - far
                 step = swollen / (1 + 3 * self.lens_per_m2 * near**2)
-                near = near - step
+                near = np.minimum(near - step, fold)
                 if np.abs(step).max(initial=0.0) <= LENS_TOLERANCE * far.max(initial=0.0):
                     break
             shrink = np.divide(near, far, out=np.ones_like(far), where=far > 0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rock2d.effects.changes import aim_and_width
+from rock2d.scene.world import View
 from tests.effects.worlds import CATALOGUE, neutral, run, typical, with_effect, world
 from tests.laboratory import SETUP
 
@@ -73,6 +74,17 @@ def test_a_slanting_view_foreshortens_x_alone():
     view = with_effect(world(), "scale_error", [1.02, 0.99, 0.0, 0.0]).view
     steps = np.diff(view.record(np.array([[0.1, 0.2, 0.0], [0.2, 0.2, 0.0], [0.2, 0.3, 0.0]])), axis=0)
     assert steps == pytest.approx(0.1 * np.array([[1.02 * 0.99, 0, 0], [0, 1.02, 0]]), abs=1e-15)
+
+
+def test_a_point_that_a_lens_cannot_record_lies_at_its_fold():
+    """r (1 + k r²) with k < 0 is largest at r = 1 / √(−3 k): 2/3 of that r."""
+    view = View(lens_per_m2=-3.0)
+    fold = 1.0 / 3.0
+    poses = np.array([[0.99 * fold, 0.0, 0.0], [0.0, -0.5 * fold, 0.0]])
+    beyond = np.array([[0.7 * fold, 0.0, 0.0], [0.0, -100.0, 0.0]])
+    found = view.true(np.concatenate([view.record(poses), beyond]))
+    assert found[:2] == pytest.approx(poses, abs=1e-9)
+    assert found[2:] == pytest.approx(np.array([[fold, 0.0, 0.0], [0.0, -fold, 0.0]]), rel=1e-5)
 
 
 def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():

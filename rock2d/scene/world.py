@@ -57,7 +57,7 @@ class View:
         return np.stack([cx + dx * swell, cy + dy * swell, theta], axis=-1) * self.mirror
 
     def true(self, recorded: Array) -> Array:
-        """True poses (..., 3) from recorded ones: the inverse of `record`. Points beyond the fold of a lens lie at it."""
+        """True poses (..., 3) from recorded ones: the inverse of `record`. Points beyond a lens's fold lie at it."""
         x, y, theta = np.moveaxis(np.asarray(recorded, float) * self.mirror, -1, 0)
         cx, cy = self.axis_m
         dx, dy = x - cx, y - cy

@@ -113,6 +113,9 @@ def test_the_true_rate_undoes_frame_rate_error(time_scale):
     frames = recorded_s * FPS
     assert np.allclose(frames / number("`fps: {}` in the set-up file", text), true_s, rtol=1e-5)
     assert np.allclose(recorded_s * number("multiply every `t_s` by {}", text), true_s, rtol=1e-5)
+    assert ("of its frames are missing" in text) == (time_scale > 1.0)
+    if time_scale > 1.0:  # a film of the stated rate takes `time_scale` as many frames
+        assert np.isclose(1.0 - number("or {} % of its frames", text) / 100.0, 1.0 / time_scale, rtol=1e-3)
 
 
 @pytest.mark.parametrize("offset", [-0.2, 0.31])

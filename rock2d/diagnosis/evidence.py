@@ -36,7 +36,7 @@ from rock2d.diagnosis.significance import (
     largest_bayes_factor,
     probability_from_p_value,
 )
-from rock2d.diagnosis.visibility import SPIN_TWINS, TURNS, only_gravity_is_turned
+from rock2d.diagnosis.visibility import SPIN_TWINS, TURNS, missing_in_first_flights, only_gravity_is_turned
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
@@ -215,9 +215,9 @@ def evidence_of_members(
         bar.step(name)
     for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects):
         evidence_of |= beside_twin(search, name, evidence_of)
-    if only_gravity_is_turned(best.fit):
-        for name in TURNS:
-            evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
+    not_there = {name for name in best.names & TWINS.keys() if missing_in_first_flights(best.fit, data, name)}
+    for name in not_there | (TURNS if only_gravity_is_turned(best.fit) else set()):
+        evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
     evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:

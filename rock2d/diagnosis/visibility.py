@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
-from rock2d.diagnosis.likelihood import standard_deviations
+from rock2d.diagnosis.likelihood import flight_weight, standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
@@ -21,6 +21,8 @@ SPIN_TWINS = {"flight_damping": "air_drag"}
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
+# share of another gravity that first flights must show, and the standard errors by which they must show less
+LEAST_FIRST_SHARE, SURE_Z = 0.5, 2.0
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
 
 
@@ -86,3 +88,20 @@ def only_gravity_is_turned(fit: Fit) -> bool:
     values = dict(zip(model.positions, model.values(fit.p), strict=True))
     turns = [values[name][0] for name in TURNS]
     return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))
+
+
+def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
+    """Whether an effect that changes gravity in all flights alike is surely not in the first flights of the releases,
+    from the change that it makes there and the residuals that are left. What acts near the ground, or in a band of the
+    set-up, may look like another gravity in all others."""
+    if not isinstance(data, FilmData):
+        return False
+    neutral, first = fit.p.copy(), data.flights.follows < 0
+    neutral[fit.model.positions[name]] = 0.0
+    with_it, without = (
+        data.observed(fit.model.acting(p, data.impact_order)[0]).flights[: data.flown][first] for p in (fit.p, neutral)
+    )
+    change, r = without - with_it, fit.residuals.flights[: data.flown][first]
+    weight = flight_weight(r)
+    square = float((weight * change**2).sum())
+    return square + float((weight * change * r).sum()) + SURE_Z * np.sqrt(square) < LEAST_FIRST_SHARE * square

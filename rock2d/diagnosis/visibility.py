@@ -104,4 +104,5 @@ def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
     change, r = without - with_it, fit.residuals.flights[: data.flown][first]
     weight = flight_weight(r)
     square = float((weight * change**2).sum())
-    return square + float((weight * change * r).sum()) + SURE_Z * np.sqrt(square) < LEAST_FIRST_SHARE * square
+    shown = square + float((weight * change * r).sum())
+    return bool(shown + SURE_Z * np.sqrt(square) < LEAST_FIRST_SHARE * square)

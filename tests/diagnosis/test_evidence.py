@@ -22,9 +22,10 @@ from rock2d.diagnosis.evidence import (
 from rock2d.diagnosis.levers import FLIGHT, LAW
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
-from rock2d.diagnosis.visibility import only_gravity_is_turned
+from rock2d.diagnosis.visibility import missing_in_first_flights, only_gravity_is_turned
 from rock2d.effects import catalogue
 from tests.effects.worlds import FLOOR, with_effect, world
+from tests.kinematics import synthetic_films
 from tests.laboratory import SETUP
 
 RELEASES = 40
@@ -245,3 +246,16 @@ def test_turns_of_camera_and_ground_that_cancel_turn_only_gravity(ground_rad, gr
     picture = built.view.record(np.column_stack([built.cross_section.points_m, np.zeros(len(ground.points_m))]))[:, :2]
     angle = [np.arctan2(*(points[-1] - points[0])[::-1]) for points in (picture, ground.points_m)]
     assert (abs(angle[0] - angle[1]) < 1e-9) == cancels
+
+
+@pytest.mark.parametrize(("name", "values"), [("scale_error", [0.9, 1.0, 0.0, 0.0]), ("frame_rate_error", [1.1])])
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_wrong_scale_or_rate_is_in_first_flights_too(name, values, recorded):
+    """Later flights may show it without: what acts near the ground looks like another gravity there."""
+    true = synthetic_films.with_causes(synthetic_films.world(), {name: values} if recorded else {})
+    setup, data = synthetic_films.data_of(synthetic_films.film(true, releases=12))
+    model = Model(setup, synthetic_films.START, [catalogue()[name]])
+    p = model.start()
+    p[model.positions[name].start] = to_scale(model.parameters_of(name)[0], values[0])
+    fitted = SimpleNamespace(model=model, p=p, residuals=model.residuals(p, data))
+    assert missing_in_first_flights(fitted, data, name) != recorded

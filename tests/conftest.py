@@ -12,6 +12,7 @@ from tests.browsing import browser  # noqa: F401, a fixture of all tests
 # Matrices are small: a second thread only waits for the first, at twenty times the processor time. The workers of
 # pytest and the commands that tests start have it, too. Before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+gc.set_threshold(50_000)  # the search for garbage is a twelfth of the time, and a third of that of collection
 
 # Files that take longest come first, so that no worker is left alone with one of them at the end (`--durations` of the
 # settings tells which). The second file needs nothing that the first compiles, so that no worker waits for the other.
@@ -36,10 +37,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is imported stays: the search for garbage, a twelfth of the time, need not walk over it, and is rarer."""
+    """What is imported stays: the search for garbage need not walk over it."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000)
 
 
 @pytest.fixture(scope="session", autouse=True)

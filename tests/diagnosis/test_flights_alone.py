@@ -125,7 +125,7 @@ def test_lift_of_an_unmeasured_spin_is_no_error_of_the_camera():
 @pytest.mark.skipif(not os.environ.get("ROCK2D_DATA"), reason="needs the real drops under ROCK2D_DATA")
 def test_real_balls_are_braked_by_the_air_whatever_else_bends_their_flights():
     """11 balls that fall 36 m. A lens gains less than half of what the air gains; only the heights were measured."""
-    content = diagnosis_json(diagnose(load_experiment(Path(os.environ["ROCK2D_DATA"]) / "data/ball_drops"), workers=2))
+    content = diagnosis_json(diagnose(load_experiment(Path(os.environ["ROCK2D_DATA"]) / "data/ball_drops")))
     assert content["verdict"] == "air_drag"
     assert {cause["effect"] for cause in content["causes"] if cause["named"]} == {"air_drag"}
     assert not any("angle" in check["words"] for check in content["checks"])

@@ -109,13 +109,13 @@ def diagnose(
     tried = effects or catalogue()
     bars = bars or DiagnosisBars(False, len(tried), workers)
     setup = setup_world(experiment)
-    with bars.stage(READING, 2, "steps") as bar:
+    with bars.stage(READING, 1, "steps") as bar:
         bars.starts()
         sanity, data = check_and_segment(experiment, setup)
         bar.step("flights and impacts")
-        result = Diagnosis(experiment, sanity, setup, findings_of_film(experiment, setup, sanity, data))
-        bar.step("scale and rest")
+    result = Diagnosis(experiment, sanity, setup)
     if data is None:
+        result.film = findings_of_film(experiment, setup, sanity, data)
         return result
     if folder is not None:
         stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
@@ -135,10 +135,10 @@ def diagnose(
             if registered is not None:
                 data, sanity.registered = registered
                 sanity.remarks.append(registered_remark(sanity.registered))
-                result.film = findings_of_film(experiment, setup, sanity, data)
                 base = fit_base(setup, base_law_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
+        result.film = findings_of_film(experiment, setup, sanity, data)
         if isinstance(data, FilmData):  # in the image that fits, as the findings
             sanity.remarks += rest_remarks(data, sanity.registered or setup) + slow_error_remarks(data)
         unseen_effects = unseen(base, data, tried, result.film)

@@ -44,9 +44,7 @@ REFIT_SHARE = 0.5  # an addition is fitted again if it gains this share of the l
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
-MISSED_BY_TWIN = 0.25  # the same for its twin, or one of `ALIKE`: contacts alone tell it apart
-# effects that change impacts nearly alike: |cos| 0.88 in a linear model, so that one gains 0.77 of what the other does
-ALIKE = frozenset({"inertia_error", "rounded_edges"})
+MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, where a law is least exact
 KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
 # Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
 # contacts distinguish them.
@@ -167,7 +165,7 @@ class Search:
         for rival in possible:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
                 continue
-            missed = MISSED_BY_TWIN if rival == twin or {name, rival} == ALIKE else MISSED_BY_FORM
+            missed = MISSED_BY_TWIN if rival == twin else MISSED_BY_FORM
             found[rival] = min(lead.significance, lead.total / (missed * alone))
             if (other := self.known.get(smaller.names | {rival})) is not None:
                 found[rival] += rests_z(self.data, cause_set, other)

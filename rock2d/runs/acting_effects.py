@@ -16,8 +16,8 @@ from rock2d.arrays import Array
 from rock2d.effects import catalogue
 from rock2d.files.diagnosis_keys import fitted_scale
 from rock2d.laws.contact import CONTACT_LAW_COLUMNS
-from rock2d.records.columns import OMEGA, POSE_NAMES, THETA, VX, VY
-from rock2d.scene.blocks import Block, poses_at
+from rock2d.records.columns import POSE_NAMES
+from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.rough_ground import Roughness
 from rock2d.scene.world import World
@@ -156,13 +156,3 @@ def true_film(scenario: Scenario) -> Experiment:
     true = rows.assign(t_s=rows["t_s"] * view.time_scale, **dict(zip(poses, pose.T, strict=True)))
     noise_m = film.position_noise_m / float(view.scales.mean())
     return replace(film, trajectories=true, fps=film.fps / view.time_scale, position_noise_m=noise_m)
-
-
-def centre_of_mass_states(block: Block, states: Array) -> Array:
-    """(n, 6) states of the centre of mass from those of the centroid."""
-    if block.centre_of_mass_m == (0.0, 0.0):
-        return states
-    poses = poses_at(states[:, :VX], block.centre_of_mass_m)
-    ahead, up = (poses - states[:, :VX])[:, :THETA].T
-    spin = states[:, OMEGA]
-    return np.column_stack([poses, states[:, VX] - spin * up, states[:, VY] + spin * ahead, spin])

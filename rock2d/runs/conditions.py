@@ -24,7 +24,7 @@ from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
 from rock2d.laws.contact import contact_table
 from rock2d.records.columns import N_STATE
-from rock2d.runs.acting_effects import ActingEffects, centre_of_mass_states
+from rock2d.runs.acting_effects import ActingEffects
 from rock2d.runs.engines import Condition, engine_named
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
@@ -37,7 +37,7 @@ from rock2d.runs.incident_states import (
     drawn_states,
     measured_states,
 )
-from rock2d.scene.blocks import Block, touching_height_m
+from rock2d.scene.blocks import Block, states_at, touching_height_m
 from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
 from rock2d.scene.rough_ground import Roughness, roughened
 
@@ -140,7 +140,7 @@ class Conditions:
         found = []
         for start in measured:
             condition = next(conditions[start.block])
-            state = centre_of_mass_states(condition.block, start.state[None])[0]
+            state = states_at(start.state, condition.block.centre_of_mass_m)[0]
             found.append((replace(start, state=state), condition))
         return found
 
@@ -275,7 +275,7 @@ class Conditions:
             self._place_above(conditions, states)
         for i, condition in enumerate(conditions):
             some = slice(None) if len(conditions) == 1 else slice(i, i + 1)
-            states[some] = centre_of_mass_states(condition.block, states[some])
+            states[some] = states_at(states[some], condition.block.centre_of_mass_m)
         return states
 
     def _place_above(self, conditions: Sequence[Condition], states: Array) -> None:

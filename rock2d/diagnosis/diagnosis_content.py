@@ -109,8 +109,8 @@ def film_sentences(result: Diagnosis) -> list[str]:
     names = {effect for name in attribution.named for effect in (name, *attribution.group(name))}
     if not ((film.off and not TWINS.keys() & names) or (film.turned and "camera_tilt" not in names)):
         return sentences
-    phases = {name: catalogue()[name].phase for name in [*sorted(attribution.named), *attribution.uncertain]}
-    acting = [name for name, phase in phases.items() if phase != "impact"]
+    certainty = dict.fromkeys(sorted(attribution.named), "") | dict.fromkeys(attribution.uncertain, " (not certain)")
+    acting = [name + said for name, said in certainty.items() if catalogue()[name].phase != "impact"]
     learnt = [change.name for change in attribution.learnt.changes if change.lever == FLIGHT]
     if acting or learnt:
         return [

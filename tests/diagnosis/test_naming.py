@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis import attribution
+from rock2d.diagnosis.diagnosis_content import film_sentences
 from rock2d.diagnosis.evidence import Evidence
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import DiagnosisBars
@@ -167,3 +168,18 @@ def test_a_negligible_member_does_not_give_way_to_a_rival_that_explains_less(sta
         return member(name, SURE)
 
     assert stay(judged, "scale_error", "adhesion")[0] == {"adhesion"}
+
+
+def test_gravity_is_explained_by_what_is_named_and_doubtful_effects_are_called_so():
+    film = SimpleNamespace(off=True, turned=False, sentences=lambda: ["g is off"])
+    found = SimpleNamespace(
+        named={"air_drag"}, uncertain=["frame_rate_error", "adhesion"], group=lambda name: [],
+        learnt=SimpleNamespace(changes=[]),
+    )  # fmt: skip
+    *_, said = film_sentences(SimpleNamespace(film=film, found=found))
+    assert said.endswith("explains gravity in the flights by air_drag, frame_rate_error (not certain)")
+    found.named, found.uncertain = {"adhesion"}, []
+    *_, said = film_sentences(SimpleNamespace(film=film, found=found))
+    assert said.endswith("finds nothing that explains gravity in the flights")
+    found.named = {"scale_error"}
+    assert film_sentences(SimpleNamespace(film=film, found=found)) == ["g is off"]

@@ -91,13 +91,13 @@ def held_out_gain(data: Data, model: Validated, reference: Validated) -> Gain:
 
 def _shared_error(data: Data, model: Validated, reference: Validated) -> float:
     """Standard deviation of a gain by slow errors of the track: all releases may share them, so that held-out releases
-    do not show them."""
+    do not show them. What is lost where an impact cannot be simulated does not depend on them."""
     slow = data.slow_outcomes()
     if not slow.shape[-1]:
         return 0.0
     covariance, other = reference.fit.covariance(), model.held_out.residuals.impacts
-    residuals = np.nan_to_num(reference.held_out.residuals.impacts)
-    weight = impact_weight(chi_square(residuals, covariance), residuals.shape[1])
+    residuals = reference.held_out.residuals.impacts
+    weight = impact_weight(chi_square(np.nan_to_num(residuals), covariance), residuals.shape[1])
     differ = np.linalg.solve(covariance, np.nan_to_num(residuals - other)[..., None])[..., 0]
     return float(np.linalg.norm(np.einsum("n,nds,nd->s", weight, slow, differ)))
 

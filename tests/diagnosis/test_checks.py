@@ -94,6 +94,17 @@ def test_a_gain_that_a_shared_slow_error_makes_is_not_significant(soiled):
     assert held_out_gain(replace(data, slow=np.zeros_like(data.slow)), model, reference).significant
 
 
+def test_an_impact_that_cannot_be_simulated_adds_nothing_to_what_slow_errors_make(soiled):
+    """Where a block begins inside the stated ground, nothing is compared: a turned picture gained thousands, ± more."""
+    data, found, shifted = soiled
+    model, reference = (Validated.of(own, data) for own in (found, shifted))
+    lost = np.arange(len(data.impacts)) % 2 == 0
+    reference.held_out.residuals.impacts[lost] = np.nan
+    error = held_out_gain(data, model, reference).shared_error
+    model.held_out.residuals.impacts[lost] += 1e3
+    assert 0.0 < held_out_gain(data, model, reference).shared_error == error
+
+
 def test_shift_in_one_zone_is_named(fitted):
     zones = fitted[0].impact_zone
     out = failed(fitted, drawn(fitted, 1, spin=np.where(zones == np.bincount(zones).argmax(), 1.0, -1.0)))

@@ -97,7 +97,7 @@ def _shared_error(data: Data, model: Validated, reference: Validated) -> float:
         return 0.0
     covariance, other = reference.fit.covariance(), model.held_out.residuals.impacts
     residuals = reference.held_out.residuals.impacts
-    weight = impact_weight(chi_square(np.nan_to_num(residuals), covariance), residuals.shape[1])
+    weight = impact_weight(chi_square(residuals, covariance), residuals.shape[1])
     differ = np.linalg.solve(covariance, np.nan_to_num(residuals - other)[..., None])[..., 0]
     return float(np.linalg.norm(np.einsum("n,nds,nd->s", weight, slow, differ)))
 

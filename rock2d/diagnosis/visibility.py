@@ -21,7 +21,7 @@ SPIN_TWINS = {"flight_damping": "air_drag"}
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
-# share of another gravity that first flights must show, and the standard errors by which they must show less
+# A wrong scale or frame rate is none if first flights show less than this share of it, by so many standard errors.
 LEAST_FIRST_SHARE, SURE_Z = 0.5, 2.0
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
 
@@ -99,7 +99,7 @@ def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
     neutral, first = fit.p.copy(), data.flights.follows < 0
     neutral[fit.model.positions[name]] = 0.0
     with_it, without = (
-        data.observed(fit.model.acting(p, data.impact_order)[0]).flights[: data.flown][first] for p in (fit.p, neutral)
+        data.observed(fit.model.world(p, data.impact_order)).flights[: data.flown][first] for p in (fit.p, neutral)
     )
     change, r = without - with_it, fit.residuals.flights[: data.flown][first]
     weight = flight_weight(r)

@@ -274,6 +274,8 @@ class Conditions:
         if incident.above_ground is not None:
             self._place_above(conditions, states)
         for i, condition in enumerate(conditions):
+            if not any(condition.block.centre_of_mass_m):
+                continue
             some = slice(None) if len(conditions) == 1 else slice(i, i + 1)
             states[some] = states_at(states[some], condition.block.centre_of_mass_m)
         return states

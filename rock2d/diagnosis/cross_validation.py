@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Jacobian
+from rock2d.diagnosis.derivatives import Jacobian, Noise
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import (
     chi_square,
@@ -162,7 +162,7 @@ def save_fit(path: Path, validated: Validated) -> None:
     save_arrays(
         path, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
         slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, later=fit.jacobian.later,
-        bend=fit.jacobian.bend, covariance=fit.jacobian.covariance, impacts=fit.residuals.impacts,
+        bend=fit.jacobian.bend, **fit.jacobian.noise._asdict(), impacts=fit.residuals.impacts,
         flights=fit.residuals.flights, out_impacts=out.residuals.impacts, out_flights=out.residuals.flights,
         score=out.score, out_parameters=out.parameters,
     )  # fmt: skip
@@ -172,9 +172,8 @@ def load_fit(path: Path, model: Model) -> Validated | None:
     """Read what `save_fit` wrote; None if there is no readable file."""
     if (a := load_arrays(path)) is None:
         return None
-    jacobian = Jacobian(
-        a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["later"], a["bend"], a["covariance"]
-    )
+    noise = Noise(a["covariance"], a["beyond"])
+    jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["later"], a["bend"], noise)
     residuals = Residuals(a["impacts"], a["flights"])
     fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], jacobian, residuals)
     residuals = Residuals(a["out_impacts"], a["out_flights"])

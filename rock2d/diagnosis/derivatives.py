@@ -24,6 +24,21 @@ from rock2d.records.columns import N_STATE
 
 DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
 NOISE_DRAWS, NOISE_SEED = 20, 0  # draws of noise and soil that show what they do beyond first order; seed of them
+# standard deviation of the soil at the start of a fit; at this value `Noise.beyond` has the size that was drawn
+START_SCATTER = 0.05
+
+
+class Noise(NamedTuple):
+    """What noise does to the residuals of impacts.
+
+    Attributes
+    ----------
+    covariance : (n, d, d) from the measured states before and after, to first order
+    beyond : (n, d, d) columns by what noise and soil do beyond first order. Their standard deviation is fitted, because
+        the draws depend on the soil's scatter, which is fitted later"""
+
+    covariance: Array
+    beyond: Array
 
 
 @dataclass
@@ -34,23 +49,24 @@ class Jacobian:
     ----------
     impacts : (n, d, P) of impacts by parameters
     flights : (m, 3, degrees, P) of flights by parameters
-    scatter : (n, d, k) of impacts by what scatters from impact to impact: the soil, and effects that widen the scatter
+    scatter : (n, d, k) of impacts by what scatters from impact to impact: the soil, effects that widen the scatter,
+        and fitted noise. The last one is 0: its standard deviation belongs to `noise.beyond`
     later : (n, d, k) the part of `scatter` that comes from later strikes of an impact, which meet another place
     bend : (n, d, k) second order of the same, which adds a variance (bend σ²)² at a standard deviation σ; 0 for the
-        soil, whose second order is part of `covariance`
-    covariance : (n, d, d) of the measurement noise in the residuals of impacts"""
+        soil, whose second order is part of `noise.beyond`
+    noise : what noise does to the residuals of impacts"""
 
     impacts: Array
     flights: Array
     scatter: Array
     later: Array
     bend: Array
-    covariance: Array
+    noise: Noise
 
     def scattered_by(self, columns: Array) -> Jacobian:
         """The same derivatives with some of the columns of `scatter`, `later` and `bend`."""
-        own = {name: np.ascontiguousarray(getattr(self, name)[..., columns]) for name in ("scatter", "later", "bend")}
-        return replace(self, **own)
+        scatter, later, bend = (np.ascontiguousarray(s[..., columns]) for s in (self.scatter, self.later, self.bend))
+        return replace(self, scatter=scatter, later=later, bend=bend)
 
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
@@ -71,7 +87,7 @@ def jacobian_by_differences(
     point: Point,
     data: Data,
     soil: Array,
-    covariance: Array | None = None,
+    noise: Noise | None = None,
     later: Array | None = None,
     known: Jacobian | None = None,
 ) -> Jacobian:
@@ -79,8 +95,8 @@ def jacobian_by_differences(
 
     Parameters
     ----------
-    soil : (k,) scatter at which the covariance of the noise and the derivatives by scatter are computed
-    covariance : covariance of the noise, if known
+    soil : (k,) scatter at which the noise and the derivatives by scatter are computed
+    noise : `Jacobian.noise`, if known
     later : `Jacobian.later` of a fit nearby, if it is taken over
     known : derivatives by the first parameters there, if known"""
     p, at = point
@@ -103,7 +119,8 @@ def jacobian_by_differences(
         parts = [by_levers.by_coefficients(response) for response in model.responses]
         by_impacts[..., named:] = np.concatenate([part.impacts for part in parts], axis=-1) * model.widths
         by_flights[..., named:] = np.concatenate([part.flights for part in parts], axis=-1) * model.widths
-    columns, bends, further = [by_law], [np.zeros_like(by_law)], data.extra_scatter()
+    columns, bends = [by_law], [np.zeros_like(by_law)]
+    further = np.concatenate([data.extra_scatter(), np.zeros((n, d, 1))], axis=-1)
     for effect, sigma in zip(model.scatter_effects, soil[len(BASE_WIDTH) :]):  # noqa: B905 (further scatter follows)
         slope, bend = by_scatter(model, p, data, at, effect, sigma)
         columns.append(slope)
@@ -112,9 +129,10 @@ def jacobian_by_differences(
     bend = np.nan_to_num(np.concatenate([*bends, np.zeros_like(further)], axis=-1))
     of_later, law = np.zeros_like(scatter), slice(len(BASE_WIDTH))
     of_later[..., law] = by_later_strikes(model, p, data, steps[law]) if later is None else later[..., law]
-    if covariance is None:
-        covariance = _noise_covariance(model, p, data, at, soil, np.nan_to_num(by_law)) if n else data.outcome_noise()
-    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, of_later, bend, covariance)
+    if noise is None:
+        none = Noise(data.outcome_noise(), np.zeros((n, d, d)))
+        noise = _noise(model, p, data, at, soil, np.nan_to_num(by_law)) if n else none
+    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, of_later, bend, noise)
 
 
 def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect, sigma: float) -> tuple[Array, Array]:
@@ -132,9 +150,9 @@ def by_scatter(model: Model, p: Array, data: Data, at: Residuals, effect: Effect
     return ((ahead - behind) / (2.0 * step))[..., None], bend[..., None]
 
 
-def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array, by_law: Array) -> Array:
-    """(n, d, d) covariance of the residuals, from the noise of the measured states before and after, and from what the
-    soil's scatter (5,) does beyond first order; `by_law` (n, d, 5): first order of the soil.
+def _noise(model: Model, p: Array, data: Data, at: Residuals, scatter: Array, by_law: Array) -> Noise:
+    """The noise of the residuals, from that of the measured states before and after, and what both and the soil's
+    scatter (5,) do beyond first order; `by_law` (n, d, 5): first order of the soil.
 
     First order is not enough where a small change before an impact changes it, for example which corner lands first.
     Draws of noise and soil show how far such impacts are spread. The draws are the same at each call. So the covariance
@@ -148,12 +166,13 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     by_state = np.nan_to_num(np.stack(slope, axis=-1))
     rng, root = np.random.default_rng(np.random.SeedSequence(NOISE_SEED)), square_roots(before)
     covariance = by_state @ before @ by_state.transpose(0, 2, 1) + data.outcome_noise()
+    further = np.zeros_like(covariance)
     for _ in range(NOISE_DRAWS):
         shift, soil = times_normal(root, rng), scatter[: len(BASE_WIDTH)] * rng.normal(size=by_law[:, 0].shape)
         first_order = np.einsum("ndk,nk->nd", by_state, shift) + np.einsum("ndk,nk->nd", by_law, soil)
         beyond = np.nan_to_num(drawn_impacts(model, p, data, soil, shift) - at.impacts - first_order)
-        covariance += beyond[:, :, None] * beyond[:, None, :] / NOISE_DRAWS
-    return np.asarray(covariance)
+        further += beyond[:, :, None] * beyond[:, None, :] / NOISE_DRAWS
+    return Noise(covariance, square_roots(further) / START_SCATTER)
 
 
 def drawn_impacts(model: Model, p: Array, data: Data, soil: Array, shift: Array) -> Array:
@@ -177,7 +196,7 @@ def times_normal(columns: Array, rng: np.random.Generator) -> Array:
 def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
     """(n, d, d) covariances at standard deviations `scatter` (k,) of what varies from impact to impact."""
     wide = ScatterColumns.of(jacobian).scaled(scatter)
-    return jacobian.covariance + wide @ wide.transpose(0, 2, 1)
+    return jacobian.noise.covariance + wide @ wide.transpose(0, 2, 1)
 
 
 class ScatterColumns(NamedTuple):
@@ -185,7 +204,8 @@ class ScatterColumns(NamedTuple):
 
     Attributes
     ----------
-    columns : (n, d, c) of the first strike, of later ones, and of second order, the last two where they are not 0
+    columns : (n, d, c) of the first strike, of later ones, of second order, and of `Noise.beyond`; those of later
+        strikes and of second order where they are not 0
     owner : (c,) standard deviation that each belongs to
     order : (c,) power of the standard deviation in it
     share : (c, k) order of each column in the standard deviation that it belongs to, else 0"""
@@ -198,11 +218,11 @@ class ScatterColumns(NamedTuple):
     @classmethod
     def of(cls, jacobian: Jacobian) -> ScatterColumns:
         """The columns of these derivatives."""
-        k = jacobian.scatter.shape[-1]
+        k, beyond = jacobian.scatter.shape[-1], jacobian.noise.beyond
         again, bent = (np.flatnonzero(own.any(axis=(0, 1))) for own in (jacobian.later, jacobian.bend))
-        parts = [jacobian.scatter - jacobian.later, jacobian.later[..., again], jacobian.bend[..., bent]]
-        owner = np.concatenate([np.arange(k), again, bent])
-        order = np.repeat([1.0, 2.0], [k + len(again), len(bent)])
+        parts = [jacobian.scatter - jacobian.later, jacobian.later[..., again], jacobian.bend[..., bent], beyond]
+        owner = np.concatenate([np.arange(k), again, bent, np.full(beyond.shape[-1], k - 1)])
+        order = np.repeat([1.0, 2.0, 1.0], [k + len(again), len(bent), beyond.shape[-1]])
         return cls(np.concatenate(parts, axis=-1), owner, order, np.eye(k)[owner] * order[:, None])
 
     def scaled(self, scatter: Array) -> Array:

@@ -19,10 +19,17 @@ from threadpoolctl import threadpool_limits
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Jacobian, Point, by_scatter, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import (
+    START_SCATTER,
+    Jacobian,
+    Point,
+    by_scatter,
+    jacobian_by_differences,
+    residual_covariance,
+)
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
-from rock2d.diagnosis.fitting import START_SCATTER, Fit, start_scatter
+from rock2d.diagnosis.fitting import Fit, start_scatter
 from rock2d.diagnosis.known_causes import (
     distance_from_neutral,
     largest_size,
@@ -205,7 +212,7 @@ class _AddedEffect:
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
         own, soil = fit.jacobian, start_scatter(self._model, data, fit)
         point = Point(self._p, fit.residuals)
-        self._jacobian = jacobian_by_differences(self._model, point, data, soil, own.covariance, own.later, own)
+        self._jacobian = jacobian_by_differences(self._model, point, data, soil, own.noise, own.later, own)
         place, self._others = self._model.positions[effect.name], np.ones(self._model.size, bool)
         self._others[place] = False
         # the parameter that is its size; for an effect with parameters for each block, those of all blocks

@@ -21,8 +21,8 @@ from rock2d.diagnosis.budget import GapBootstrap, ResidualSizes
 from rock2d.diagnosis.cause_sets import TWINS, Reduction, Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_gain, rests_z
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.derivatives import residual_covariance
-from rock2d.diagnosis.fitting import START_SCATTER, Fit
+from rock2d.diagnosis.derivatives import START_SCATTER, residual_covariance
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, Levers, best_step, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
@@ -417,14 +417,10 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     fit, units = model.fit, state_units(model.fit.model.setup)[RATES]
     columns = np.zeros((*fit.residuals.impacts.shape, len(units)))
     columns[:, -len(units) :] = np.diag(units)
-    jacobian = fit.jacobian
-    slope = replace(
-        jacobian,
-        scatter=np.concatenate([jacobian.scatter, columns], axis=-1),
-        later=np.concatenate([jacobian.later, np.zeros_like(columns)], axis=-1),
-        bend=np.concatenate([jacobian.bend, np.zeros_like(columns)], axis=-1),
-    )
-    start = np.concatenate([fit.scatter, np.full(len(units), START_SCATTER)])
+    before_last = [len(fit.scatter) - 1] * len(units)
+    parts = (("scatter", columns), ("later", 0.0), ("bend", 0.0))
+    wider = {name: np.insert(getattr(fit.jacobian, name), before_last, part, axis=-1) for name, part in parts}
+    slope, start = replace(fit.jacobian, **wider), np.insert(fit.scatter, before_last, START_SCATTER)
     wide = residual_covariance(slope, fit_scatter(fit.residuals.impacts, slope, start))
     scores = [by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())]
     return Gain(scores[0] - scores[1])

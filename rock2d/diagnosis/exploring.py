@@ -135,7 +135,8 @@ def narrowed_starts(model: Model, data: Data, base: Fit) -> list[Array]:
     totals = [total_log_likelihood(model.residuals(p, data), misfit * covariance) for p in points]
     starts = [points[k] for k in np.argsort(totals)[-WIDE_STARTS:]]
     for power in NARROWING:
-        wide = replace(base, jacobian=replace(base.jacobian, covariance=misfit**power * covariance))
+        noise = base.jacobian.noise._replace(covariance=misfit**power * covariance)
+        wide = replace(base, jacobian=replace(base.jacobian, noise=noise))
         starts = [fit(model, data, p, wide, FEW_ROUNDS).p for p in starts]
     return starts
 

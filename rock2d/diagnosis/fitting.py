@@ -9,7 +9,15 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import DIFFERENCE_STEP, Jacobian, Point, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import (
+    DIFFERENCE_STEP,
+    START_SCATTER,
+    Jacobian,
+    Noise,
+    Point,
+    jacobian_by_differences,
+    residual_covariance,
+)
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     fit_scatter,
@@ -25,7 +33,7 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_
 MOST_ITERATIONS = 30
 START_DAMPING = 1e-3
 MOST_DAMPINGS = 5  # tried dampings of a step
-START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
+SMALLEST_START_SCATTER = 3e-3
 MOST_UPDATES = 4  # updates of the derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 CONVERGED_LEAD_SHARE = 0.02  # the same for a fit behind a rival, as a share of the rival's lead
@@ -44,7 +52,8 @@ class Fit:
     Attributes
     ----------
     p, p_covariance : (P,) parameters on the scale of `Model`, (P, P) their covariance
-    scatter : (k,) standard deviations of the soil, and of effects that widen the scatter
+    scatter : (k,) standard deviations of the soil, of effects that widen the scatter, of fitted noise, and of
+        `Noise.beyond`
     jacobian : derivatives of the residuals at p
     residuals : residuals at p
     free : whether the parameters were fitted to this model; False where they were taken from another one"""
@@ -75,7 +84,7 @@ class Fit:
             s.scatter[impacts],
             s.later[impacts],
             s.bend[impacts],
-            s.covariance[impacts],
+            Noise(*(part[impacts] for part in s.noise)),
         )
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
         return replace(self, jacobian=jacobian, residuals=residuals)
@@ -141,7 +150,7 @@ def fit(
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            noise = None if renew or jacobian is None else jacobian.covariance
+            noise = None if renew or jacobian is None else jacobian.noise
             later = None if own_noise or jacobian is None else jacobian.later
             noise_known = noise_known or moved
             near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
@@ -161,14 +170,14 @@ def fit(
         elif gains or updates > 0:
             updates, damping = None, START_DAMPING
         elif not (keep_jacobian or _near(model, scatter, derived_at)):
-            noise, later = jacobian.covariance, jacobian.later
+            noise, later = jacobian.noise, jacobian.later
             jacobian = jacobian_by_differences(model, at, data, scatter, noise, later, jacobian)
             damping, derived_at = START_DAMPING, scatter
         else:
             break
     assert jacobian is not None
     if updates is None and not keep_jacobian:
-        noise, later = jacobian.covariance, None if own_noise else jacobian.later
+        noise, later = jacobian.noise, None if own_noise else jacobian.later
         jacobian = jacobian_by_differences(model, at, data, scatter, noise, later)
         if model.scatter_effects:
             scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
@@ -234,8 +243,9 @@ def _near(model: Model, scatter: Array, derived_at: Array) -> bool:
 
 
 def start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
-    """Scatter at the start of a fit: of the soil, of effects that widen the scatter, and of fitted noise."""
-    count, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
+    """Scatter at the start of a fit: of the soil, of effects that widen the scatter, of fitted noise, and of
+    `Noise.beyond`."""
+    count, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1] + 1
     scatter = np.full(count + extra, START_SCATTER)
     if old is not None:
         known = len(old.scatter) - extra

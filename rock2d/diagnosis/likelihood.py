@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Jacobian, ScatterColumns
+from rock2d.diagnosis.derivatives import START_SCATTER, Jacobian, ScatterColumns
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
@@ -164,9 +164,12 @@ def prior(model: Model) -> tuple[Array, Array]:
 def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
 
-    Damped steps of Fisher scoring in their logarithms."""
+    Damped steps of Fisher scoring in their logarithms. What goes beyond first order (`Noise.beyond`) does not become
+    less than drawn: the known noise does it already."""
     cost = _Cost.of(r, jacobian)
-    low, high = np.log(SCATTER_BOUNDS)
+    low, high = (np.full(len(start), np.log(bound)) for bound in SCATTER_BOUNDS)
+    if jacobian.noise.beyond.size:
+        low[-1] = np.log(START_SCATTER)
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_SCATTER_STEPS):
         candidate = at
@@ -214,7 +217,7 @@ class _Cost(NamedTuple):
         """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
         own = ScatterColumns.of(jacobian)
-        return cls(r[good], own.columns[good], own.share, jacobian.covariance[good])
+        return cls(r[good], own.columns[good], own.share, jacobian.noise.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """Cost at logarithms (k,) of the standard deviations."""

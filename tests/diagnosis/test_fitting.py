@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Jacobian, drawn_impacts, square_roots, times_normal
+from rock2d.diagnosis.derivatives import Jacobian, Noise, drawn_impacts, square_roots, times_normal
 from rock2d.diagnosis.far_impacts import FAR
 from rock2d.diagnosis.likelihood import chi_square, clustered_covariance, newton_step, normal_equations
 from rock2d.diagnosis.model import BASE_WIDTH
@@ -37,7 +37,8 @@ def test_intervals_hold_where_the_residuals_of_a_release_depend_on_each_other(sh
     release, none = np.repeat(np.arange(releases), each), np.empty(0, np.int64)
     j = np.column_stack([np.ones(releases * each), np.repeat(rng.normal(size=releases), each)])[:, None]
     noise, flights = np.ones((releases * each, 1, 1)), np.empty((0, 3, 2))
-    slope = Jacobian(j, np.empty((0, 3, 2, 2)), *np.empty((3, releases * each, 1, 0)), noise)
+    *none_scatter, beyond = np.empty((4, releases * each, 1, 0))
+    slope = Jacobian(j, np.empty((0, 3, 2, 2)), *none_scatter, Noise(noise, beyond))
     found, stated, plain = [], [], []
     for _ in range(300):
         r = rng.normal(size=(releases * each, 1)) + shared * rng.normal(size=(releases, 1))[release]

@@ -69,11 +69,11 @@ def test_a_soil_that_varies_from_strike_to_strike_is_found_as_such(fitted):
     base = fitted[1]
     jacobian, rng = base.jacobian, np.random.default_rng(0)
     sigma, n = np.full(5, 0.1), len(jacobian.scatter)
-    parts = (jacobian.scatter - jacobian.later, jacobian.later)
+    parts = [part[..., :5] for part in (jacobian.scatter - jacobian.later, jacobian.later)]
     r = sum(np.einsum("ndk,nk->nd", part, sigma * rng.normal(size=(n, 5))) for part in parts)
-    r = r + np.einsum("nij,nj->ni", np.linalg.cholesky(jacobian.covariance), rng.normal(size=r.shape))
+    r = r + np.einsum("nij,nj->ni", np.linalg.cholesky(jacobian.noise.covariance), rng.normal(size=r.shape))
     shared = replace(jacobian, later=np.zeros_like(jacobian.later))
-    found, alike = (fit_scatter(r, own, np.full(5, 0.05)) for own in (jacobian, shared))
+    found, alike = (fit_scatter(r, own, np.full(6, 0.05)) for own in (jacobian, shared))
     assert found[:2] == pytest.approx(sigma[:2], rel=0.3)
     totals = [log_likelihood(r, residual_covariance(own, s)).sum() for own, s in ((jacobian, found), (shared, alike))]
     assert totals[0] > totals[1] + 5.0

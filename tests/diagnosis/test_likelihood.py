@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.derivatives import Jacobian, residual_covariance
+from rock2d.diagnosis.derivatives import START_SCATTER, Jacobian, Noise, residual_covariance
 from rock2d.diagnosis.likelihood import PRIOR_SCATTER, fit_scatter, log_likelihood, scatter_errors
 
 SOIL = np.array([0.08, 0.03, 0.15])
 
 
-def impacts(soil, count=800, seed=5):
-    """(n, 6) residuals of impacts on a soil that varies, and their derivatives."""
+def impacts(soil, count=800, seed=5, further=0.0):
+    """(n, 6) residuals of impacts on a soil that varies, and their derivatives; `further`: the standard deviation of
+    what goes beyond first order, if there is any."""
     rng = np.random.default_rng(seed)
     by_soil = rng.normal(size=(count, 6, len(soil)))
     root = 0.05 * rng.normal(size=(count, 6, 6))
@@ -21,8 +22,11 @@ def impacts(soil, count=800, seed=5):
     # residuals from a Student distribution, as the likelihood takes them, so that no outlier is missing
     heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
     own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
+    beyond = rng.normal(size=(count, 6, 2 if further else 0))
+    own += np.einsum("nij,nj->ni", beyond, further * rng.normal(size=(count, beyond.shape[-1])))
+    by_soil = np.concatenate([by_soil, np.zeros((count, 6, 1 if further else 0))], axis=-1)
     none = np.empty((count, 6, 0)), np.empty((0, 3, 2, 0))
-    return heavy * (drawn + own), Jacobian(*none, by_soil, 0.0 * by_soil, 0.0 * by_soil, noise)
+    return heavy * (drawn + own), Jacobian(*none, by_soil, 0.0 * by_soil, 0.0 * by_soil, Noise(noise, beyond))
 
 
 def posterior(r, slope, soil):
@@ -47,6 +51,15 @@ def test_no_other_scatter_is_more_probable(start):
     assert found[1] < 0.02
 
 
+@pytest.mark.parametrize("size", [0.1, 1.0, 4.0])
+def test_what_goes_beyond_first_order_has_a_standard_deviation_of_its_own(size):
+    """Residuals with more of it than was drawn: its size is found, and the soil's stays what it is. It is never less
+    than was drawn."""
+    r, slope = impacts(SOIL, 1500, further=START_SCATTER * size)
+    found = fit_scatter(r, slope, np.full(len(SOIL) + 1, START_SCATTER))
+    assert found == pytest.approx([*SOIL, START_SCATTER * max(size, 1.0)], rel=0.15)
+
+
 def test_the_stated_errors_are_those_of_repeated_draws():
     found = []
     for seed in range(40):
@@ -65,7 +78,7 @@ def test_a_scatter_counts_to_second_order():
     bend = 8.0 * rng.normal(size=slope.scatter.shape)
     x = sigma * rng.normal(size=len(none))
     drawn = slope.scatter[..., 0] * x[:, None] + bend[..., 0] * x[:, None] ** 2 / np.sqrt(2.0)
-    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(slope.covariance), rng.normal(size=none.shape))
+    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(slope.noise.covariance), rng.normal(size=none.shape))
     r, start = drawn + noise, np.full(1, 0.03)
     bent = replace(slope, bend=bend)
     found = fit_scatter(r, bent, start)

@@ -118,6 +118,6 @@ def _noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], lis
         return ("1 sigma", "stated", "found", "found, in averages", ""), rows
     assert data is not None
     spread = np.diagonal(data.extra_scatter()[0])
-    noise = models["base"].fit.scatter[-len(spread) :] * spread
+    noise = models["base"].fit.scatter[-1 - len(spread) : -1] * spread
     names = ("along the ground (m/s)", "across it (m/s)", "spin (rad/s)")
     return ("1 sigma", "fitted"), [(name, f"{v:.3g}") for name, v in zip(names, noise, strict=True)]

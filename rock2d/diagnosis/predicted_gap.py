@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.cross_validation import Validated, folds
 from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.derivatives import square_roots, times_normal
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.replay import Segments, with_drawn_soils
@@ -23,7 +24,6 @@ DRAWS = 400  # bootstrap draws of the releases
 MOST_UNCERTAIN = 0.15  # standard error above which a closed share is not stated
 # ratio to the tail without a change from which on the change is harmful; bootstrap draws of the releases differ less
 HARMFUL_TAIL = 1.02
-SMALLEST_VARIANCE = 1e-18  # keeps a covariance of states positive definite
 
 
 @dataclass
@@ -181,13 +181,11 @@ def replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: i
     seen = np.where(np.isfinite(measured(data, segments)), expected, np.nan)
     dt = data.start_s[segments.flight]
     starts = data.states_at(world, segments.flight, dt)
-    covariance = data.true_covariance(world, segments.flight, dt, starts)
-    root = np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(starts.shape[1]))
+    root = square_roots(data.true_covariance(world, segments.flight, dt, starts))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     misses_of_draws = []
     for _ in range(REPLICATES):
-        shift = np.einsum("nij,nj->ni", root, rng.normal(size=starts.shape))
-        drawn = with_drawn_soils(fit, world, len(segments), rng)
+        shift, drawn = times_normal(root, rng), with_drawn_soils(fit, world, len(segments), rng)
         poses = predicted_poses(data, segments, drawn, changes, shift)
         poses += rng.normal(size=poses.shape) * data.film.noise
         misses_of_draws.append(misses(data, poses, seen))

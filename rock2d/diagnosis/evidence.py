@@ -37,6 +37,7 @@ from rock2d.diagnosis.significance import (
     probability_from_p_value,
 )
 from rock2d.diagnosis.visibility import SPIN_TWINS, TURNS, missing_in_first_flights, only_gravity_is_turned
+from rock2d.effects.camera import KEYSTONE_PARAMETERS
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
@@ -430,11 +431,12 @@ def relative_size(fit: Fit, name: str) -> float:
     """Largest size among the parameters of an effect, as a share of the plausible range on its side.
 
     It is 1 for an effect that is a choice. The aim of the camera, a choice of the place where an effect acts, and
-    optional parameters, which only refine an effect, do not count."""
+    optional parameters, which only refine an effect, do not count. A keystone counts: it needs no rotation."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
-        if parameter not in AIM_PARAMETERS and not parameter.may_be_missing:
+        refines = parameter in AIM_PARAMETERS or parameter.may_be_missing
+        if parameter in KEYSTONE_PARAMETERS or not refines:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))

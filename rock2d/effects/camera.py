@@ -9,22 +9,22 @@ from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.records.columns import after
-from rock2d.scene.world import World
+from rock2d.scene.world import HORIZON, World
 from rock2d.wording import number, plain
 
 
 def with_camera_tilt(world: World, values: Sequence[float]) -> World:
     """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the
-    point that the camera aims at. Before, a keystone divides the distance u from the middle of the set-up by
-    1 + keystone · u / W, W the width of embankment and ditch."""
+    point that the camera aims at. Before, a keystone divides the distance u from c by 1 + keystone · u / W, W the width
+    of embankment and ditch. Areas in the middle of the set-up stay: a keystone is no error of the scale."""
     tilt, right, up, *keystone = values
     middle, width = aim_and_width(world.cross_section)
-    a, b = world.view.keystone_per_m
-    c, d = keystone or (0.0, 0.0)
-    return with_view(
-        world, (right, up), tilt_rad=world.view.tilt_rad + tilt, middle_m=middle,
-        keystone_per_m=(a + c / width, b + d / width),
-    )  # fmt: skip
+    seen = with_view(world, (right, up), tilt_rad=world.view.tilt_rad + tilt)
+    slant = np.array(keystone or (0.0, 0.0)) / width
+    # the area of a small body changes by the factor (1 + keystone · u / W)^-3
+    wide = max(float(1.0 + slant @ np.subtract(middle, seen.view.axis_m)), HORIZON)
+    x, y = slant + seen.view.keystone_per_m
+    return with_view(seen, scale=seen.view.scale * wide**1.5, keystone_per_m=(float(x), float(y)))
 
 
 def camera_tilt_remedy(fitted: FittedEffect) -> str:
@@ -58,7 +58,7 @@ def _keystone_remedy(fitted: FittedEffect) -> str:
         + (ahead if fitted.values[name] > 0 else back)
         for name, ahead, back in clear
     )
-    (x, y), (a, b) = view.middle_m, view.keystone_per_m
+    (x, y), (a, b) = view.axis_m, view.keystone_per_m
     return (
         f" Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
         "motion at a right angle. No key of the set-up file corrects this. In the record that is turned back, divide "
@@ -71,9 +71,9 @@ def _keystone_remedy(fitted: FittedEffect) -> str:
 CLEAR_KEYSTONE = 2.0
 KEYSTONE_PARAMETERS = (
     Parameter(
-        "keystone_right", "1", 0.0, -0.3, 0.3, "loss of scale to the right over the set-up's width", optional=True
+        "keystone_right", "1", 0.0, -0.2, 0.2, "loss of scale to the right over the set-up's width", optional=True
     ),
-    Parameter("keystone_up", "1", 0.0, -0.3, 0.3, "loss of scale upwards over the set-up's width", optional=True),
+    Parameter("keystone_up", "1", 0.0, -0.2, 0.2, "loss of scale upwards over the set-up's width", optional=True),
 )
 
 

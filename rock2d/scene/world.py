@@ -22,12 +22,11 @@ HORIZON = 0.1  # least scale of a slanting view; beyond it lies what such a came
 class View:
     """How the recording of the camera differs from the world; the default is a perfect camera.
 
-    A point is changed in this order: its distance u from `middle_m` is divided by 1 + `keystone_per_m` · u, because a
-    slanting camera shows farther parts smaller; rotated by `tilt_rad`, and scaled by `scale` along y and `scale` ×
-    `aspect` along x, about the camera's axis, which meets the plane at `axis_m`; distorted by the factor
-    1 + `lens_per_m2` r² at a distance r from the axis; mirrored about the origin. The tilt, the rotation by which the
-    slanting view turns a small body, and `theta_offset_rad` are added to angles. An instant t is recorded as
-    t / `time_scale`."""
+    A point at u from the camera's axis, which meets the plane at `axis_m`, is changed in this order: divided by
+    1 + `keystone_per_m` · u, because a slanting camera shows farther parts smaller; rotated by `tilt_rad`, and scaled
+    by `scale` along y and `scale` × `aspect` along x, about the axis; distorted by the factor 1 + `lens_per_m2` r² at
+    a distance r; mirrored about the origin. The tilt, the rotation by which the slanting view turns a small body, and
+    `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
@@ -38,7 +37,6 @@ class View:
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
     aspect: float = 1.0
     keystone_per_m: tuple[float, float] = (0.0, 0.0)
-    middle_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def scales(self) -> Array:
@@ -89,11 +87,11 @@ class View:
         k = way * np.array(self.keystone_per_m)
         if not k.any():
             return pose
-        u = pose[..., :2] - self.middle_m
+        u = pose[..., :2] - self.axis_m
         along = np.maximum(u @ k, HORIZON - 1.0)
         # rotation in the derivative of u / (1 + k · u), the same for both ways with the sign of k
         turn = np.arctan2(u[..., 0] * k[1] - u[..., 1] * k[0], 2.0 + along)
-        return np.concatenate([self.middle_m + u / (1.0 + along[..., None]), (pose[..., 2] + turn)[..., None]], axis=-1)
+        return np.concatenate([self.axis_m + u / (1.0 + along[..., None]), (pose[..., 2] + turn)[..., None]], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
         """(n,) true standard deviation along unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
@@ -102,9 +100,9 @@ class View:
         turn = np.array([[c, s], [-s, c]])
         place, k = np.asarray(pose, float)[:, :2], np.array(self.keystone_per_m)
         if k.any():
-            u = place - self.middle_m
+            u = place - self.axis_m
             wide = 1.0 + (u @ k)[:, None]
-            place = self.middle_m + u / wide
+            place = self.axis_m + u / wide
             direction = wide * (direction + k * (u * direction).sum(axis=1, keepdims=True))
         scaled = self.scales * ((place - self.axis_m) @ turn)
         direction = direction @ turn / self.scales

@@ -122,3 +122,13 @@ def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():
 @pytest.mark.parametrize("name", CAMERA)
 def test_a_neutral_camera_records_what_is(name):
     assert with_effect(world(), name, neutral(name)).view.record(POSES) == pytest.approx(POSES, abs=1e-15)
+
+
+@pytest.mark.parametrize("place", [[0.0, 0.0], [0.4, -0.3]])
+def test_a_keystone_is_no_error_of_the_scale(place):
+    """In the middle of the set-up a small body keeps its area, wherever the camera aims at."""
+    view = with_effect(world(), "camera_tilt", [0.0, *place, 0.1, -0.15]).view
+    middle, _ = aim_and_width(world().cross_section)
+    at = np.array([*middle, 0.0])
+    ahead, behind = (view.record(at + step * np.eye(3)[:2]) for step in (1e-5, -1e-5))
+    assert np.linalg.det((ahead - behind)[:, :2] / 2e-5) == pytest.approx(1.0, rel=1e-6)

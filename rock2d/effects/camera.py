@@ -28,8 +28,11 @@ def with_camera_tilt(world: World, values: Sequence[float]) -> World:
 
 
 def camera_tilt_remedy(fitted: FittedEffect) -> str:
-    """Set `tilt_deg`, by which the tracker turns the picture back, or correct the record, and a clear keystone."""
+    """Set `tilt_deg`, by which the tracker turns the picture back, or correct the record; correct a clear keystone."""
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
+    keystone = _keystone_remedy(fitted)
+    if keystone and abs(value) < half:
+        return keystone
     turn, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"
     x, y = fitted.world().view.axis_m
@@ -42,8 +45,8 @@ def camera_tilt_remedy(fitted: FittedEffect) -> str:
         f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there; where `up` is down, with the "
         f"other sign). {fitted.origin()} "
         f"{TRACK_AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the "
-        f"next film.{_keystone_remedy(fitted)}"
-    )
+        f"next film. {keystone}"
+    ).strip()
 
 
 def _keystone_remedy(fitted: FittedEffect) -> str:
@@ -60,11 +63,16 @@ def _keystone_remedy(fitted: FittedEffect) -> str:
     )
     (x, y), (a, b) = view.axis_m, view.keystone_per_m
     return (
-        f" Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
+        f"Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
         "motion at a right angle. No key of the set-up file corrects this. In the record that is turned back, divide "
-        f"the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by 1 − ({a:.4g} u + {b:.4g} v). Turn the "
-        "camera before the next film."
+        f"the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by {view.scale:.5g} − ({_linear(a, b)}), and "
+        f"subtract {_linear(0.5 * b, -0.5 * a)} from its `theta_rad`. Turn the camera before the next film."
     )
+
+
+def _linear(a: float, b: float) -> str:
+    """a u + b v as text."""
+    return f"{a:.4g} u {'−' if b < 0.0 else '+'} {abs(b):.4g} v"
 
 
 # half widths of its interval (about four standard errors) from which on a keystone is corrected

@@ -28,7 +28,7 @@ from rock2d.diagnosis.derivatives import (
     residual_covariance,
 )
 from rock2d.diagnosis.diagnose import Diagnosis
-from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
+from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE
 from rock2d.diagnosis.fitting import Fit, start_scatter
 from rock2d.diagnosis.known_causes import (
     distance_from_neutral,
@@ -49,6 +49,7 @@ from rock2d.diagnosis.likelihood import (
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, choice_positions, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
+from rock2d.diagnosis.visibility import LEAST_SIZE
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError

@@ -10,7 +10,7 @@ that may be the same in every release is tested together with what is learnt of 
   how blocks lie at rest.
 - Rivals: which effects gain as much in its place? They share its probability."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,9 +36,15 @@ from rock2d.diagnosis.significance import (
     largest_bayes_factor,
     probability_from_p_value,
 )
-from rock2d.diagnosis.visibility import SPIN_TWINS, TURNS, missing_in_first_flights, only_gravity_is_turned
-from rock2d.effects.camera import KEYSTONE_PARAMETERS
-from rock2d.effects.changes import AIM_PARAMETERS
+from rock2d.diagnosis.visibility import (
+    SPIN_TWINS,
+    TURNS,
+    is_negligible,
+    is_out_of_range,
+    missing_in_first_flights,
+    only_gravity_is_turned,
+    relative_size,
+)
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 from rock2d.records.columns import RATES
@@ -79,11 +85,6 @@ NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at w
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 GRAVITY_FORM_SHARE = 0.2  # of learnt accelerations: what their form misses may look like another gravity
 FORM_STEEPNESS = 3.0
-# Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an
-# effect at the end of the range does not fit the data.
-LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
-# standard errors from which on a small effect counts: of the image or ground, which may be slightly off, and any other
-LARGE_GAIN_OF_IMAGE_Z, LARGE_GAIN_Z = 20.0, 8.0
 TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
 LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
 
@@ -318,7 +319,8 @@ def _evidence_of_member(
         if other in search.effects.keys() - best.names and search.share_in_place(name, other) > OTHER_FORM_SHARE:
             rival_z = _first(other, min(OTHER_FORM_Z, rival_z.get(other, np.inf)), rival_z)
     sizes = [relative_size(fit, name) for fit in (best.fit, learnt.fit)]
-    negligible, out_of_range = size_faults(effect, sizes, own_gain.significance)
+    negligible = is_negligible(effect, sizes, own_gain.significance)
+    out_of_range = any(is_out_of_range(fit, name) for fit in (best.fit, learnt.fit))
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
         form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
@@ -346,7 +348,10 @@ def plausible_rivals(search: Search, name: str, gain: SummedGain, fitted: Collec
         rival: z
         for rival, z in search.find_rivals(search.best, name, RIVAL_Z, fitted).items()
         if (own := search.known.get(others | {rival})) is None
-        or not any(size_faults(search.effects[rival], [relative_size(own.fit, rival)], gain.significance))
+        or not (
+            is_negligible(search.effects[rival], [relative_size(own.fit, rival)], gain.significance)
+            or is_out_of_range(own.fit, rival)
+        )
     }
 
 
@@ -383,7 +388,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
         own_gain, held_out_gain(data, others, without), left, own_gain.p_of_addition, {}, form_share=1.0,
-        negligible=size_faults(search.effects[name], [_size_with_profile(permanent.fit, name)], 0.0)[0],
+        negligible=is_negligible(search.effects[name], [_size_with_profile(permanent.fit, name)], 0.0),
     )  # fmt: skip
 
 
@@ -425,31 +430,6 @@ def _gain_of_free_scatter(data: Data, model: Validated) -> Gain:
     wide = residual_covariance(slope, fit_scatter(fit.residuals.impacts, slope, start))
     scores = [by_release(data, model.held_out.residuals, covariance) for covariance in (wide, fit.covariance())]
     return Gain(scores[0] - scores[1])
-
-
-def relative_size(fit: Fit, name: str) -> float:
-    """Largest size among the parameters of an effect, as a share of the plausible range on its side.
-
-    It is 1 for an effect that is a choice. The aim of the camera, a choice of the place where an effect acts, and
-    optional parameters, which only refine an effect, do not count. A keystone counts: it needs no rotation."""
-    low, high = fit.model.bounds()
-    sizes = []
-    for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
-        refines = parameter in AIM_PARAMETERS or parameter.may_be_missing
-        if parameter in KEYSTONE_PARAMETERS or not refines:
-            room = high[k] if fit.p[k] > 0.0 else -low[k]
-            sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
-    return float(max(sizes))
-
-
-def size_faults(effect: Effect, sizes: Sequence[float], gain_z: float) -> tuple[bool, bool]:
-    """Whether an effect with these sizes, see `relative_size`, and a gain of `gain_z` standard errors is too small to
-    matter, and whether it lies at the end of the plausible range. An effect with a large gain may be small, unless it
-    only widens the scatter: any noise that is not modelled does so, and closes no gap. A choice has no range."""
-    is_choice = effect.parameters[0].must_choose
-    large_z = LARGE_GAIN_OF_IMAGE_Z if effect.camera or effect.name in TURNS else LARGE_GAIN_Z
-    negligible = min(sizes) < LEAST_SIZE and (effect.scatter or gain_z < large_z)
-    return negligible, max(sizes) > LARGEST_SIZE and not is_choice
 
 
 def probability_of_no_closure(search: Search, name: str, learnt: Validated, without: Validated) -> float:

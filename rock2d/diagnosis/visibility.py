@@ -1,9 +1,10 @@
-"""Effects that these data can show: those that change some residual by more than a small part of its noise.
+"""Effects that these data can show: those that change some residual by more than a small part of its noise; and fitted
+sizes that are no answer, because they are negligible or impossible.
 
 Flights alone do not show impacts, a table of impacts does not show the air, a ball without marks does not show its
 spin. Effects that the data cannot show are not tried: they remain possible."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,10 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
-from rock2d.diagnosis.likelihood import flight_weight, standard_deviations
+from rock2d.diagnosis.likelihood import flight_weight, normal_equations, standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.effects.camera import KEYSTONE_PARAMETERS
+from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
 
@@ -24,6 +27,12 @@ TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
 # A wrong scale or frame rate is none if first flights show less than this share of it, by so many standard errors.
 LEAST_FIRST_SHARE, SURE_Z = 0.5, 2.0
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible
+# Sizes as shares of the plausible range on either side. A smaller effect is negligible unless its gain is large; an
+# effect at the end of the range does not fit the data.
+LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
+BEYOND_Z = 2.0  # standard errors by which data pull a value beyond its range, if it is impossible
+# standard errors from which on a small effect counts: of the image or ground, which may be slightly off, and any other
+LARGE_GAIN_OF_IMAGE_Z, LARGE_GAIN_Z = 20.0, 8.0
 
 
 def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None) -> dict[str, str]:
@@ -106,3 +115,43 @@ def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
     square = float((weight * change**2).sum())
     shown = square + float((weight * change * r).sum())
     return bool(shown + SURE_Z * np.sqrt(square) < LEAST_FIRST_SHARE * square)
+
+
+def relative_size(fit: Fit, name: str) -> float:
+    """Largest size among the parameters of an effect, see `_sizes`."""
+    return float(_sizes(fit, name).max())
+
+
+def _sizes(fit: Fit, name: str) -> Array:
+    """Size of each parameter of an effect, as a share of the plausible range on its side.
+
+    It is 1 for an effect that is a choice. It is 0 for what does not count: the aim of the camera, a choice of the
+    place where an effect acts, and optional parameters, which only refine an effect. A keystone counts: it needs no
+    rotation."""
+    low, high = fit.model.bounds()
+    sizes = []
+    for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
+        refines = parameter in AIM_PARAMETERS or parameter.may_be_missing
+        room = max(high[k] if fit.p[k] > 0.0 else -low[k], 1e-9)
+        counts = parameter in KEYSTONE_PARAMETERS or not refines
+        sizes.append((1.0 if parameter.must_choose else abs(fit.p[k]) / room) if counts else 0.0)
+    return np.array(sizes)
+
+
+def is_negligible(effect: Effect, sizes: Sequence[float], gain_z: float) -> bool:
+    """Whether an effect with these sizes, see `relative_size`, and a gain of `gain_z` standard errors is too small to
+    matter. One with a large gain may be small, unless it only widens the scatter: any noise that is not modelled does
+    so, and closes no gap."""
+    large_z = LARGE_GAIN_OF_IMAGE_Z if effect.camera or effect.name in TURNS else LARGE_GAIN_Z
+    return min(sizes) < LEAST_SIZE and (effect.scatter or gain_z < large_z)
+
+
+def is_out_of_range(fit: Fit, name: str) -> bool:
+    """Whether a parameter of an effect lies at the end of the plausible range, and the data clearly pull it beyond: by
+    BEYOND_Z standard errors. Without a pull the value may well lie inside. A choice has no range."""
+    at_end = _sizes(fit, name) > LARGEST_SIZE
+    if not at_end.any() or fit.model.parameters_of(name)[0].must_choose:
+        return False
+    _, grad = normal_equations(fit.residuals, fit.jacobian, fit.covariance())
+    pull = -grad * np.sign(fit.p) * np.sqrt(np.diag(fit.p_covariance))
+    return bool(pull[fit.model.positions[name]][at_end].max() > BEYOND_Z)

@@ -9,6 +9,7 @@ import pytest
 from rock2d.diagnosis import evidence
 from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, unexplained_probability
 from rock2d.diagnosis.cause_sets import Search
+from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
     Evidence,
@@ -16,13 +17,17 @@ from rock2d.diagnosis.evidence import (
     beside_twin,
     beyond_other_law,
     outside_probability,
-    relative_size,
-    size_faults,
 )
 from rock2d.diagnosis.levers import FLIGHT, LAW
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
-from rock2d.diagnosis.visibility import missing_in_first_flights, only_gravity_is_turned
+from rock2d.diagnosis.visibility import (
+    is_negligible,
+    is_out_of_range,
+    missing_in_first_flights,
+    only_gravity_is_turned,
+    relative_size,
+)
 from rock2d.effects import catalogue
 from tests.effects.worlds import FLOOR, with_effect, world
 from tests.kinematics import synthetic_films
@@ -135,7 +140,7 @@ def test_a_small_effect_matters_if_its_gain_is_large_but_never_a_small_scatter()
         ("surface_roughness", 0.003, 21.0, True),
         ("surface_roughness", 0.03, 21.0, False),
     ):
-        assert size_faults(catalogue()[name], [size], gain_z) == (negligible, False)
+        assert is_negligible(catalogue()[name], [size], gain_z) == negligible
 
 
 def test_what_is_refused_and_not_negligible_is_unknown():
@@ -223,10 +228,38 @@ def test_another_gravity_may_be_what_the_form_of_a_learnt_acceleration_misses(na
 def test_an_aspect_neither_makes_nor_refuses_a_scale():
     effect = catalogue()["scale_error"]
     model = Model(world(), np.ones(5), [effect])
-    for scale, faults in ((0.95, (False, False)), (0.85, (False, True)), (1.0, (True, False))):
-        own = SimpleNamespace(model=model, p=model.start())
-        own.p[5:7] = [to_scale(q, v) for q, v in zip(model.parameters[0][:2], (scale, 1.03), strict=True)]
-        assert size_faults(effect, [relative_size(own, effect.name)], 0.0) == faults
+    for scale, negligible, impossible in ((0.95, False, False), (0.85, False, True), (1.0, True, False)):
+        own = pulled(
+            model, {5: to_scale(model.parameters[0][0], scale), 6: to_scale(model.parameters[0][1], 1.03)}, 5.0
+        )
+        assert is_negligible(effect, [relative_size(own, effect.name)], 0.0) == negligible
+        assert is_out_of_range(own, effect.name) == impossible
+
+
+def pulled(model, values, z):
+    """A fit with `values` at positions of its parameters, each pulled outwards by z standard errors by 400 impacts."""
+    p, n = model.start(), 400
+    p[list(values)] = list(values.values())
+    j = np.zeros((n, 1, model.size))
+    j[:, 0, list(values)] = np.sign(p[list(values)])
+    # the robust likelihood hardly weighs small residuals: the slope is -n r, the standard error 1 / √n
+    r = np.full((n, 1), -z / np.sqrt(n) * 4.0 / 5.0)
+    flights = np.empty((0, 3, 2))
+    jacobian = SimpleNamespace(impacts=j, flights=np.empty((0, 3, 2, model.size)))
+    return SimpleNamespace(
+        model=model, p=p, p_covariance=np.eye(model.size) / n, residuals=Residuals(r, flights), jacobian=jacobian,
+        covariance=lambda: np.ones((n, 1, 1)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("friction", "z", "impossible"), [(0.4, 0.5, False), (0.4, 5.0, True), (0.5, 5.0, False)])
+def test_a_value_at_the_end_of_its_range_is_impossible_only_if_data_pull_it_beyond(friction, z, impossible):
+    """Friction on an embankment 0.51 of that in the ditch, fitted as 0.40 ± 0.06, where the range ends. The
+    contrast of zones, which gains 450, had been refused."""
+    model = Model(world(), np.ones(5), [catalogue()["zone_contrast"]])
+    stiffness, _, tan_phi, _ = model.parameters[0]
+    fit = pulled(model, {5: to_scale(stiffness, 3.9), 7: to_scale(tan_phi, friction)}, z)
+    assert is_out_of_range(fit, "zone_contrast") == impossible
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import flight_weight, normal_equations, standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
-from rock2d.effects.camera import KEYSTONE_PARAMETERS
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
@@ -126,15 +125,13 @@ def _sizes(fit: Fit, name: str) -> Array:
     """Size of each parameter of an effect, as a share of the plausible range on its side.
 
     It is 1 for an effect that is a choice. It is 0 for what does not count: the aim of the camera, a choice of the
-    place where an effect acts, and optional parameters, which only refine an effect. A keystone counts: it needs no
-    rotation."""
+    place where an effect acts, and optional parameters, which only refine an effect."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
         refines = parameter in AIM_PARAMETERS or parameter.may_be_missing
         room = max(high[k] if fit.p[k] > 0.0 else -low[k], 1e-9)
-        counts = parameter in KEYSTONE_PARAMETERS or not refines
-        sizes.append((1.0 if parameter.must_choose else abs(fit.p[k]) / room) if counts else 0.0)
+        sizes.append(0.0 if refines else 1.0 if parameter.must_choose else abs(fit.p[k]) / room)
     return np.array(sizes)
 
 

@@ -9,30 +9,19 @@ from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.records.columns import after
-from rock2d.scene.world import HORIZON, World
+from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
 
 def with_camera_tilt(world: World, values: Sequence[float]) -> World:
     """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the
-    point that the camera aims at. Before, a keystone divides the distance u from c by 1 + keystone · u / W, W the width
-    of embankment and ditch. Areas in the middle of the set-up stay: a keystone is no error of the scale."""
-    tilt, right, up, *keystone = values
-    middle, width = aim_and_width(world.cross_section)
-    seen = with_view(world, (right, up), tilt_rad=world.view.tilt_rad + tilt)
-    slant = np.array(keystone or (0.0, 0.0)) / width
-    # the area of a small body changes by the factor (1 + keystone · u / W)^-3
-    wide = max(float(1.0 + slant @ np.subtract(middle, seen.view.axis_m)), HORIZON)
-    x, y = slant + seen.view.keystone_per_m
-    return with_view(seen, scale=seen.view.scale * wide**1.5, keystone_per_m=(float(x), float(y)))
+    point that the camera aims at."""
+    return with_view(world, values[1:], tilt_rad=world.view.tilt_rad + values[0])
 
 
 def camera_tilt_remedy(fitted: FittedEffect) -> str:
-    """Set `tilt_deg`, by which the tracker turns the picture back, or correct the record; correct a clear keystone."""
+    """Set `tilt_deg`, by which the tracker turns the picture back, or correct the record."""
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
-    keystone = _keystone_remedy(fitted)
-    if keystone and abs(value) < half:
-        return keystone
     turn, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"
     x, y = fitted.world().view.axis_m
@@ -45,56 +34,19 @@ def camera_tilt_remedy(fitted: FittedEffect) -> str:
         f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there; where `up` is down, with the "
         f"other sign). {fitted.origin()} "
         f"{TRACK_AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the "
-        f"next film. {keystone}"
-    ).strip()
-
-
-def _keystone_remedy(fitted: FittedEffect) -> str:
-    """What to do about a camera that does not look at the plane of motion at a right angle; "" if it does."""
-    ways = [("keystone_right", "to the right", "to the left"), ("keystone_up", "upwards", "downwards")]
-    clear = [way for way in ways if abs(fitted.values[way[0]]) > CLEAR_KEYSTONE * fitted.half.get(way[0], np.inf)]
-    if not clear:
-        return ""
-    view, width = fitted.world().view, aim_and_width(fitted.setup.cross_section)[1]
-    shrinks = " and ".join(
-        f"{number(100 * abs(fitted.values[name]), 100 * fitted.half[name])} % "
-        + (ahead if fitted.values[name] > 0 else back)
-        for name, ahead, back in clear
+        "next film."
     )
-    (x, y), (a, b) = view.axis_m, view.keystone_per_m
-    return (
-        f"Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
-        "motion at a right angle. No key of the set-up file corrects this. In the record that is turned back, divide "
-        f"the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by {view.scale:.5g} − ({_linear(a, b)}), and "
-        f"subtract {_linear(0.5 * b, -0.5 * a)} from its `theta_rad`. Turn the camera before the next film."
-    )
-
-
-def _linear(a: float, b: float) -> str:
-    """a u + b v as text."""
-    return f"{a:.4g} u {'−' if b < 0.0 else '+'} {abs(b):.4g} v"
-
-
-# half widths of its interval (about four standard errors) from which on a keystone is corrected
-CLEAR_KEYSTONE = 2.0
-KEYSTONE_PARAMETERS = (
-    Parameter(
-        "keystone_right", "1", 0.0, -0.2, 0.2, "loss of scale to the right over the set-up's width", optional=True
-    ),
-    Parameter("keystone_up", "1", 0.0, -0.2, 0.2, "loss of scale upwards over the set-up's width", optional=True),
-)
 
 
 CAMERA_TILT = Effect(
     name="camera_tilt",
-    summary="the camera is tilted: gravity seems to have a part along the image's x, or farther parts look smaller",
-    source="rotation of the image and projection of a slanting plane, `rock2d.scene.world.View`",
+    summary="the image axes are turned against the vertical: gravity seems to have a part along the image's x",
+    source="rigid rotation of the image, `rock2d.scene.world.View`",
     phase="all",
     origin="camera",
     parameters=(
         Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "rotation of the record, counter-clockwise"),
         *AIM_PARAMETERS,
-        *KEYSTONE_PARAMETERS,
     ),
     apply=with_camera_tilt,
     remedy=camera_tilt_remedy,

@@ -13,7 +13,7 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import flight_weight, normal_equations, standard_deviations
-from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
@@ -145,10 +145,13 @@ def is_negligible(effect: Effect, sizes: Sequence[float], gain_z: float) -> bool
 
 def is_out_of_range(fit: Fit, name: str) -> bool:
     """Whether a parameter of an effect lies at the end of the plausible range, and the data clearly pull it beyond: by
-    BEYOND_Z standard errors. Without a pull the value may well lie inside. A choice has no range."""
-    at_end = _sizes(fit, name) > LARGEST_SIZE
+    BEYOND_Z standard errors. Without a pull the value may well lie inside. A choice has no range, and a scatter counts
+    as pulled, because its likelihood has no slope here."""
+    at_end, position = _sizes(fit, name) > LARGEST_SIZE, fit.model.positions[name]
     if not at_end.any() or fit.model.parameters_of(name)[0].must_choose:
         return False
+    if position.start in scatter_positions(fit.model):
+        return True
     _, grad = normal_equations(fit.residuals, fit.jacobian, fit.covariance())
     pull = -grad * np.sign(fit.p) * np.sqrt(np.diag(fit.p_covariance))
-    return bool(pull[fit.model.positions[name]][at_end].max() > BEYOND_Z)
+    return bool(pull[position][at_end].max() > BEYOND_Z)

@@ -262,6 +262,13 @@ def test_a_value_at_the_end_of_its_range_is_impossible_only_if_data_pull_it_beyo
     assert is_out_of_range(fit, "zone_contrast") == impossible
 
 
+def test_a_scatter_at_the_end_of_its_range_is_impossible():
+    """Residuals do not pull it: it changes only their covariance."""
+    model = Model(world(), np.ones(5), [catalogue()["surface_roughness"]])
+    assert is_out_of_range(pulled(model, {5: 1.0}, 0.0), "surface_roughness")
+    assert not is_out_of_range(pulled(model, {5: 0.9}, 0.0), "surface_roughness")
+
+
 @pytest.mark.parametrize(
     "ground_rad, ground, cancels", [(-0.02, FLOOR, True), (-0.01, FLOOR, False), (-0.02, SETUP, False)]
 )

@@ -265,8 +265,8 @@ def test_a_value_at_the_end_of_its_range_is_impossible_only_if_data_pull_it_beyo
 def test_a_scatter_at_the_end_of_its_range_is_impossible():
     """Residuals do not pull it: it changes only their covariance."""
     model = Model(world(), np.ones(5), [catalogue()["surface_roughness"]])
-    assert is_out_of_range(pulled(model, {5: 1.0}, 0.0), "surface_roughness")
-    assert not is_out_of_range(pulled(model, {5: 0.9}, 0.0), "surface_roughness")
+    assert is_out_of_range(pulled(model, {5: 2.0}, 0.0), "surface_roughness")
+    assert not is_out_of_range(pulled(model, {5: 1.0}, 0.0), "surface_roughness")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.derivatives import Point, jacobian_by_differences, residual_covariance
+from rock2d.diagnosis.derivatives import START_SCATTER, Point, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
@@ -160,7 +160,7 @@ def test_true_world_leaves_only_noise():
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
     model = Model(true, base)
     slope = jacobian_by_differences(model, Point(np.zeros(5), residuals), data, np.full(5, 0.05))
-    chi2 = chi_square(residuals.impacts, residual_covariance(slope, np.full(5, 1e-4))) / 6
+    chi2 = chi_square(residuals.impacts, residual_covariance(slope, np.array([*np.full(5, 1e-4), START_SCATTER]))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
 
 

@@ -242,7 +242,7 @@ def pulled(model, values, z):
     p[list(values)] = list(values.values())
     j = np.zeros((n, 1, model.size))
     j[:, 0, list(values)] = np.sign(p[list(values)])
-    # the robust likelihood hardly weighs small residuals: the slope is -n r, the standard error 1 / √n
+    # a small residual has the weight 5 / 4 in the robust likelihood; the standard error is 1 / √n
     r = np.full((n, 1), -z / np.sqrt(n) * 4.0 / 5.0)
     flights = np.empty((0, 3, 2))
     jacobian = SimpleNamespace(impacts=j, flights=np.empty((0, 3, 2, model.size)))

@@ -17,6 +17,7 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions
 from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
+from rock2d.records.columns import X, Y
 
 # effect -> the effect from which it differs only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}
@@ -42,6 +43,8 @@ def unseen(base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindi
     at = base.model.residuals(base.p, some_data)
     sd = standard_deviations(part.covariance())
     reasons = _unseen_without_spin(data, film)
+    if not isinstance(data, FilmData) or not data.film.measured[[X, Y]].all():
+        reasons["keystone_distortion"] = "only a film of both x and y shows it"
     reasons |= film.unjudged if film is not None else {}
     for name, effect in effects.items():
         if name not in reasons:

@@ -1,4 +1,4 @@
-"""Effects of the camera: tilt, scale, clock, lens, zero of the angle, sign of an axis. The motion stays."""
+"""Effects of the camera: tilt, scale, clock, lens, slant, zero of the angle, sign of an axis. The motion stays."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.records.columns import after
-from rock2d.scene.world import World
+from rock2d.scene.world import HORIZON, World
 from rock2d.wording import number, plain
 
 
@@ -197,6 +197,59 @@ LENS_DISTORTION = Effect(
 )
 
 
+def with_keystone_distortion(world: World, values: Sequence[float]) -> World:
+    """u recorded = scale · u / (1 + keystone · u / W), u = (x, y) - c, where c is the point that the camera aims at and
+    W the width of embankment and ditch. Areas in the middle of the set-up stay: a keystone is no error of the scale."""
+    middle, width = aim_and_width(world.cross_section)
+    slant = np.array(values[:2]) / width
+    seen = with_view(world, values[2:])
+    # the area of a small body changes by the factor (1 + keystone · u / W)^-3
+    wide = max(float(1.0 + slant @ np.subtract(middle, seen.view.axis_m)), HORIZON)
+    x, y = slant + seen.view.keystone_per_m
+    return with_view(seen, scale=seen.view.scale * wide**1.5, keystone_per_m=(float(x), float(y)))
+
+
+def keystone_distortion_remedy(fitted: FittedEffect) -> str:
+    """Divide the distances of the record from the camera's axis by a linear function of the place."""
+    ways = [("right", "to the right", "to the left"), ("up", "upwards", "downwards")]
+    shrinks = " and ".join(
+        f"{number(100 * abs(fitted.values[name]), 100 * fitted.half[name])} % "
+        + (ahead if fitted.values[name] > 0 else back)
+        for name, ahead, back in ways
+    )
+    view, width = fitted.world().view, aim_and_width(fitted.setup.cross_section)[1]
+    (x, y), (a, b) = view.axis_m, view.keystone_per_m
+    return (
+        f"Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
+        "motion at a right angle. No key of the set-up file corrects this. In the record (turned back, if the picture "
+        f"is turned), divide the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by {view.scale:.5g} − "
+        f"({_linear(a, b)}), and subtract {_linear(0.5 * b, -0.5 * a)} from its `theta_rad`. Turn the camera before "
+        "the next film."
+    )
+
+
+def _linear(a: float, b: float) -> str:
+    """a u + b v as text."""
+    return f"{a:.4g} u {'−' if b < 0.0 else '+'} {abs(b):.4g} v"
+
+
+KEYSTONE_DISTORTION = Effect(
+    name="keystone_distortion",
+    summary="the camera looks at the plane of motion aslant: farther parts look smaller",
+    source="projection of a slanting plane by a pinhole camera: Hartley and Zisserman (2004), Multiple View Geometry in "
+    "Computer Vision, section 2.3, `rock2d.scene.world.View`",
+    phase="all",
+    origin="camera",
+    parameters=(
+        Parameter("right", "1", 0.0, -0.2, 0.2, "loss of scale to the right over the width W of embankment and ditch"),
+        Parameter("up", "1", 0.0, -0.2, 0.2, "loss of scale upwards over the same length"),
+        *AIM_PARAMETERS,
+    ),
+    apply=with_keystone_distortion,
+    remedy=keystone_distortion_remedy,
+)
+
+
 def with_angle_offset(world: World, values: Sequence[float]) -> World:
     """θ recorded = θ true + offset."""
     return with_view(world, theta_offset_rad=world.view.theta_offset_rad + values[0])
@@ -279,4 +332,4 @@ MIRRORED_AXIS = Effect(
 )
 
 
-EFFECTS = (CAMERA_TILT, SCALE_ERROR, FRAME_RATE_ERROR, LENS_DISTORTION, ANGLE_OFFSET, MIRRORED_AXIS)
+EFFECTS = (CAMERA_TILT, SCALE_ERROR, FRAME_RATE_ERROR, LENS_DISTORTION, KEYSTONE_DISTORTION, ANGLE_OFFSET, MIRRORED_AXIS)

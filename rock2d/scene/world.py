@@ -15,16 +15,18 @@ from rock2d.scene.cross_section import CrossSection
 # Newton's method for the inverse of the lens ends at a step this small, relative to the largest distance.
 LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30
 FOLD_SHARE = 1.0 - 1e-6  # share of the distance at which a lens folds the picture, and its derivative is 0
+HORIZON = 0.1  # least scale of a slanting view; beyond it lies what such a camera hardly shows
 
 
 @dataclass(frozen=True)
 class View:
     """How the recording of the camera differs from the world; the default is a perfect camera.
 
-    A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is changed in this order: rotated
-    by `tilt_rad`, and scaled by `scale` along y and `scale` × `aspect` along x, about the axis; distorted by the factor
-    1 + `lens_per_m2` r²; mirrored about the origin. The tilt and `theta_offset_rad` are added to angles. An instant t
-    is recorded as t / `time_scale`."""
+    A point at u from the camera's axis, which meets the plane at `axis_m`, is changed in this order: divided by
+    1 + `keystone_per_m` · u, because a slanting camera shows farther parts smaller; rotated by `tilt_rad`, and scaled
+    by `scale` along y and `scale` × `aspect` along x, about the axis; distorted by the factor 1 + `lens_per_m2` r² at
+    a distance r; mirrored about the origin. The tilt, the rotation by which the slanting view turns a small body, and
+    `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
@@ -34,6 +36,7 @@ class View:
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
     aspect: float = 1.0
+    keystone_per_m: tuple[float, float] = (0.0, 0.0)
 
     @property
     def scales(self) -> Array:
@@ -47,7 +50,7 @@ class View:
 
     def record(self, pose: Array) -> Array:
         """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""
-        x, y, theta = np.moveaxis(np.asarray(pose, float), -1, 0)
+        x, y, theta = np.moveaxis(self._slanted(np.asarray(pose, float), 1.0), -1, 0)
         cx, cy = self.axis_m
         c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
         dx, dy = x - cx, y - cy
@@ -77,14 +80,31 @@ class View:
         c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
         dx, dy = dx / along_x, dy / along_y
         theta = theta - self.tilt_rad - self.theta_offset_rad
-        return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
+        return self._slanted(np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1), -1.0)
+
+    def _slanted(self, pose: Array, way: float) -> Array:
+        """Poses (..., 3) as a slanting camera shows them (`way` 1), or the poses that it shows so (-1)."""
+        k = way * np.array(self.keystone_per_m)
+        if not k.any():
+            return pose
+        u = pose[..., :2] - self.axis_m
+        along = np.maximum(u @ k, HORIZON - 1.0)
+        # rotation in the derivative of u / (1 + k · u), the same for both ways with the sign of k
+        turn = np.arctan2(u[..., 0] * k[1] - u[..., 1] * k[0], 2.0 + along)
+        return np.concatenate([self.axis_m + u / (1.0 + along[..., None]), (pose[..., 2] + turn)[..., None]], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
         """(n,) true standard deviation along unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
         of a noise whose recorded standard deviation is 1 in every direction."""
         c, s = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
         turn = np.array([[c, s], [-s, c]])
-        scaled = self.scales * ((np.asarray(pose, float)[:, :2] - self.axis_m) @ turn)
+        place, k = np.asarray(pose, float)[:, :2], np.array(self.keystone_per_m)
+        if k.any():
+            u = place - self.axis_m
+            wide = 1.0 + (u @ k)[:, None]
+            place = self.axis_m + u / wide
+            direction = wide * (direction + k * (u * direction).sum(axis=1, keepdims=True))
+        scaled = self.scales * ((place - self.axis_m) @ turn)
         direction = direction @ turn / self.scales
         # without rotation and scales, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)

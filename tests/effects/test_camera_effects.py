@@ -44,6 +44,31 @@ def test_a_recorded_length_is_worth_what_the_records_derivatives_say(name):
     assert found == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_slanting_camera_shows_what_a_pinhole_does():
+    """A camera turned by 6° about the vertical and 4° about the horizontal, by the pinhole's own equations: positions
+    agree but for the camera's own roll and scale, and a small body appears turned by the rotation of the picture."""
+    yaw, pitch, far = 0.1, 0.07, 1.2
+    ahead = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), -np.cos(yaw) * np.cos(pitch)])
+    right = np.cross(ahead, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(right, ahead), ahead])
+
+    def picture(points):
+        seen = (np.column_stack([points, np.zeros(len(points))]) + far * ahead) @ axes.T
+        return far * seen[:, :2] / seen[:, 2:]
+
+    view = View(keystone_per_m=(ahead[0] / far, ahead[1] / far))
+    ours = view.record(np.column_stack([POSES[:, :2], np.zeros(len(POSES))]))
+    # an affine map about the middle: scales along x and y and the shear between them are second order in the angles
+    affine, *_ = np.linalg.lstsq(ours[:, :2], picture(POSES[:, :2]), rcond=None)
+    assert ours[:, :2] @ affine == pytest.approx(picture(POSES[:, :2]), abs=1e-12)
+    ends = [view.record(np.column_stack([POSES[:, :2] + step, np.zeros(len(POSES))])) for step in 1e-6 * np.eye(2)]
+    along_x, along_y = ((end - ours)[:, :2] for end in ends)
+    turned = np.arctan2(along_x[:, 1] - along_y[:, 0], along_x[:, 0] + along_y[:, 1])
+    assert ours[:, 2] == pytest.approx(turned, abs=1e-6)
+    assert np.abs(ours[:, 2]).max() > 0.01
+
+
 def test_every_axis_can_be_mirrored():
     for axis in (1, 2, 3):
         recorded = with_effect(world(), "mirrored_axis", [axis]).view.record(POSES)
@@ -97,3 +122,13 @@ def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():
 @pytest.mark.parametrize("name", CAMERA)
 def test_a_neutral_camera_records_what_is(name):
     assert with_effect(world(), name, neutral(name)).view.record(POSES) == pytest.approx(POSES, abs=1e-15)
+
+
+@pytest.mark.parametrize("place", [[0.0, 0.0], [0.4, -0.3]])
+def test_a_keystone_is_no_error_of_the_scale(place):
+    """In the middle of the set-up a small body keeps its area, wherever the camera aims at."""
+    view = with_effect(world(), "keystone_distortion", [0.1, -0.15, *place]).view
+    middle, _ = aim_and_width(world().cross_section)
+    at = np.array([*middle, 0.0])
+    ahead, behind = (view.record(at + step * np.eye(3)[:2]) for step in (1e-5, -1e-5))
+    assert np.linalg.det((ahead - behind)[:, :2] / 2e-5) == pytest.approx(1.0, rel=1e-6)

@@ -84,6 +84,22 @@ def test_turning_the_record_by_hand_undoes_camera_tilt(tilt):
     assert np.allclose(poses[:, 2] + number("add {} to every `theta_rad`", text), true[:, 2], atol=1e-5)
 
 
+def test_correcting_the_record_by_hand_undoes_keystone_distortion():
+    true, poses, text = recorded("keystone_distortion", 0.08, -0.06, 0.2, -0.3)
+    assert "shrink by 8.00000 % to the right and 6.00000 % downwards" in text
+    linear = rf"{NUMBER} u ([+−]) {NUMBER} v"
+    found = re.search(rf"from \({NUMBER}, {NUMBER}\) m by {NUMBER} − \({linear}\), and subtract {linear} from", text)
+    x, y, scale, a, sign, b, of_u, sign_of_v, of_v = (
+        float({"+": "1", "−": "-1"}.get(part, part)) for part in found.groups()
+    )
+    b, of_v = sign * b, sign_of_v * of_v
+    u, v = (poses[:, :2] - [x, y]).T
+    corrected = np.column_stack([u, v]) / (scale - (a * u + b * v))[:, None] + [x, y]
+    assert np.allclose(corrected, true[:, :2], atol=1e-4)
+    # to second order in the rotation of a small body
+    assert np.allclose(poses[:, 2] - (of_u * u + of_v * v), true[:, 2], atol=4e-3)
+
+
 @pytest.mark.parametrize("scale", [0.95, 1.04])
 def test_the_corrected_calibration_length_undoes_scale_error(scale):
     true, poses, text = recorded("scale_error", scale, 1.0, -0.4, 0.1)

@@ -113,12 +113,10 @@ def out_of_plane(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, f
 
 
 def camera_tilt(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Tilted camera: the image is turned about its centre, or about another point with a small keystone."""
+    """Tilted camera: the image is turned about its centre, or about another point."""
     turn = 0.12 * share * random_sign(rng)
-    if form == 0:
-        return {"turn_rad": turn, "off_x": 0.0, "off_y": 0.0, "keystone": 0.0}
-    off_x, off_y = rng.uniform(-0.2, 0.2, 2)
-    return {"turn_rad": turn, "off_x": off_x, "off_y": off_y, "keystone": 0.02 * share * random_sign(rng)}
+    off_x, off_y = rng.uniform(-0.2, 0.2, 2) if form == 1 else (0.0, 0.0)
+    return {"turn_rad": turn, "off_x": off_x, "off_y": off_y}
 
 
 def camera_tilt_recorded(poses: Array, view: View, values: Values) -> Array:
@@ -126,7 +124,7 @@ def camera_tilt_recorded(poses: Array, view: View, values: Values) -> Array:
     c, s = np.cos(values["turn_rad"]), np.sin(values["turn_rad"])
     turned = (poses[..., :2] - pivot) @ np.array([[c, s], [-s, c]])
     out = poses.copy()
-    out[..., :2] = pivot + turned / (1.0 + values["keystone"] * turned[..., 1:] / view.extent_m)
+    out[..., :2] = pivot + turned
     out[..., 2] += values["turn_rad"]
     return out
 
@@ -163,6 +161,39 @@ def lens_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
     out = poses.copy()
     out[..., :2] = view.centre_m + offset * (1.0 / np.maximum(1.0 - distortion, 0.2) if divided else 1.0 + distortion)
     return out
+
+
+def keystone_distortion(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Camera aslant, by the equations of a pinhole: turned about the vertical, or about both axes and shifted."""
+    yaw, pitch = 0.2 * share * random_sign(rng), 0.2 * share * random_sign(rng)
+    if form == 0:
+        return {"yaw_rad": yaw, "pitch_rad": 0.0, "off_x": 0.0, "off_y": 0.0}
+    off_x, off_y = rng.uniform(-0.2, 0.2, 2)
+    return {"yaw_rad": 0.7 * yaw, "pitch_rad": 0.7 * pitch, "off_x": off_x, "off_y": off_y}
+
+
+def keystone_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
+    """The camera stands at twice the extent of the image, and lengths are right where the centre of the image is seen.
+    The angle is that of a short line along the block's x axis."""
+    far, aim = 2.0 * view.extent_m, view.centre_m + view.extent_m * np.array([values["off_x"], values["off_y"]])
+    yaw, pitch = values["yaw_rad"], values["pitch_rad"]
+    ahead = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), -np.cos(yaw) * np.cos(pitch)])
+    right = np.array([-ahead[2], 0.0, ahead[0]]) / np.hypot(ahead[0], ahead[2])
+    axes = np.stack([right, np.cross(right, ahead), ahead])
+
+    def picture(points: Array) -> Array:
+        seen = (np.concatenate([points - aim, np.zeros_like(points[..., :1])], axis=-1) + far * ahead) @ axes.T
+        return np.asarray(far * seen[..., :2] / seen[..., 2:])
+
+    unit = 0.01 * view.extent_m
+    corners = view.centre_m + unit * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    along_x, along_y = picture(corners)[1:] - picture(corners)[0]
+    scale = np.sqrt(along_x[0] * along_y[1] - along_x[1] * along_y[0]) / unit
+    middle, theta = picture(poses[..., :2]), poses[..., 2]
+    line = picture(poses[..., :2] + unit * np.stack([np.cos(theta), np.sin(theta)], axis=-1)) - middle
+    c, s = np.cos(theta), np.sin(theta)
+    turned = np.arctan2(c * line[..., 1] - s * line[..., 0], c * line[..., 0] + s * line[..., 1])
+    return np.concatenate([aim + middle / scale, (theta + turned)[..., None]], axis=-1)
 
 
 def angle_offset(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
@@ -258,6 +289,7 @@ CAUSES = {
     "scale_error": Cause(scale_error, forms=2, recorded=scale_error_recorded, draw_order=17),
     "frame_rate_error": Cause(frame_rate_error, forms=2, draw_order=18),
     "lens_distortion": Cause(lens_distortion, forms=2, recorded=lens_distortion_recorded, draw_order=19),
+    "keystone_distortion": Cause(keystone_distortion, forms=2, recorded=keystone_distortion_recorded, draw_order=22),
     "angle_offset": Cause(angle_offset, forms=2, recorded=angle_offset_recorded, draw_order=20),
     "mirrored_axis": Cause(mirrored_axis, forms=2, recorded=mirrored_axis_recorded, draw_order=21),
 }

@@ -24,6 +24,8 @@ from rock2d.blind.reality import (
     record_poses,
     simulate_poses,
 )
+from rock2d.blind.reality.cause import View
+from rock2d.blind.reality.known.causes import keystone_distortion_recorded
 from rock2d.blind.reality.motion_inputs import motion_inputs
 
 G = 9.81
@@ -264,6 +266,29 @@ def test_forms_of_an_effect_differ() -> None:
         assert not np.allclose(records[0], records[1], atol=1e-6), f"{name}: the forms give the same film"
     assert len(OUTSIDE) >= 8
     assert not set(OUTSIDE) & set(FORMS)
+
+
+def test_a_camera_aslant_keeps_straight_lines_and_their_cross_ratios() -> None:
+    """A projection keeps both; a small square in the centre of the picture stays as it is."""
+    view = View(np.zeros(1), np.array([0.2, 0.1]), 0.4, 0)
+    values = {"yaw_rad": 0.2, "pitch_rad": -0.1, "off_x": 0.1, "off_y": 0.2}
+    place = np.array([0.0, 0.1, 0.25, 0.4])
+    line = np.column_stack([place - 0.1, 0.3 - 0.5 * place, np.full(4, np.arctan(-0.5))])
+    seen = keystone_distortion_recorded(line[None], view, values)[0]
+    way = np.diff(seen[:, :2], axis=0)
+    assert way[:, 0] * way[0, 1] == pytest.approx(way[:, 1] * way[0, 0], abs=1e-12)
+    # a line seen along the body's own axis has the recorded angle of the body
+    assert seen[:, 2] == pytest.approx(np.full(4, np.arctan2(way[0, 1], way[0, 0])), abs=1e-9)
+
+    def cross_ratio(x: np.ndarray) -> float:
+        return float((x[2] - x[0]) * (x[3] - x[1]) / ((x[2] - x[1]) * (x[3] - x[0])))
+
+    assert cross_ratio(seen[:, 0]) == pytest.approx(cross_ratio(place), rel=1e-9)
+    assert np.diff(seen[:, 0]) / np.diff(seen[:, 0])[0] != pytest.approx(np.diff(place) / 0.1, rel=0.01)
+    corners = np.column_stack([view.centre_m + 1e-4 * np.array([[0, 0], [1, 0], [0, 1]]), np.zeros(3)])
+    assert keystone_distortion_recorded(corners[None], view, values)[0, :, :2] == pytest.approx(
+        corners[:, :2], abs=5e-6
+    )
 
 
 def test_noise_and_lost_frames() -> None:

@@ -173,8 +173,8 @@ def keystone_distortion(form: int, share: float, rng: Rng, scale: Scale) -> dict
 
 
 def keystone_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
-    """The camera stands at twice the extent of the image, and lengths are right where the centre of the image is seen.
-    The angle is that of a short line along the block's x axis."""
+    """The camera stands at twice the extent of the image. It is calibrated with a small square in the centre of the
+    image, which is a square in the record. The angle is that of a short line along the block's x axis."""
     far, aim = 2.0 * view.extent_m, view.centre_m + view.extent_m * np.array([values["off_x"], values["off_y"]])
     yaw, pitch = values["yaw_rad"], values["pitch_rad"]
     ahead = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), -np.cos(yaw) * np.cos(pitch)])
@@ -186,14 +186,14 @@ def keystone_distortion_recorded(poses: Array, view: View, values: Values) -> Ar
         return np.asarray(far * seen[..., :2] / seen[..., 2:])
 
     unit = 0.01 * view.extent_m
-    corners = view.centre_m + unit * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    along_x, along_y = picture(corners)[1:] - picture(corners)[0]
-    scale = np.sqrt(along_x[0] * along_y[1] - along_x[1] * along_y[0]) / unit
-    middle, theta = picture(poses[..., :2]), poses[..., 2]
-    line = picture(poses[..., :2] + unit * np.stack([np.cos(theta), np.sin(theta)], axis=-1)) - middle
+    square = picture(view.centre_m + unit * np.eye(2)) - picture(view.centre_m)
+    calibrated = unit * np.linalg.inv(square)
+    place, theta = poses[..., :2], poses[..., 2]
     c, s = np.cos(theta), np.sin(theta)
+    line = (picture(place + unit * np.stack([c, s], axis=-1)) - picture(place)) @ calibrated
     turned = np.arctan2(c * line[..., 1] - s * line[..., 0], c * line[..., 0] + s * line[..., 1])
-    return np.concatenate([aim + middle / scale, (theta + turned)[..., None]], axis=-1)
+    seen = view.centre_m + (picture(place) - picture(view.centre_m)) @ calibrated
+    return np.concatenate([seen, (theta + turned)[..., None]], axis=-1)
 
 
 def angle_offset(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
@@ -289,7 +289,7 @@ CAUSES = {
     "scale_error": Cause(scale_error, forms=2, recorded=scale_error_recorded, draw_order=17),
     "frame_rate_error": Cause(frame_rate_error, forms=2, draw_order=18),
     "lens_distortion": Cause(lens_distortion, forms=2, recorded=lens_distortion_recorded, draw_order=19),
-    "keystone_distortion": Cause(keystone_distortion, forms=2, recorded=keystone_distortion_recorded, draw_order=22),
+    "keystone_distortion": Cause(keystone_distortion, forms=2, recorded=keystone_distortion_recorded),
     "angle_offset": Cause(angle_offset, forms=2, recorded=angle_offset_recorded, draw_order=20),
     "mirrored_axis": Cause(mirrored_axis, forms=2, recorded=mirrored_axis_recorded, draw_order=21),
 }

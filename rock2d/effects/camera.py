@@ -236,7 +236,7 @@ def _linear(a: float, b: float) -> str:
 KEYSTONE_DISTORTION = Effect(
     name="keystone_distortion",
     summary="the camera looks at the plane of motion aslant: farther parts look smaller",
-    source="projection of a slanting plane by a pinhole camera: Hartley and Zisserman (2004), Multiple View Geometry in "
+    source="projection of a plane by a pinhole camera: R. Hartley and A. Zisserman (2004), Multiple View Geometry in "
     "Computer Vision, section 2.3, `rock2d.scene.world.View`",
     phase="all",
     origin="camera",
@@ -332,4 +332,6 @@ MIRRORED_AXIS = Effect(
 )
 
 
-EFFECTS = (CAMERA_TILT, SCALE_ERROR, FRAME_RATE_ERROR, LENS_DISTORTION, KEYSTONE_DISTORTION, ANGLE_OFFSET, MIRRORED_AXIS)
+EFFECTS = (
+    CAMERA_TILT, SCALE_ERROR, FRAME_RATE_ERROR, LENS_DISTORTION, KEYSTONE_DISTORTION, ANGLE_OFFSET, MIRRORED_AXIS,
+)  # fmt: skip

@@ -2,7 +2,9 @@
 
 The likelihood is robust, because a few impacts fall on the other side of an edge. So a cause that changes some impacts
 completely, and others not at all, hardly counts in it. In a replicate each impact is simulated again, with drawn noise
-of the camera and drawn soil: it shows how many impacts the model itself puts far away."""
+of the camera and drawn soil: it shows how many impacts the model itself puts far away. The law of a true cause may have
+another form than that of the catalogue. In one impact it then acts as this law with another size, so an impact that is
+near the model with a cause of another size is not far."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,13 +17,13 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import drawn_impacts, square_roots, times_normal
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import chi_square
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions
 
 FAR = 5.0  # root mean square of the residuals, in standard deviations, from which on an impact is far from the model
 SIMULATED_REPLICATES = 20
-# Factor by which more impacts may be far than in the replicates, and further number of them: the track is not exact.
-# Share that the causes may leave of those that they explain: the forms of their laws are not exact, either.
-MORE, FURTHER, LEFT_BY_FORMS = 2.0, 1.0, 0.25
+# factor by which more impacts may be far than in the replicates, and further number of them: the track is not exact
+MORE, FURTHER = 2.0, 1.0
+OTHER_SIZES = (0.5, 0.7, 1.4, 2.0)  # factors on the size of a cause that stand for other forms of its law
 
 
 class FarImpacts(NamedTuple):
@@ -31,22 +33,35 @@ class FarImpacts(NamedTuple):
     ----------
     far : (n,) whether each impact is far from the model
     replicates : (SIMULATED_REPLICATES,) number of those that are in replicates
-    p : probability that as many are if it is right, up to MORE, FURTHER and LEFT_BY_FORMS"""
+    p : probability that as many are if it is right, up to MORE and FURTHER"""
 
     far: Array
     replicates: Array
     p: float
 
 
-def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> FarImpacts:
-    """The impacts of the data that are far from a fitted model; `base`: the base law without causes."""
+def far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> FarImpacts:
+    """The impacts of the data that are far from a fitted model."""
     covariance, limit = fit.covariance(), FAR**2 * fit.residuals.impacts.shape[1]
-    far, far_of_base = (chi_square(own.residuals.impacts, own.covariance()) > limit for own in (fit, base))
+    far = chi_square(fit.residuals.impacts, covariance) > limit
     replicates = np.array([(chi_square(r, covariance) > limit).sum() for r in _simulated_again(data, fit, rng)])
-    explained = max(float(far_of_base.sum() - far.sum()), 0.0)
-    expected = MORE * float(replicates.mean()) + FURTHER + LEFT_BY_FORMS * explained
+    for p in _with_other_sizes(fit.model, fit.p):
+        if far.any():
+            far &= chi_square(fit.model.residuals(p, data).impacts, covariance) > limit
+    expected = MORE * float(replicates.mean()) + FURTHER
     # share of a Poisson distribution
     return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)))
+
+
+def _with_other_sizes(model: Model, p: Array) -> Iterator[Array]:
+    """Parameters at which one cause of the motion is smaller or larger, from no effect (0) on the scale of `Model`."""
+    low, high = model.bounds()
+    for effect in model.effects:
+        own = np.zeros(model.size, bool)
+        own[model.positions[effect.name]] = not (effect.camera or effect.scatter)
+        own[choice_positions(model)] = False
+        for factor in OTHER_SIZES if own.any() else ():
+            yield np.where(own, np.clip(factor * p, low, high), p)
 
 
 def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Iterator[Array]:

@@ -43,6 +43,7 @@ from rock2d.diagnosis.visibility import (
     is_out_of_range,
     missing_in_first_flights,
     only_gravity_is_turned,
+    p_of_size,
     relative_size,
 )
 from rock2d.effects.effect import Effect
@@ -84,6 +85,8 @@ NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at w
 # in the world, causes in the camera), and for another effect; but no law leaves what grows from release to release.
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 GRAVITY_FORM_SHARE = 0.2  # of learnt accelerations: what their form misses may look like another gravity
+# smooth changes of the picture: they may follow what the form of any learnt change misses, up to FORM_SHARE of its gain
+DISTORTIONS = {"lens_distortion", "keystone_distortion"}
 FORM_STEEPNESS = 3.0
 TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
 LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
@@ -100,7 +103,7 @@ class Evidence:
         scatter
     others_gain : log likelihood gained by the learnt changes, and by other members whose laws may have another form,
         in the flights or impacts that the effect changes
-    p_chance : probability that chance gives as large a gain
+    p_chance : probability that chance gives as large a gain, or as large a size
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     rival_share : share of its gain that the best of the rivals that gain more has in its place; 0 without one
     form_share : share of `others_gain` that may only correct the forms of the other laws
@@ -274,6 +277,8 @@ def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
     gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
         gain *= GRAVITY_FORM_SHARE / EFFECT_FORM_SHARE
+    if name in DISTORTIONS:
+        gain *= FORM_SHARE / EFFECT_FORM_SHARE
     return gain + sum(
         _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()
@@ -304,7 +309,8 @@ def _evidence_of_member(
         without = Learnt.of(Reduction(learnt.fit, name, without.fit).fitted(data), data)
         without.changes = learnt.changes
     own_gain = held_out_gain(data, learnt, without)
-    p_chance, p_no_closure = own_gain.p_of_addition, 0.0
+    of_size = [p_of_size(fit, name) for fit in (best.fit, learnt.fit)]
+    p_chance, p_no_closure = max(own_gain.p_of_addition, *of_size), 0.0
     if not effect.scatter:  # a scatter closes no gap, and random signs do not change it
         others_chance_gains = [own.chance_gains for own in search.expected_beside(best).values()]
         if others_chance_gains:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc  # scipy.stats takes over a second to import
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals
@@ -136,6 +137,19 @@ def _sizes(fit: Fit, name: str) -> Array:
         room = max(high[k] if fit.p[k] > 0.0 else -low[k], 1e-9)
         sizes.append(0.0 if refines else 1.0 if parameter.must_choose else abs(fit.p[k]) / room)
     return np.array(sizes)
+
+
+def p_of_size(fit: Fit, name: str) -> float:
+    """p value of the fitted size of an effect if there were no effect, from the covariance over releases (Wald's test
+    of the parameters that count, see `_sizes`). 0 for a choice, and for a scatter, which has no sign."""
+    counts, position = _sizes(fit, name) > 0.0, fit.model.positions[name]
+    if position.start in scatter_positions(fit.model) or fit.model.parameters_of(name)[0].must_choose:
+        return 0.0
+    own = np.arange(position.start, position.stop)[counts]
+    if not len(own):
+        return 1.0
+    square = fit.p[own] @ np.linalg.pinv(fit.p_covariance[np.ix_(own, own)], hermitian=True) @ fit.p[own]
+    return float(chdtrc(len(own), square))
 
 
 def is_negligible(effect: Effect, sizes: Sequence[float], gain_z: float) -> bool:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from rock2d.diagnosis import evidence
 from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, unexplained_probability
@@ -26,6 +27,7 @@ from rock2d.diagnosis.visibility import (
     is_out_of_range,
     missing_in_first_flights,
     only_gravity_is_turned,
+    p_of_size,
     relative_size,
 )
 from rock2d.effects import catalogue
@@ -214,11 +216,15 @@ def test_a_rival_beside_which_a_member_keeps_its_gain_explains_something_else(be
 
 @pytest.mark.parametrize(
     ("name", "lever", "times"),
-    [("scale_error", FLIGHT, 4.0), ("scale_error", LAW, 1.0), ("lens_distortion", FLIGHT, 1.0)],
-)
+    [
+        ("scale_error", FLIGHT, 4.0), ("scale_error", LAW, 1.0), ("camera_tilt", FLIGHT, 1.0),
+        ("lens_distortion", FLIGHT, 5.0), ("keystone_distortion", LAW, 5.0),
+    ],
+)  # fmt: skip
 def test_another_gravity_may_be_what_the_form_of_a_learnt_acceleration_misses(name, lever, times, monkeypatch):
     """A pull near the ground, learnt as a smooth function of the height: a fifth of its gain may be left, and a
-    twentieth for effects that do not change gravity in flights."""
+    twentieth for effects that do not change gravity in flights. A distortion of the picture may follow a quarter of
+    what any change misses."""
     monkeypatch.setattr(evidence, "_gain_in", lambda phase, model, reference: 100.0)
     search = SimpleNamespace(best=None, effects=catalogue(), without=lambda cause_set: {})
     learnt = SimpleNamespace(changes=[SimpleNamespace(lever=lever)])
@@ -250,6 +256,21 @@ def pulled(model, values, z):
         model=model, p=p, p_covariance=np.eye(model.size) / n, residuals=Residuals(r, flights), jacobian=jacobian,
         covariance=lambda: np.ones((n, 1, 1)),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("z", [0.5, 2.0, 4.0])
+def test_the_p_value_of_a_size_is_that_of_a_normal_error(z):
+    """One parameter: twice the normal tail; two: exp(-z²/2). The aim of the camera does not count; a scatter and a
+    choice have no p value."""
+    for name, own, p_value in (
+        ("scale_error", {5: z / 20.0}, 2.0 * ndtr(-z)),
+        ("keystone_distortion", {5: 0.6 * z / 20.0, 6: -0.8 * z / 20.0, 7: 1.0, 8: -1.0}, np.exp(-0.5 * z**2)),
+        ("surface_roughness", {5: z / 20.0}, 0.0),
+        ("mirrored_axis", {5: 1.0}, 0.0),
+        ("scale_error", {}, 1.0),
+    ):
+        fit = pulled(Model(world(), np.ones(5), [catalogue()[name]]), own, 0.0)
+        assert p_of_size(fit, name) == pytest.approx(p_value, rel=1e-6)
 
 
 @pytest.mark.parametrize(("friction", "z", "impossible"), [(0.4, 0.5, False), (0.4, 5.0, True), (0.5, 5.0, False)])

@@ -269,9 +269,9 @@ def test_forms_of_an_effect_differ() -> None:
 
 
 def test_a_camera_aslant_keeps_straight_lines_and_their_cross_ratios() -> None:
-    """A projection keeps both; a small square in the centre of the picture stays as it is."""
+    """A projection keeps both; the small square by which the camera is calibrated stays as it is."""
     view = View(np.zeros(1), np.array([0.2, 0.1]), 0.4, 0)
-    values = {"yaw_rad": 0.2, "pitch_rad": -0.1, "off_x": 0.1, "off_y": 0.2}
+    values = {"yaw_rad": 0.2, "pitch_rad": -0.1, "off_x": 0.1, "off_y": 0.2, "square_x_m": 0.3, "square_y_m": 0.0}
     place = np.array([0.0, 0.1, 0.25, 0.4])
     line = np.column_stack([place - 0.1, 0.3 - 0.5 * place, np.full(4, np.arctan(-0.5))])
     seen = keystone_distortion_recorded(line[None], view, values)[0]
@@ -285,7 +285,8 @@ def test_a_camera_aslant_keeps_straight_lines_and_their_cross_ratios() -> None:
 
     assert cross_ratio(seen[:, 0]) == pytest.approx(cross_ratio(place), rel=1e-9)
     assert np.diff(seen[:, 0]) / np.diff(seen[:, 0])[0] != pytest.approx(np.diff(place) / 0.1, rel=0.01)
-    corners = np.column_stack([view.centre_m + 1e-4 * np.array([[0, 0], [1, 0], [0, 1]]), np.zeros(3)])
+    square = np.array([0.3, 0.0])
+    corners = np.column_stack([square + 1e-4 * np.array([[0, 0], [1, 0], [0, 1]]), np.zeros(3)])
     assert keystone_distortion_recorded(corners[None], view, values)[0, :, :2] == pytest.approx(
         corners[:, :2], abs=5e-6
     )

@@ -164,17 +164,19 @@ def lens_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
 
 
 def keystone_distortion(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Camera aslant, by the equations of a pinhole: turned about the vertical, or about both axes and shifted."""
+    """Camera aslant, by the equations of a pinhole: turned about the vertical, or about both axes and shifted.
+
+    It is calibrated with a small square in the middle of embankment and ditch, which is a square in the record."""
     yaw, pitch = 0.2 * share * random_sign(rng), 0.2 * share * random_sign(rng)
-    if form == 0:
-        return {"yaw_rad": yaw, "pitch_rad": 0.0, "off_x": 0.0, "off_y": 0.0}
-    off_x, off_y = rng.uniform(-0.2, 0.2, 2)
-    return {"yaw_rad": 0.7 * yaw, "pitch_rad": 0.7 * pitch, "off_x": off_x, "off_y": off_y}
+    off_x, off_y = rng.uniform(-0.2, 0.2, 2) if form == 1 else (0.0, 0.0)
+    turns = {"yaw_rad": 0.7 * yaw, "pitch_rad": 0.7 * pitch} if form == 1 else {"yaw_rad": yaw, "pitch_rad": 0.0}
+    x_m, y_m = (float(v) for v in 0.5 * (scale.low + scale.high))
+    return {**turns, "off_x": off_x, "off_y": off_y, "square_x_m": x_m, "square_y_m": y_m}
 
 
 def keystone_distortion_recorded(poses: Array, view: View, values: Values) -> Array:
-    """The camera stands at twice the extent of the image. It is calibrated with a small square in the centre of the
-    image, which is a square in the record. The angle is that of a short line along the block's x axis."""
+    """The camera stands at twice the extent of the image. The angle is that of a short line along the x axis of the
+    block."""
     far, aim = 2.0 * view.extent_m, view.centre_m + view.extent_m * np.array([values["off_x"], values["off_y"]])
     yaw, pitch = values["yaw_rad"], values["pitch_rad"]
     ahead = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), -np.cos(yaw) * np.cos(pitch)])
@@ -185,14 +187,13 @@ def keystone_distortion_recorded(poses: Array, view: View, values: Values) -> Ar
         seen = (np.concatenate([points - aim, np.zeros_like(points[..., :1])], axis=-1) + far * ahead) @ axes.T
         return np.asarray(far * seen[..., :2] / seen[..., 2:])
 
-    unit = 0.01 * view.extent_m
-    square = picture(view.centre_m + unit * np.eye(2)) - picture(view.centre_m)
-    calibrated = unit * np.linalg.inv(square)
+    unit, square = 0.01 * view.extent_m, np.array([values["square_x_m"], values["square_y_m"]])
+    calibrated = unit * np.linalg.inv(picture(square + unit * np.eye(2)) - picture(square))
     place, theta = poses[..., :2], poses[..., 2]
     c, s = np.cos(theta), np.sin(theta)
     line = (picture(place + unit * np.stack([c, s], axis=-1)) - picture(place)) @ calibrated
     turned = np.arctan2(c * line[..., 1] - s * line[..., 0], c * line[..., 0] + s * line[..., 1])
-    seen = view.centre_m + (picture(place) - picture(view.centre_m)) @ calibrated
+    seen = square + (picture(place) - picture(square)) @ calibrated
     return np.concatenate([seen, (theta + turned)[..., None]], axis=-1)
 
 

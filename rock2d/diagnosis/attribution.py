@@ -229,7 +229,7 @@ def _attribution(search: Search, seed: int) -> Attribution:
         learnt = without_harmful_changes(data, learnt, search.base)
         if learnt.names != best.names and not learnt.changes:  # no file holds such a model
             learnt = without_harmful_changes(data, of_final.learnt, search.base)
-    checks = predictive_checks(data, learnt.fit, seed)
+    checks = predictive_checks(data, search.base.fit, learnt.fit, seed)
     p_outside = max(_outside_probability(search, models, moving), unexplained_probability(evidence), checks.p_outside)
     candidates = {
         name: Candidate(own.fit, own.held_out, catalogue()[name], search.gain(own, search.base).gain)

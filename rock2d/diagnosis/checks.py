@@ -139,15 +139,16 @@ class Checks:
         ]
 
 
-def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
-    """The checks of a fitted model on the data that it was fitted to; `seed` of the replicates."""
+def predictive_checks(data: Data, base: Fit, fit: Fit, seed: int) -> Checks:
+    """The checks of a fitted model on the data that it was fitted to; `base`: the base law; `seed` of the
+    replicates."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
     signs[0] = 1.0  # the data themselves
     shared = rng.normal(size=(1 + REPLICATES, data.slow_outcomes().shape[-1]))
     shared[0] = 0.0
     left = _RemainingPatterns(data, fit, np.hstack([signs, shared]))
-    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, fit, rng))
+    return Checks(_rank_checks(left.means()), _rank_checks(left.spreads()), _check_of_far_impacts(data, base, fit, rng))
 
 
 class _Patterns(NamedTuple):
@@ -179,11 +180,11 @@ def _rank_checks(checks: Sequence[_Patterns]) -> list[Check]:
     ]  # fmt: skip
 
 
-def _check_of_far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> list[Check]:
+def _check_of_far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> list[Check]:
     """The check of the number of far impacts; none without impacts."""
     if not len(data.impact_release):
         return []
-    found = far_impacts(data, fit, rng)
+    found = far_impacts(data, base, fit, rng)
     zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[found.far], minlength=1)
     most = f", most in {zones[int(count.argmax())]}" if found.far.any() else ""
     unit = max(float(found.replicates.std()), 1.0)

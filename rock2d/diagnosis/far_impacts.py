@@ -21,8 +21,9 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions
 
 FAR = 5.0  # root mean square of the residuals, in standard deviations, from which on an impact is far from the model
 SIMULATED_REPLICATES = 20
-# factor by which more impacts may be far than in the replicates, and further number of them: the track is not exact
-MORE, FURTHER = 2.0, 1.0
+# Factor by which more impacts may be far than in the replicates, and further number of them: the track is not exact.
+# Share that the causes may leave of those that they explain: the forms of their laws are not exact, either.
+MORE, FURTHER, LEFT_BY_FORMS = 2.0, 1.0, 0.25
 OTHER_SIZES = (0.5, 0.7, 1.4, 2.0)  # factors on the size of a cause that stand for other forms of its law
 
 
@@ -33,22 +34,23 @@ class FarImpacts(NamedTuple):
     ----------
     far : (n,) whether each impact is far from the model
     replicates : (SIMULATED_REPLICATES,) number of those that are in replicates
-    p : probability that as many are if it is right, up to MORE and FURTHER"""
+    p : probability that as many are if it is right, up to MORE, FURTHER and LEFT_BY_FORMS"""
 
     far: Array
     replicates: Array
     p: float
 
 
-def far_impacts(data: Data, fit: Fit, rng: np.random.Generator) -> FarImpacts:
-    """The impacts of the data that are far from a fitted model."""
+def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> FarImpacts:
+    """The impacts of the data that are far from a fitted model; `base`: the base law without causes."""
     covariance, limit = fit.covariance(), FAR**2 * fit.residuals.impacts.shape[1]
-    far = chi_square(fit.residuals.impacts, covariance) > limit
+    far, far_of_base = (chi_square(own.residuals.impacts, own.covariance()) > limit for own in (fit, base))
     replicates = np.array([(chi_square(r, covariance) > limit).sum() for r in _simulated_again(data, fit, rng)])
+    explained = max(float(far_of_base.sum() - far.sum()), 0.0)
+    expected = MORE * float(replicates.mean()) + FURTHER + LEFT_BY_FORMS * explained
     for p in _with_other_sizes(fit.model, fit.p):
         if far.any():
             far &= chi_square(fit.model.residuals(p, data).impacts, covariance) > limit
-    expected = MORE * float(replicates.mean()) + FURTHER
     # share of a Poisson distribution
     return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)))
 

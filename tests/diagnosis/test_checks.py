@@ -57,12 +57,12 @@ def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
 
 def failed(own: tuple[FilmData, Fit], left: Fit) -> dict[str, str]:
     """Name of each check that fails -> the largest pattern."""
-    return {c.name: c.largest for c in predictive_checks(own[0], left, 0).all if c.fails}
+    return {c.name: c.largest for c in predictive_checks(own[0], own[1], left, 0).all if c.fails}
 
 
 def test_true_model_fails_as_often_as_stated(fitted, monkeypatch):
     monkeypatch.setattr(checks, "REPLICATES", 500)
-    found = [predictive_checks(fitted[0], drawn(fitted, seed), seed) for seed in range(FILMS)]
+    found = [predictive_checks(fitted[0], fitted[1], drawn(fitted, seed), seed) for seed in range(FILMS)]
     for p in (np.array([own.p for own in found]), np.array([min(c.p_of_all for c in own.spreads) for own in found])):
         assert (p < FALSE_ALARMS).mean() < 0.12
         assert 0.3 < np.median(p) < 0.7
@@ -81,10 +81,10 @@ def soiled(fitted) -> tuple[FilmData, Fit, Fit]:
 
 
 def test_a_slow_error_that_all_releases_share_fails_no_check(soiled):
-    data, _, shifted = soiled
-    assert not any(c.fails for c in predictive_checks(data, shifted, 0).means)
+    data, found, shifted = soiled
+    assert not any(c.fails for c in predictive_checks(data, found, shifted, 0).means)
     sure = replace(data, slow=np.zeros_like(data.slow))
-    assert any(c.fails for c in predictive_checks(sure, shifted, 0).means)
+    assert any(c.fails for c in predictive_checks(sure, found, shifted, 0).means)
 
 
 def test_a_gain_that_a_shared_slow_error_makes_is_not_significant(soiled):
@@ -126,7 +126,7 @@ def test_block_that_scatters_more_is_named(fitted):
 
 def test_few_impacts_are_far_from_a_true_law_and_as_many_as_it_says_itself(fitted):
     data, own = fitted
-    found = far_impacts(data, own, np.random.default_rng(1))
+    found = far_impacts(data, own, own, np.random.default_rng(1))
     assert found.p > 0.05
     assert abs(found.far.sum() - found.replicates.mean()) < 4.0 * np.sqrt(found.replicates.mean() + 1.0)
 
@@ -143,7 +143,7 @@ def test_an_impact_that_another_size_of_a_cause_explains_is_not_far():
     for share in (1.0, 1.0 / 1.4, 0.0):
         p = np.where(np.arange(len(found.p)) == found.model.positions["rounded_edges"].start, share * found.p, found.p)
         smaller = replace(found, p=p, residuals=found.model.residuals(p, data))
-        count[share] = far_impacts(data, smaller, np.random.default_rng(0)).far.sum()
+        count[share] = far_impacts(data, found, smaller, np.random.default_rng(0)).far.sum()
     assert count[1.0] <= count[1.0 / 1.4] <= 1 < 5 < count[0.0]
 
 
@@ -156,20 +156,20 @@ def test_an_unknown_cause_that_changes_few_impacts_completely_is_named(fitted):
     impacts = own.residuals.impacts.copy()
     impacts[hit, 5] += 30.0 * np.sqrt(own.covariance()[hit, 5, 5]) * np.resize([1.0, -1.0], len(hit))
     left = replace(own, residuals=Residuals(impacts, own.residuals.flights))
-    found = predictive_checks(data, left, 0)
+    found = predictive_checks(data, own, left, 0)
     out = {c.name: c.largest for c in found.all if c.fails}
     name = own.model.setup.cross_section.zone_names[zone]
     assert out["far impacts"] == f"{len(hit)} of {len(zones)}, most in {name}"
     assert found.p_outside > 0.9 and not [name for name in out if name in checks.IMPACT_MEANS]
-    none = predictive_checks(data, own, 0)
+    none = predictive_checks(data, own, own, 0)
     assert none.p_outside < 0.3
 
 
 def test_same_seed_gives_the_same_checks_and_the_sentence_names_what_fails(fitted):
     left = drawn(fitted, 2, bend=0.8 * fitted[0].unit_bends())
-    first, second = (predictive_checks(fitted[0], left, 5) for _ in range(2))
+    first, second = (predictive_checks(fitted[0], fitted[1], left, 5) for _ in range(2))
     assert first.content() == second.content()
     assert all(len(c["replicates"]) == 3 and 0.0 < c["p"] <= 1.0 for c in first.content())
     assert "bend of flights (y" in checks_sentence(first)
-    passing = checks_sentence(predictive_checks(fitted[0], drawn(fitted, 4), 5))
+    passing = checks_sentence(predictive_checks(fitted[0], fitted[1], drawn(fitted, 4), 5))
     assert passing.endswith("as the model would make them")

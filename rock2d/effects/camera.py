@@ -215,7 +215,7 @@ def keystone_distortion_remedy(fitted: FittedEffect) -> str:
     shrinks = " and ".join(
         f"{number(100 * abs(fitted.values[name]), 100 * fitted.half[name])} % "
         + (ahead if fitted.values[name] > 0 else back)
-        for name, ahead, back in ways
+        for name, ahead, back in [way for way in ways if abs(fitted.values[way[0]]) > fitted.half[way[0]]] or ways
     )
     view, width = fitted.world().view, aim_and_width(fitted.setup.cross_section)[1]
     (x, y), (a, b) = view.axis_m, view.keystone_per_m

@@ -98,6 +98,8 @@ def test_correcting_the_record_by_hand_undoes_keystone_distortion():
     assert np.allclose(corrected, true[:, :2], atol=1e-4)
     # to second order in the rotation of a small body
     assert np.allclose(poses[:, 2] - (of_u * u + of_v * v), true[:, 2], atol=4e-3)
+    # a way whose interval contains 0 is not stated
+    assert "shrink by 8.00000 % to the right: the camera" in said("keystone_distortion", 0.08, 1e-7, 0.2, -0.3)
 
 
 @pytest.mark.parametrize("scale", [0.95, 1.04])

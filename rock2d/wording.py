@@ -25,6 +25,11 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
 
 
+def sentence(text: str) -> str:
+    """The text with a full stop, unless it is a question."""
+    return text if text.endswith("?") else f"{text}."
+
+
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines of a terminal, with columns as wide as their longest cell."""
     widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]

@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.wording import percent, spoken
+from rock2d.wording import percent, sentence, spoken
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -102,7 +102,7 @@ def rendered(package: str, template: str, context: Mapping[str, Any]) -> str:
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
         loader=jinja2.FunctionLoader(source),
     )  # fmt: skip
-    filters = (breakable, coded, css_text, percent, source_hash, spoken)
+    filters = (breakable, coded, css_text, percent, sentence, source_hash, spoken)
     environment.filters |= {own.__name__: own for own in filters}
     made = environment.get_template(template).render({"style": source("style.css"), "live": None, **context})
     return PERCENT_IN_TEXT.sub(lambda found: found[1] or "\N{NO-BREAK SPACE}%", made)

@@ -9,7 +9,7 @@ from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.records.columns import after
-from rock2d.scene.world import HORIZON, World
+from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
 
@@ -201,12 +201,8 @@ def with_keystone_distortion(world: World, values: Sequence[float]) -> World:
     """u recorded = scale · u / (1 + keystone · u / W), u = (x, y) - c, where c is the point that the camera aims at and
     W the width of embankment and ditch. Areas in the middle of the set-up stay: a keystone is no error of the scale."""
     middle, width = aim_and_width(world.cross_section)
-    slant = np.array(values[:2]) / width
-    seen = with_view(world, values[2:])
-    # the area of a small body changes by the factor (1 + keystone · u / W)^-3
-    wide = max(float(1.0 + slant @ np.subtract(middle, seen.view.axis_m)), HORIZON)
-    x, y = slant + seen.view.keystone_per_m
-    return with_view(seen, scale=seen.view.scale * wide**1.5, keystone_per_m=(float(x), float(y)))
+    x, y = np.array(values[:2]) / width + world.view.keystone_per_m
+    return with_view(world, values[2:], keystone_per_m=(float(x), float(y)), middle_m=middle)
 
 
 def keystone_distortion_remedy(fitted: FittedEffect) -> str:
@@ -222,9 +218,9 @@ def keystone_distortion_remedy(fitted: FittedEffect) -> str:
     return (
         f"Over {width:.2g} m, lengths in the picture shrink by {shrinks}: the camera does not look at the plane of "
         "motion at a right angle. No key of the set-up file corrects this. In the record (turned back, if the picture "
-        f"is turned), divide the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by {view.scale:.5g} − "
-        f"({_linear(a, b)}), and subtract {_linear(0.5 * b, -0.5 * a)} from its `theta_rad`. Turn the camera before "
-        "the next film."
+        f"is turned), divide the distance (u, v) of every position from ({x:.4g}, {y:.4g}) m by "
+        f"{view.slant_scale:.5g} − ({_linear(a, b)}), and subtract {_linear(0.5 * b, -0.5 * a)} from its `theta_rad`. "
+        "Turn the camera before the next film."
     )
 
 

@@ -23,10 +23,11 @@ class View:
     """How the recording of the camera differs from the world; the default is a perfect camera.
 
     A point at u from the camera's axis, which meets the plane at `axis_m`, is changed in this order: divided by
-    1 + `keystone_per_m` · u, because a slanting camera shows farther parts smaller; rotated by `tilt_rad`, and scaled
-    by `scale` along y and `scale` × `aspect` along x, about the axis; distorted by the factor 1 + `lens_per_m2` r² at
-    a distance r; mirrored about the origin. The tilt, the rotation by which the slanting view turns a small body, and
-    `theta_offset_rad` are added to angles. An instant t is recorded as t / `time_scale`."""
+    1 + `keystone_per_m` · u, because a slanting camera shows farther parts smaller, and enlarged so that areas at
+    `middle_m` stay; rotated by `tilt_rad`, and scaled by `scale` along y and `scale` × `aspect` along x, about the
+    axis; distorted by the factor 1 + `lens_per_m2` r² at a distance r; mirrored about the origin. The tilt, the
+    rotation by which the slanting view turns a small body, and `theta_offset_rad` are added to angles. An instant t is
+    recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
@@ -37,6 +38,7 @@ class View:
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
     aspect: float = 1.0
     keystone_per_m: tuple[float, float] = (0.0, 0.0)
+    middle_m: tuple[float, float] | None = None  # point at which the scale was measured; None: `axis_m`
 
     @property
     def scales(self) -> Array:
@@ -47,6 +49,14 @@ class View:
     def axis_m(self) -> tuple[float, float]:
         """Point (x, y) in m at which the axis of the camera meets the plane: `aim_m`, or the origin."""
         return (0.0, 0.0) if self.aim_m is None else self.aim_m
+
+    @property
+    def slant_scale(self) -> float:
+        """Factor of a slanting view by which areas at `middle_m` stay: there, the division changes the area of a small
+        body by the factor (1 + k · u)^-3."""
+        if self.middle_m is None:
+            return 1.0
+        return float(max(1.0 + np.dot(self.keystone_per_m, np.subtract(self.middle_m, self.axis_m)), HORIZON)) ** 1.5
 
     def record(self, pose: Array) -> Array:
         """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""
@@ -87,11 +97,14 @@ class View:
         k = way * np.array(self.keystone_per_m)
         if not k.any():
             return pose
-        u = pose[..., :2] - self.axis_m
+        # u' = a u / (1 + k · u) is the same as u = (u' / a) / (1 - k · u' / a)
+        before, after = (1.0, self.slant_scale) if way > 0.0 else (self.slant_scale, 1.0)
+        u = (pose[..., :2] - self.axis_m) / before
         along = np.maximum(u @ k, HORIZON - 1.0)
         # rotation in the derivative of u / (1 + k · u), the same for both ways with the sign of k
         turn = np.arctan2(u[..., 0] * k[1] - u[..., 1] * k[0], 2.0 + along)
-        return np.concatenate([self.axis_m + u / (1.0 + along[..., None]), (pose[..., 2] + turn)[..., None]], axis=-1)
+        place = self.axis_m + after * u / (1.0 + along[..., None])
+        return np.concatenate([place, (pose[..., 2] + turn)[..., None]], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
         """(n,) true standard deviation along unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
@@ -102,8 +115,8 @@ class View:
         if k.any():
             u = place - self.axis_m
             wide = 1.0 + (u @ k)[:, None]
-            place = self.axis_m + u / wide
-            direction = wide * (direction + k * (u * direction).sum(axis=1, keepdims=True))
+            place = self.axis_m + self.slant_scale * u / wide
+            direction = wide / self.slant_scale * (direction + k * (u * direction).sum(axis=1, keepdims=True))
         scaled = self.scales * ((place - self.axis_m) @ turn)
         direction = direction @ turn / self.scales
         # without rotation and scales, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric

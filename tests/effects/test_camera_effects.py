@@ -124,10 +124,14 @@ def test_a_neutral_camera_records_what_is(name):
     assert with_effect(world(), name, neutral(name)).view.record(POSES) == pytest.approx(POSES, abs=1e-15)
 
 
-@pytest.mark.parametrize("place", [[0.0, 0.0], [0.4, -0.3]])
-def test_a_keystone_is_no_error_of_the_scale(place):
-    """In the middle of the set-up a small body keeps its area, wherever the camera aims at."""
-    view = with_effect(world(), "keystone_distortion", [0.1, -0.15, *place]).view
+@pytest.mark.parametrize(
+    ("place", "later"), [([0.0, 0.0], [0.0, 0.0]), ([0.4, -0.3], [0.0, 0.0]), ([0.4, 0], [0.2, 1])]
+)
+def test_a_keystone_is_no_error_of_the_scale(place, later):
+    """In the middle of the set-up a small body keeps its area, wherever the camera aims at, also if another effect
+    moves its aim afterwards."""
+    slanting = with_effect(world(), "keystone_distortion", [0.1, -0.15, *place])
+    view = with_effect(slanting, "scale_error", [1.0, 1.0, *later]).view
     middle, _ = aim_and_width(world().cross_section)
     at = np.array([*middle, 0.0])
     ahead, behind = (view.record(at + step * np.eye(3)[:2]) for step in (1e-5, -1e-5))

@@ -101,12 +101,10 @@ class Evidence:
     own_gain : gain of the set over the set without the member; beside the twin of another member if that is less
     replacement_gain : gain of changes that are learnt in its place; for an effect that widens the scatter, of a free
         scatter
-    others_gain : log likelihood gained by the learnt changes, and by other members whose laws may have another form,
-        in the flights or impacts that the effect changes
+    left_by_forms : log likelihood that the effect may gain only because the forms of other laws are not exact
     p_chance : probability that chance gives as large a gain, or as large a size
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     rival_share : share of its gain that the best of the rivals that gain more has in its place; 0 without one
-    form_share : share of `others_gain` that may only correct the forms of the other laws
     even_ratio : ratio of `own_gain` to `replacement_gain` at which the probability is 0.5
     rests_z : standard errors by which blocks at rest prefer the set to what is learnt in place of the member
     p_no_closure : probability that the member closes no part of the gap
@@ -115,11 +113,10 @@ class Evidence:
 
     own_gain: Gain
     replacement_gain: Gain
-    others_gain: float
+    left_by_forms: float
     p_chance: float
     rival_z: Mapping[str, float]
     rival_share: float = 0.0
-    form_share: float = EFFECT_FORM_SHARE
     even_ratio: float = EVEN_RATIO
     rests_z: float = 0.0
     p_no_closure: float = 0.0
@@ -142,7 +139,7 @@ class Evidence:
             ratio = min(ratio, 1.0 / self.rival_share / EVEN_RATIO)
         of_rests = largest_bayes_factor(float(ndtr(-self.rests_z))) if self.rests_z > LEAST_RESTS_Z else 1.0
         true = _logistic(ratio, RATIO_STEEPNESS, of_rests)
-        beyond_form = _logistic(gain / max(self.form_share * self.others_gain, 1e-9), FORM_STEEPNESS)
+        beyond_form = _logistic(gain / max(self.left_by_forms, 1e-9), FORM_STEEPNESS)
         return self.p_acts * (1.0 - self.p_no_closure) * true * beyond_form
 
     @property
@@ -182,17 +179,17 @@ def evidence_of_members(
     best, data, contained = search.best, search.data, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, tuple[Validated, Validated]](), set[str]()
     for name in sorted(best.names):
-        others_gain = _gain_of_others(search, learnt, name)
+        left = _left_by_forms(search, learnt, name)
         before = known.get(name)
         rivals = before.group if before is not None else ()
-        evidence, without = _evidence_of_member(search, learnt, name, others_gain, rivals)
+        evidence, without = _evidence_of_member(search, learnt, name, left, rivals)
         scatter = search.effects[name].scatter
         if not (scatter or evidence.named(name)) and learnt.changes and search.without(best)[name].fit.free:
             # The learnt changes may have taken its place. It then must gain nearly as much without them, and either
             # more than changes learnt in its place, or more than the forms of the other laws leave to be learnt.
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
-            evidence, without = _evidence_of_member(search, permanent, name, others_gain, rivals)
+            evidence, without = _evidence_of_member(search, permanent, name, left, rivals)
         if name in PERMANENT and permanent.changes:
             evidence = max(evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p)
             share = _share_of_soft_places(data, best.fit, permanent.changes[0].basis)
@@ -201,7 +198,7 @@ def evidence_of_members(
             )
             evidence = min(evidence, soft, key=lambda found: found.p)
         if name in contained:
-            evidence = replace(evidence, form_share=CONTAINED_SHARE)
+            evidence = replace(evidence, left_by_forms=_left_by_forms(search, learnt, name, CONTAINED_SHARE))
         elif contained:  # as a rival it would gain what the profile gains
             beside = {rival: z for rival, z in evidence.rival_z.items() if rival not in contained}
             evidence = replace(evidence, rival_z=beside)
@@ -226,7 +223,8 @@ def evidence_of_members(
     evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}
     for name in doubted:
         if not evidence_of[name].own_gain.total > evidence_of[name].replacement_gain.total > 0.0:
-            evidence_of[name] = replace(evidence_of[name], form_share=FORM_SHARE)
+            left = max(evidence_of[name].left_by_forms, _left_by_forms(search, learnt, name, FORM_SHARE))
+            evidence_of[name] = replace(evidence_of[name], left_by_forms=left)
     return evidence_of
 
 
@@ -271,16 +269,18 @@ def _replacement(data: Data, whole: Validated, without: Validated, phase: str, o
     return held_out_gain(data, learnt, without), rests_z(data, whole, learnt)
 
 
-def _gain_of_others(search: Search, learnt: Learnt, name: str) -> float:
-    """`Evidence.others_gain` of the member `name`."""
-    best, phase = search.best, search.effects[name].phase
-    gain = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
+def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFFECT_FORM_SHARE) -> float:
+    """`Evidence.left_by_forms` of the member `name`: a `share` of what learnt changes gain, and of what other members
+    gain whose laws may have another form, in the flights or impacts that the effect changes."""
+    best, effects = search.best, search.effects
+    phase, of_learnt = effects[name].phase, share
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
-        gain *= GRAVITY_FORM_SHARE / EFFECT_FORM_SHARE
+        of_learnt = max(share, GRAVITY_FORM_SHARE)
     if name in DISTORTIONS:
-        gain *= FORM_SHARE / EFFECT_FORM_SHARE
-    return gain + sum(
-        _form_share(search.effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
+        of_learnt = max(share, FORM_SHARE)
+    left = of_learnt * max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
+    return left + share * sum(
+        _form_share(effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()
         if other != name
     )
@@ -299,10 +299,10 @@ def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
 
 
 def _evidence_of_member(
-    search: Search, learnt: Learnt, name: str, others_gain: float, rivals: Collection[str]
+    search: Search, learnt: Learnt, name: str, left: float, rivals: Collection[str]
 ) -> tuple[Evidence, Validated]:
     """Evidence for a member of the best set with the learnt changes, without the gain of changes in its place, and the
-    model without it. `rivals`: its closest rivals in a larger set."""
+    model without it. `left`: `Evidence.left_by_forms`; `rivals`: its closest rivals in a larger set."""
     best, data, effect = search.best, search.data, search.effects[name]
     without: Learnt | Validated = search.without(best)[name]
     if learnt.changes:
@@ -328,15 +328,15 @@ def _evidence_of_member(
     negligible = is_negligible(effect, sizes, own_gain.significance)
     out_of_range = any(is_out_of_range(fit, name) for fit in (best.fit, learnt.fit))
     evidence = Evidence(
-        own_gain, Gain(np.zeros_like(own_gain.gain)), others_gain, p_chance, rival_z,
-        form_share=0.0 if effect.grows else EFFECT_FORM_SHARE, p_no_closure=p_no_closure, negligible=negligible,
+        own_gain, Gain(np.zeros_like(own_gain.gain)), 0.0 if effect.grows else left, p_chance, rival_z,
+        p_no_closure=p_no_closure, negligible=negligible,
         even_ratio=EVEN_CONTAINED_RATIO if name in IN_CURVES else EVEN_RATIO, out_of_range=out_of_range,
     )  # fmt: skip
     if (resistance := RESISTANCES.get(name)) is not None and resistance in best.names:
         gain = search.gain(search.alone[resistance], search.base).total
         evidence = beyond_other_law(evidence, gain)
     if effect.scatter:
-        weak = own_gain.total < FORM_SHARE * others_gain
+        weak = own_gain.total < FORM_SHARE / EFFECT_FORM_SHARE * left
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
         evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
     return evidence, without
@@ -375,9 +375,7 @@ def gain_beyond_luck(search: Search, name: str, gain: float) -> float:
 def beyond_other_law(evidence: Evidence, other_gain: float) -> Evidence:
     """Evidence that counts only beyond what the form of another law of the same force, with this gain alone, may
     leave."""
-    if FORM_SHARE * other_gain <= evidence.form_share * evidence.others_gain:
-        return evidence
-    return replace(evidence, others_gain=other_gain, form_share=FORM_SHARE)
+    return replace(evidence, left_by_forms=max(evidence.left_by_forms, FORM_SHARE * other_gain))
 
 
 def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evidence:
@@ -393,7 +391,7 @@ def _evidence_of_permanent(search: Search, permanent: Learnt, name: str) -> Evid
     }
     left = sum(share * _gain_in("impact", best, smaller[other]) for other, share in sorted(shares.items()))
     return Evidence(
-        own_gain, held_out_gain(data, others, without), left, own_gain.p_of_addition, {}, form_share=1.0,
+        own_gain, held_out_gain(data, others, without), left, own_gain.p_of_addition, {},
         negligible=is_negligible(search.effects[name], [_size_with_profile(permanent.fit, name)], 0.0),
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, un
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.evidence import (
+    EFFECT_FORM_SHARE,
     FORM_SHARE,
     Evidence,
     beside_better_rivals,
@@ -45,8 +46,8 @@ def gain(total, spread=0.0):
     return Gain(np.full(RELEASES, total / RELEASES) + spread * signs)
 
 
-def found(own_gain=50.0, replacement_gain=0.0, chance=1e-6, others_gain=0.0, **rival_z):
-    return Evidence(gain(own_gain), gain(replacement_gain), others_gain, chance, rival_z)
+def found(own_gain=50.0, replacement_gain=0.0, chance=1e-6, left_by_forms=0.0, **rival_z):
+    return Evidence(gain(own_gain), gain(replacement_gain), left_by_forms, chance, rival_z)
 
 
 def test_a_gain_that_chance_exceeds_in_one_film_of_a_hundred_is_as_probable_as_not():
@@ -78,13 +79,13 @@ def test_what_blocks_at_rest_show_is_no_imitation_of_a_law():
 @pytest.mark.parametrize(("own_gain", "named"), [(40.0, False), (150.0, False), (450.0, True)])
 def test_a_law_of_the_same_force_may_only_correct_the_form_of_the_other(own_gain, named):
     """A drag with the exponent 1.7 gains with a quadratic law, and a little more with a linear one beside it."""
-    beside = beyond_other_law(found(own_gain, others_gain=20.0), other_gain=1000.0)
+    beside = beyond_other_law(found(own_gain, left_by_forms=1.0), other_gain=1000.0)
     assert beside.named("flight_damping") == named
-    assert found(own_gain, others_gain=20.0).named("flight_damping")
+    assert found(own_gain, left_by_forms=1.0).named("flight_damping")
 
 
 def test_the_stricter_of_two_limits_holds():
-    strict = found(50.0, others_gain=2000.0)
+    strict = found(50.0, left_by_forms=100.0)
     assert beyond_other_law(strict, other_gain=100.0) == strict
 
 
@@ -120,15 +121,15 @@ def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_
 
 
 def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():
-    assert found(own_gain=300.0, others_gain=3000.0).named("adhesion")
-    assert not found(own_gain=80.0, others_gain=3000.0).named("adhesion")
+    assert found(own_gain=300.0, left_by_forms=EFFECT_FORM_SHARE * 3000.0).named("adhesion")
+    assert not found(own_gain=80.0, left_by_forms=EFFECT_FORM_SHARE * 3000.0).named("adhesion")
 
 
 def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_other_laws_leave():
     """A drag of another form than the catalogue's is a damping, and a curve over the velocity, or a second drag."""
-    plain = replace(found(own_gain=600.0, others_gain=3000.0), form_share=FORM_SHARE)
-    assert found(own_gain=600.0, others_gain=3000.0).named("air_drag") and not plain.named("air_drag")
-    assert replace(plain, others_gain=300.0).named("soil_compaction")
+    sure, doubted = (found(own_gain=600.0, left_by_forms=share * 3000.0) for share in (EFFECT_FORM_SHARE, FORM_SHARE))
+    assert sure.named("air_drag") and not doubted.named("air_drag")
+    assert replace(doubted, left_by_forms=FORM_SHARE * 300.0).named("soil_compaction")
 
 
 def test_a_small_effect_matters_if_its_gain_is_large_but_never_a_small_scatter():
@@ -215,20 +216,21 @@ def test_a_rival_beside_which_a_member_keeps_its_gain_explains_something_else(be
 
 
 @pytest.mark.parametrize(
-    ("name", "lever", "times"),
+    ("name", "lever", "share"),
     [
-        ("scale_error", FLIGHT, 4.0), ("scale_error", LAW, 1.0), ("camera_tilt", FLIGHT, 1.0),
-        ("lens_distortion", FLIGHT, 5.0), ("keystone_distortion", LAW, 5.0),
+        ("scale_error", FLIGHT, 0.2), ("scale_error", LAW, 0.05), ("camera_tilt", FLIGHT, 0.05),
+        ("lens_distortion", FLIGHT, 0.25), ("keystone_distortion", LAW, 0.25),
     ],
 )  # fmt: skip
-def test_another_gravity_may_be_what_the_form_of_a_learnt_acceleration_misses(name, lever, times, monkeypatch):
+def test_another_gravity_may_be_what_the_form_of_a_learnt_acceleration_misses(name, lever, share, monkeypatch):
     """A pull near the ground, learnt as a smooth function of the height: a fifth of its gain may be left, and a
     twentieth for effects that do not change gravity in flights. A distortion of the picture may follow a quarter of
-    what any change misses."""
+    what any change misses. What is doubted may follow a quarter, whatever it is."""
     monkeypatch.setattr(evidence, "_gain_in", lambda phase, model, reference: 100.0)
     search = SimpleNamespace(best=None, effects=catalogue(), without=lambda cause_set: {})
     learnt = SimpleNamespace(changes=[SimpleNamespace(lever=lever)])
-    assert evidence._gain_of_others(search, learnt, name) == pytest.approx(100.0 * times)
+    assert evidence._left_by_forms(search, learnt, name) == pytest.approx(100.0 * share)
+    assert evidence._left_by_forms(search, learnt, name, FORM_SHARE) == pytest.approx(100.0 * FORM_SHARE)
 
 
 def test_an_aspect_neither_makes_nor_refuses_a_scale():

@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.answers import single_answers, unexplained_probability
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
-from rock2d.diagnosis.cause_sets import TWINS, Search
+from rock2d.diagnosis.cause_sets import ADDED_AT_ONCE, TWINS, Search
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
@@ -290,12 +290,16 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     Members are exchanged for better rivals before a set is weighed, see `_exchange_member`. Then members that cannot
     be named are removed, first those of impossible size, then those that gain less, half of them at once; a removed
     rival gives its place back to the member that it had replaced. The evidence for the remaining members is computed
-    again. When all are named, the removed member that gains most beside them is weighed once more, since what stood
-    beside it then may have hidden it, and so on until one is removed again."""
+    again. When all are named, an effect that gains beside them is weighed, too: one that the search passed by for what
+    is removed now; then the removed member that gains most, since what stood beside it then may have hidden it, and so
+    on until both are removed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
-    again: str | None = None  # the removed member that came back last
+    # the last effect that joined, the last that the search had passed by, and the last that was removed before
+    joining: str | None = None
+    passed_by: str | None = None
+    again: str | None = None
     spared = set[str]()  # members that may join again, with what is learnt of them, see `PERMANENT`
     while True:
         names = search.best.names
@@ -313,13 +317,17 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
             key=lambda n: (found[n].possible, found[n].own_gain.total),
         )
         if not refused:
-            again = None if again in removed else _removed_that_gains(search, removed, by_set)
-            if again is None:
+            joining = None
+            if passed_by not in removed:
+                joining = passed_by = _passed_by(search, removed, by_set)
+            if joining is None and again not in removed:
+                joining = again = _removed_that_gains(search, removed, by_set)
+            if joining is None:
                 return evidence, by_set[names], next(iter(by_set.values()))
-            removed.remove(again)
-            search.best = search.set_of(names | {again})
+            removed.discard(joining)
+            search.best = search.set_of(names | {joining})
             continue
-        leaving = {again} if again in refused else set(refused[: (len(refused) + 1) // 2])
+        leaving = {joining} if joining in refused else set(refused[: (len(refused) + 1) // 2])
         joins = set() if by_set[names].permanent.changes else leaving & PERMANENT.keys() - spared
         removed |= leaving - joins
         spared |= joins
@@ -327,6 +335,21 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         names -= leaving
         names |= {name for name in back - removed if TWINS.get(name) not in names}
         search.best = search.set_of(names)
+
+
+def _passed_by(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:
+    """The effect that was never weighed and gains most beside the best set, if it gains significantly: the search may
+    have passed it by for a member that is removed now."""
+    best = search.best
+    if not best.names:
+        return None
+    gains = {
+        wider.names: search.gain(wider, best)
+        for wider in search.promising_additions(best, best.names | removed, ADDED_AT_ONCE)
+        if wider.names not in weighed
+    }
+    most = max(gains, key=lambda names: gains[names].total, default=best.names)
+    return next(iter(most - best.names), None) if most in gains and gains[most].significant_addition else None
 
 
 def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:

@@ -228,7 +228,7 @@ class Search:
         seen = set[Names]()
         while len(self.best.names) < MOST_CAUSES and self.best.names not in seen:
             seen.add(self.best.names)
-            found = self._promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
+            found = self.promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
                 found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
             gains = [(self.gain(addition, self.best), addition) for addition in found]
@@ -242,7 +242,7 @@ class Search:
                 self.best = refitted
                 seen.remove(refitted.names)
 
-    def _promising_additions(
+    def promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
     ) -> list[Validated]:
         """The sets with one more effect that is not in `excluded`: the `most` of them that promise most.
@@ -282,7 +282,7 @@ class Search:
         exchanged: list[Validated] = []
         for smaller in self.without(self.best).values():
             lead = self.best.fit.total() - smaller.fit.total()
-            exchanged += self._promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
+            exchanged += self.promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
         best = max(exchanged, key=lambda one: self.gain(one, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False

@@ -289,7 +289,7 @@ def test_effects_that_replace_each_other_in_turn_come_to_an_end(two, monkeypatch
     """Each gains beside the other and then makes it needless; without an end this test would not end."""
     search, both = copy.copy(two), two.best
     search.best = search.known[frozenset({"camera_tilt"})]
-    monkeypatch.setattr(search, "_promising_additions", lambda *given: [both])
+    monkeypatch.setattr(search, "promising_additions", lambda *given: [both])
     monkeypatch.setattr(search, "_scatter_effects", list)
     monkeypatch.setattr(search, "_prune", lambda kept: setattr(search, "best", search.known[kept]))
     search._grow()

@@ -1,6 +1,6 @@
 """Which members of the best set stay: rivals that do better come in, what cannot be named leaves."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -21,8 +21,8 @@ GAINS = {"camera_tilt": 50.0, "scale_error": 40.0, "frame_rate_error": 35.0, "ad
 class Sets:
     """Stands for a search: a set is its names. A set that replaces another one gains `confirmed` in each release."""
 
-    def __init__(self, *names: str, confirmed: float) -> None:
-        self.confirmed = confirmed
+    def __init__(self, *names: str, confirmed: float, promising: Collection[str] = ()) -> None:
+        self.confirmed, self.promising = confirmed, promising
         self.best, self.effects = self.set_of(frozenset(names)), GAINS
         self.data, self.bars = None, DiagnosisBars(False, len(GAINS), 1)
         self.weighed: list[set[str]] = []
@@ -32,6 +32,9 @@ class Sets:
 
     def without(self, cause_set: Any) -> dict[str, Any]:
         return {name: self.set_of(cause_set.names - {name}) for name in sorted(cause_set.names)}
+
+    def promising_additions(self, cause_set: Any, excluded: frozenset[str], most: int) -> list[Any]:
+        return [self.set_of(cause_set.names | {name}) for name in self.promising if name not in excluded][:most]
 
     def gain(self, cause_set: Any, other: Any) -> Gain:
         return Gain(self.confirmed + np.linspace(-0.1, 0.1, 10))
@@ -45,8 +48,10 @@ def member(name: str, chance: float, ahead: Mapping[str, float] | None = None) -
 def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
     """(evidence of a member in a set, members at first) -> members at last, and the sets that were weighed."""
 
-    def of(judged: Any, *names: str, confirmed: float = 1.0) -> tuple[set[str], list[set[str]]]:
-        search = Sets(*names, confirmed=confirmed)
+    def of(
+        judged: Any, *names: str, confirmed: float = 1.0, promising: Collection[str] = ()
+    ) -> tuple[set[str], list[set[str]]]:
+        search = Sets(*names, confirmed=confirmed, promising=promising)
 
         def evidence_of_members(own: Any, *_: Any) -> dict[str, Evidence]:
             search.weighed.append(set(own.best.names))
@@ -108,6 +113,26 @@ def test_a_member_that_others_hid_comes_back(stay):
 
     members, weighed = stay(judged, "air_drag", "scale_error", "camera_tilt")
     assert members == {"air_drag"} and {"air_drag"} in weighed
+
+
+def test_an_effect_that_the_search_passed_by_for_a_refused_one_is_weighed(stay):
+    """The search took a tilt that is none, and found no room for adhesion beside it."""
+
+    def judged(name, names):
+        return member(name, NEVER if name == "camera_tilt" else SURE)
+
+    members, weighed = stay(judged, "air_drag", "camera_tilt", promising=["camera_tilt", "adhesion"])
+    assert members == {"air_drag", "adhesion"} and {"air_drag", "adhesion"} in weighed
+
+
+def test_effects_that_gain_beside_a_cause_end_with_the_first_that_is_refused(stay):
+    """Something outside the catalogue lets many effects gain; not each of them costs a weighing."""
+
+    def judged(name, names):
+        return member(name, SURE if name == "air_drag" else NEVER)
+
+    members, weighed = stay(judged, "air_drag", promising=["adhesion", "camera_tilt", "scale_error"])
+    assert members == {"air_drag"} and weighed == [{"air_drag"}, {"air_drag", "adhesion"}]
 
 
 def test_a_member_that_makes_all_others_doubtful_leaves_and_they_stay(stay):

@@ -23,7 +23,7 @@ from rock2d.diagnosis.cross_validation import Validated, by_release, held_out_ga
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import START_SCATTER, residual_covariance
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.learnt import Learnt, learn
+from rock2d.diagnosis.learnt import Change, Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, Levers, best_step, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.linear_model import LinearModel, Screening
@@ -178,18 +178,21 @@ def evidence_of_members(
     the gain of the member has changed little."""
     best, data, contained = search.best, search.data, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, tuple[Validated, Validated]](), set[str]()
+    smaller = _without_each(search, learnt, best.names)
     for name in sorted(best.names):
         left = _left_by_forms(search, learnt, name)
         before = known.get(name)
         rivals = before.group if before is not None else ()
-        evidence, without = _evidence_of_member(search, learnt, name, left, rivals)
+        without = smaller[name]
+        evidence = _evidence_of_member(search, learnt, without, name, left, rivals)
         scatter = search.effects[name].scatter
         if not (scatter or evidence.named(name)) and learnt.changes and search.without(best)[name].fit.free:
             # The learnt changes may have taken its place. It then must gain nearly as much without them, and either
             # more than changes learnt in its place, or more than the forms of the other laws leave to be learnt.
             # Without a fitted base no changes can be learnt.
             doubted.add(name)
-            evidence, without = _evidence_of_member(search, permanent, name, left, rivals)
+            without = _without_each(search, permanent, [name])[name]
+            evidence = _evidence_of_member(search, permanent, without, name, left, rivals)
         if name in PERMANENT and permanent.changes:
             evidence = max(evidence, _evidence_of_permanent(search, permanent, name), key=lambda found: found.p)
             share = _share_of_soft_places(data, best.fit, permanent.changes[0].basis)
@@ -298,16 +301,31 @@ def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
     return gain
 
 
+def _without_each(search: Search, learnt: Learnt, names: Collection[str]) -> dict[str, Validated]:
+    """The best set with the learnt changes, without each of the members `names`; name -> model."""
+    smaller = search.without(search.best)
+    if not learnt.changes:
+        return smaller
+    jobs = {name: (Reduction(learnt.fit, name, smaller[name].fit), learnt.changes) for name in sorted(names)}
+    found = dict(search.processes.as_finished(_reduced, list(jobs.values())))
+    return {name: found[k] for k, name in enumerate(jobs)}
+
+
+def _reduced(data: Data, reduction: Reduction, changes: list[Change]) -> Learnt:
+    """A model with learnt changes, without a member."""
+    reduced = Learnt.of(reduction.fitted(data), data)
+    reduced.changes = changes
+    return reduced
+
+
 def _evidence_of_member(
-    search: Search, learnt: Learnt, name: str, left: float, rivals: Collection[str]
-) -> tuple[Evidence, Validated]:
-    """Evidence for a member of the best set with the learnt changes, without the gain of changes in its place, and the
-    model without it. `left`: `Evidence.left_by_forms`; `rivals`: its closest rivals in a larger set."""
+    search: Search, learnt: Learnt, without: Validated, name: str, left: float, rivals: Collection[str]
+) -> Evidence:
+    """Evidence for a member of the best set with the learnt changes, without the gain of changes in its place.
+
+    `without`: the model without the member; `left`: `Evidence.left_by_forms`; `rivals`: its closest rivals in a larger
+    set."""
     best, data, effect = search.best, search.data, search.effects[name]
-    without: Learnt | Validated = search.without(best)[name]
-    if learnt.changes:
-        without = Learnt.of(Reduction(learnt.fit, name, without.fit).fitted(data), data)
-        without.changes = learnt.changes
     own_gain = held_out_gain(data, learnt, without)
     of_size = [p_of_size(fit, name) for fit in (best.fit, learnt.fit)]
     p_chance, p_no_closure = max(own_gain.p_of_addition, *of_size), 0.0
@@ -339,7 +357,7 @@ def _evidence_of_member(
         weak = own_gain.total < FORM_SHARE / EFFECT_FORM_SHARE * left
         even_ratio = EVEN_SCATTER_RATIO_BESIDE if weak else EVEN_SCATTER_RATIO
         evidence = replace(evidence, replacement_gain=_gain_of_free_scatter(data, without), even_ratio=even_ratio)
-    return evidence, without
+    return evidence
 
 
 def _first(rival: str, z: float, rival_z: Mapping[str, float]) -> dict[str, float]:

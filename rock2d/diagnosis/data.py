@@ -21,12 +21,12 @@ from rock2d.diagnosis.quantities import (
     incident_quantities,
     moving_quantities,
 )
-from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
+from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_world
 from rock2d.kinematics.film_segments import FilmSegments, LastValues
 from rock2d.kinematics.flights import RESIDUAL_DEGREES, block_clearances
 from rock2d.kinematics.impacts import SPIN_AFTER, VELOCITY_AFTER, FlightPairs, ImpactTable, ground_axes
 from rock2d.kinematics.states import free_motion_key, move_freely
-from rock2d.kinematics.turned_ground import run_on_turned_ground
+from rock2d.kinematics.turned_ground import TurnedRun, run_on_turned_ground
 from rock2d.records.columns import (
     AFTER,
     BEFORE,
@@ -420,14 +420,31 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     possible = np.isfinite(starts).all(axis=1)
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     limits = times_s[:, -1] + 1e-9
-    if world.slope_rad.any():
-        samples = run_on_turned_ground(world, impacts.block, starts, limits, times_s, step_fraction).samples
-    else:
-        samples = run_world(
-            world, starts, impacts.block, time_limit_s=limits, times_s=times_s, step_fraction=step_fraction
-        ).samples
+
+    def run(at: Array, moved_m: Array) -> TurnedRun | BatchResult:
+        own = replace(world, contact=world.contact[at]) if len(world.contact) > 1 else world
+        states = starts[at] - np.eye(N_STATE)[X] * moved_m[:, None]
+        if world.slope_rad.any():
+            own = replace(own, slope_rad=world.slope_rad[at]) if len(world.slope_rad) > 1 else own
+            return run_on_turned_ground(own, impacts.block[at], states, limits[at], times_s[at], step_fraction)
+        return run_world(
+            own, states, impacts.block[at], time_limit_s=limits[at], times_s=times_s[at], step_fraction=step_fraction
+        )
+
+    found = run(np.arange(len(starts)), np.zeros(len(starts)))
+    samples, moved_m = found.samples, _moved_before(impacts.release, np.where(possible, found.recoil_way_m, 0.0))
+    if len(again := np.flatnonzero(moved_m)):  # the ground stays where it was pushed until the release ends
+        samples[again] = run(again, moved_m[again]).samples
+        samples[again, :, X] += moved_m[again, None]
     samples[~possible] = np.nan
     return samples
+
+
+def _moved_before(release: Array, way_m: Array) -> Array:
+    """(n,) sums of the ways of ground in m in earlier impacts of the same release."""
+    first = np.r_[True, release[1:] != release[:-1]]
+    before = np.cumsum(way_m) - way_m
+    return before - before[np.maximum.accumulate(np.where(first, np.arange(len(first)), 0))]
 
 
 def _level_and_rate(tangent: Array, t: Array, difference: Array) -> Array:

@@ -242,17 +242,25 @@ SOIL_COMPACTION = Effect(
 )
 
 
+# friction of the embankment on its base, which holds it under a block that rolls or lies on it: soil on a firm ground
+BASE_FRICTION = 0.5
+
+
 @kernel
-def embankment_recoil(per_mass):
-    """1 / M in 1/kg of an embankment of mass M that slides on its base. In its frame the block is accelerated by
-    F_x (1/m + 1/M). After the impact the embankment has the velocity J_x / M from the horizontal impulse J_x, and
-    friction at its base stops it before the next impact. Its displacement (J_x / M × milliseconds) is neglected."""
-    return per_mass
+def embankment_recoil(per_mass, held_m_s2, force):
+    """Acceleration in m/s² of the block in the frame of an embankment of mass M that slides on its base, in addition to
+    that by the force F_x on the block: F_x / M beyond the friction of the base, which can hold `held_m_s2` × M.
+
+    At the end of the impact the embankment stops, and stays where it is until the release ends."""
+    sliding = abs(force) * per_mass - held_m_s2
+    return np.copysign(sliding, force) if sliding > 0.0 else 0.0
 
 
 def with_embankment_yield(world: World, values: Sequence[float]) -> World:
     zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
-    return with_column(world, "recoil_1_kg", values[0] / world.fitted_mass_kg, zones)
+    held_m_s2 = BASE_FRICTION * world.gravity_m_s2 if values[0] > 0.0 else 0.0
+    moving = with_column(world, "recoil_1_kg", values[0] / world.fitted_mass_kg, zones)
+    return with_column(moving, "recoil_held_m_s2", held_m_s2, zones)
 
 
 def embankment_yield_remedy(fitted: FittedEffect) -> str:
@@ -275,7 +283,7 @@ EMBANKMENT_YIELD = Effect(
     ),
     apply=with_embankment_yield,
     remedy=embankment_yield_remedy,
-    columns=("recoil_1_kg",),
+    columns=("recoil_1_kg", "recoil_held_m_s2"),
     recoil=embankment_recoil,
 )
 

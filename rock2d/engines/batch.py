@@ -29,6 +29,7 @@ from rock2d.records.columns import (
     N_KNOT,
     N_POSE,
     N_STATE,
+    RECOIL_WAY,
     STOPS,
     TIME,
 )
@@ -86,10 +87,10 @@ class BatchResult(NamedTuple):
     impacts : (n, room, 17) zone id, t and state before, t and state after, penetration_m, force_N; rows beyond the last
         impact are NaN, and so are the values after an impact that had not ended
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
-    samples : (n, times, 3) x, y, theta at the given times
+    samples : (n, times, 3) x, y, theta at the given times; states are relative to ground that recoils, samples are not
     energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
     saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
-    audit : (n, N_AUDIT) dissipated energies, see `energy_balance.energy_balances`
+    audit : (n, N_AUDIT) dissipated energies and the way of recoiling ground, see `records.columns`
     knots : (room, N_KNOT) of one release; with room 0 none are written"""
 
     stop: Array
@@ -102,6 +103,11 @@ class BatchResult(NamedTuple):
     saved_contacts: Array
     audit: Array
     knots: Array
+
+    @property
+    def recoil_way_m(self) -> Array:
+        """(n,) ways of recoiling ground, by which the samples after the impacts are moved."""
+        return self.audit[:, RECOIL_WAY]
 
 
 def pack(ensemble: Ensemble) -> Packed:

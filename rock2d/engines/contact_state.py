@@ -293,6 +293,6 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
         along += drag
     fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
     if effects and rows[a, L_ACTS] != 0.0:
-        push = recoil(rows[a], L_EFFECTS) * fx
+        push = recoil(rows[a], L_EFFECTS, fx)
     moment, winding = rx * fy - ry * fx - rolling, slip if pressed else 0.0
     return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, power_e, push

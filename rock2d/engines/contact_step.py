@@ -40,6 +40,7 @@ from rock2d.engines.contact_state import (
 )
 from rock2d.engines.event_detection import first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
+from rock2d.engines.recording import note_recoil
 from rock2d.engines.trial_step import correct_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
@@ -55,7 +56,7 @@ from rock2d.laws.contact import (
     rolling_energy,
     tangential_force,
 )
-from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, VX, VY
+from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, ROLLING, VX, VY
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # share of the radius by which rounding may leave a landing above the surface
@@ -115,7 +116,6 @@ def _commit(world, contacts, active, works, audit):
     audit[FRICTION] += works[0] - change_t
     audit[ROLLING] += works[1] - change_r
     audit[EFFECTS] += works[2]
-    audit[RECOIL] += works[3]
 
 
 @kernel
@@ -304,4 +304,5 @@ def step(q, h, near, world, contacts, audit, floating):
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, loaded, active)
     _commit(world, contacts, active, works, audit)
+    note_recoil(h, works[3], audit)
     return h

@@ -68,7 +68,7 @@ from rock2d.engines.geometry import (
     depth_rate,
     is_ball,
 )
-from rock2d.engines.recording import note_pressure
+from rock2d.engines.recording import note_pressure, note_recoil
 from rock2d.engines.trial_step import correct_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
@@ -82,7 +82,7 @@ from rock2d.laws.contact import (
     residual_indentation,
     tangential_force,
 )
-from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
+from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, ROLLING, THETA, VX, VY, X, Y
 
 # why a series of fast steps ended; 0: none of these. After a hop the guard is still valid
 GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
@@ -186,7 +186,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         force, deepest = _commit(active, loaded, works, audit)
         if effects:
             audit[EFFECTS] += works[2]
-            audit[RECOIL] += works[3]
+            note_recoil(elapsed, works[3], audit)
         else:
             correct_energy(q, q1, elapsed, error, scale, body, audit)
         for a in range(active):

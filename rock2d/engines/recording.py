@@ -26,6 +26,7 @@ from rock2d.records.columns import (
     N_STATE,
     OMEGA,
     RECOIL,
+    RECOIL_WAY,
     THETA,
     TIME,
     VX,
@@ -158,18 +159,18 @@ def is_spent(q, stored, body, record):
 
 
 @kernel
-def note_samples(interval, q0, q1, parabola, gravity, record, at):
+def note_samples(interval, q0, q1, parabola, body, way, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
-    interval : (t in s at q0, tau in s from there to q1); parabola: whether it is a free flight; at: index of the first
-    sample after t"""
+    interval : (t in s at q0, tau in s from there to q1); parabola: whether it is a free flight; way: RECOIL_WAY, by
+    which the ground of the poses has moved; at: index of the first sample after t"""
     t, tau = interval
     times, samples = record
     while at < times.size and times[at] <= t + tau:
         s = times[at] - t
         if parabola:
             samples[at, X] = q0[X] + q0[VX] * s
-            samples[at, Y] = q0[Y] + q0[VY] * s - 0.5 * gravity * s * s
+            samples[at, Y] = q0[Y] + q0[VY] * s - 0.5 * body.gravity * s * s
             samples[at, THETA] = q0[THETA] + q0[OMEGA] * s
         else:
             u = s / tau
@@ -180,6 +181,7 @@ def note_samples(interval, q0, q1, parabola, gravity, record, at):
                     + q1[i] * u * u * (3 - 2 * u)
                     + q1[i + VX] * tau * u * u * (u - 1)
                 )
+        samples[at, X] += way
         at += 1
     return at
 
@@ -228,6 +230,13 @@ def note_pressure(current, lifted, force, depth, t, q):
         current[I_TIME_AFTER] = t
         copy(q, current[AFTER])
     return True
+
+
+@kernel(forceinline=True)
+def note_recoil(h, added, audit):
+    """Note that the frame of recoiling ground has `added` a velocity in m/s to the block in a step of h (s)."""
+    audit[RECOIL_WAY] -= h * (audit[RECOIL] + 0.5 * added)
+    audit[RECOIL] += added
 
 
 @kernel

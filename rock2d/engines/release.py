@@ -45,6 +45,7 @@ from rock2d.records.columns import (
     N_POSE,
     N_STATE,
     OMEGA,
+    RECOIL_WAY,
     STOP_BURIED,
     STOP_EXIT,
     STOP_IMPACTS,
@@ -219,7 +220,8 @@ def _fly(q, tau, world, rules, recorder, workspace):
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, True, body, lines)
-    counts[SAMPLES] = note_samples((t, tau), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
+    way = recorder.audit[RECOIL_WAY]
+    counts[SAMPLES] = note_samples((t, tau), old, q, parabola, body, way, recorder.samples, counts[SAMPLES])
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
     if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
@@ -231,7 +233,7 @@ def _fly(q, tau, world, rules, recorder, workspace):
 def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     """Contact steps near the ground or on it. Returns why the release ends, or GOES_ON."""
     counts, reals, old = workspace.counts, workspace.reals, workspace.old
-    t = reals[TIME]
+    t, body = reals[TIME], Body(world.block, world.gravity)
     if counts[STEPS] >= counts[NEXT_CHECK]:
         stop = _check_energy(q, world, rules, recorder, workspace)
         if stop != GOES_ON:
@@ -246,9 +248,9 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
         flying, t_end = _full_step(q, world, step_sizes, rules, recorder, workspace)
     gone = t_end - t
     if near:
-        note_crossings((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
-    parabola = flying and not air_acts(world.block)
-    counts[SAMPLES] = note_samples((t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
+        note_crossings((t, gone), old, q, flying, body, recorder.lines)
+    parabola, way = flying and not air_acts(world.block), recorder.audit[RECOIL_WAY]
+    counts[SAMPLES] = note_samples((t, gone), old, q, parabola, body, way, recorder.samples, counts[SAMPLES])
     reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from rock2d.effects.columns import column
+from rock2d.effects.ground import embankment_recoil
 from rock2d.effects.impact_law import ONSET_SHARE
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
@@ -143,11 +144,13 @@ def test_friction_that_changes_with_speed(change):
     assert same[0] == pytest.approx(same[1], abs=1e-4)
 
 
+WALL = CrossSection([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"])
+
+
 @pytest.mark.parametrize("ratio", [0.1, 0.5])
 def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     """Head-on against an upright wall of mass M: e_eff = (e M - m) / (M + m)."""
-    wall = CrossSection([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"])
-    w = with_effect(world(wall, (SPHERE,), SMOOTH, gravity_m_s2=0.0), "embankment_yield", [ratio])
+    w = with_effect(world(WALL, (SPHERE,), SMOOTH, gravity_m_s2=0.0), "embankment_yield", [ratio])
     mass = M / ratio
     e = np.sqrt(SMOOTH.k_l_N_m / SMOOTH.k_ul_N_m)
     expected = (e * mass - M) / (mass + M)
@@ -161,6 +164,36 @@ def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     impact = first_impact(w, state)
     assert impact["vx_after_m_s"] == pytest.approx(-2 * expected, rel=1e-4)
     assert abs(impact["residual"]) < 1e-6 * 0.5 * M * 4
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5])
+def test_an_embankment_that_slides_takes_the_block_with_it(ratio):
+    """On a linear spring, two bodies part after T = π / √(k (1/m + 1/M)). Their centre of mass keeps its velocity, so
+    the wall moves by S = v T m / (M + m), and the poses of the block after the impact are those beside the moved
+    wall."""
+    w = with_effect(world(WALL, (SPHERE,), elastic(), gravity_m_s2=0.0), "embankment_yield", [ratio])
+    mass, v, gap = M / ratio, 2.0, 1e-4
+    contact_s = np.pi / np.sqrt(1e4 * (1 / M + 1 / mass))
+    way = v * contact_s * M / (mass + M)
+    times_s = gap / v + contact_s + np.array([0.01, 0.02])
+    result = run(w, np.array([[-R - gap, 0.25, 0.0, v, 0.0, 0.0]]), times_s=times_s[None], time_limit_s=0.1)
+    assert result.recoil_way_m[0] == pytest.approx(way, rel=1e-3)
+    back = v * (M - mass) / (mass + M) * np.array([0.01, 0.02])
+    assert result.samples[0, :, 0] == pytest.approx(-R + way + back, rel=1e-3, abs=1e-6)
+
+
+def test_friction_at_its_base_holds_an_embankment_under_a_light_push():
+    """Beyond M times what friction can hold, the rest of the force accelerates it; it does not move under a ball that
+    rolls down its face."""
+    assert embankment_recoil(2.0, 5.0, 2.4) == embankment_recoil(2.0, 5.0, -2.4) == 0.0
+    assert embankment_recoil(2.0, 5.0, 4.0) == -embankment_recoil(2.0, 5.0, -4.0) == pytest.approx(3.0)
+    face = CrossSection([[-2, 0], [0, 0], [1.0, 0.5], [1.5, 0.5], [2.5, 0], [4, 0]], ["floor", *["bank"] * 3, "out"])
+    w = with_effect(world(face, (SPHERE,), elastic()), "embankment_yield", [0.3])
+    up = np.array([-np.sin(np.arctan(0.5)), np.cos(np.arctan(0.5))])
+    lying = np.array([0.5, 0.25]) + (R - M * 9.81 * up[1] / 1e4) * up
+    states = np.array([[*lying, 0.0, 0.0, 0.0, 0.0], [*lying, 0.0, *(-2.0 * up), 0.0]])
+    rolls, strikes = run(w, states, time_limit_s=0.2).recoil_way_m
+    assert rolls == 0.0 and strikes > 1e-3
 
 
 def test_only_the_embankment_recoils():

@@ -337,19 +337,23 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         search.best = search.set_of(names)
 
 
-def _passed_by(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:
-    """The effect that was never weighed and gains most beside the best set, if it gains significantly: the search may
-    have passed it by for a member that is removed now."""
+def _passed_by(search: Search, removed: set[str], weighed: Mapping[Names, WeighedSet]) -> str | None:
+    """The effect that was never weighed and gains most beside the best set, if it gains significantly, and more than
+    the forms of learnt changes may leave: the search may have passed it by for a member that is removed now."""
     best = search.best
     if not best.names:
         return None
+    learnt = weighed[best.names].learnt
+    least = FORM_SHARE * held_out_gain(search.data, learnt, best).total if learnt.changes else 0.0
     gains = {
         wider.names: search.gain(wider, best)
         for wider in search.promising_additions(best, best.names | removed, ADDED_AT_ONCE)
         if wider.names not in weighed
     }
     most = max(gains, key=lambda names: gains[names].total, default=best.names)
-    return next(iter(most - best.names), None) if most in gains and gains[most].significant_addition else None
+    if most not in gains or gains[most].total < least or not gains[most].significant_addition:
+        return None
+    return next(iter(most - best.names))
 
 
 def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:

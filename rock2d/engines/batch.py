@@ -87,7 +87,7 @@ class BatchResult(NamedTuple):
     impacts : (n, room, 17) zone id, t and state before, t and state after, penetration_m, force_N; rows beyond the last
         impact are NaN, and so are the values after an impact that had not ended
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if there is none
-    samples : (n, times, 3) x, y, theta at the given times; states are relative to ground that recoils, samples are not
+    samples : (n, times, 3) x, y, theta at the given times; other poses are relative to recoiling ground, these are not
     energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
     saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
     audit : (n, N_AUDIT) dissipated energies and the way of recoiling ground, see `records.columns`

@@ -26,10 +26,12 @@ from rock2d.records.columns import (
     ELASTIC,
     I_ZONE,
     INSTANT_STATE,
+    INSTANT_X,
     N_AUDIT,
     N_IMPACT,
     N_INSTANT,
     N_STATE,
+    RECOIL_WAY,
     STATE_NAMES,
     TIME,
     VX,
@@ -251,7 +253,7 @@ class PymunkRelease:
                 raise error
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
         self.time += dt
-        knots = np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q)
+        knots = np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q, self.audit[RECOIL_WAY])
         self._near = _range(self._near_facets)
         self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(bool(knots[-1, KNOT_ACTIVE] > 0))
         return knots
@@ -272,10 +274,11 @@ class PymunkRelease:
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
 
 
-def _flight_knot(time_s: float, q: np.ndarray) -> np.ndarray:
-    """A knot without contacts, (1, N_ROW)."""
+def _flight_knot(time_s: float, q: np.ndarray, way_m: float = 0.0) -> np.ndarray:
+    """A knot without contacts, (1, N_ROW); `way_m`: by which ground has recoiled."""
     knot = np.zeros((1, N_ROW))
     knot[0, :N_INSTANT] = time_s, *q
+    knot[0, INSTANT_X] += way_m
     knot[0, KNOT_FLEW] = 1.0
     return knot
 
@@ -360,8 +363,8 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
     while dt - gone > 1e-12 * dt and used + 2 <= len(rows):
         gone += contact_step.step(q, dt - gone, near, world, contacts, audit, False)
         t, (force, depth, active) = stride.start + gone, contact_state.pressure(memory, world.law)
-        _knot(rows[used], t, q)
         row = rows[used]
+        _knot(row, t, q, audit[RECOIL_WAY])
         row[KNOT_ACTIVE], row[KNOT_FORCE] = active, force
         row[KNOT_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
         used += 1
@@ -374,7 +377,7 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
                 contact_step.refresh_depths(q, near, world, memory, found)
             count, flags[OPEN] = close_impact(current, flags[LIFTED] != 0, closed, count), 0
             if not _same(q, row[INSTANT_STATE]):  # an effect has changed the velocities at this instant
-                _knot(rows[used], t, q)
+                _knot(rows[used], t, q, audit[RECOIL_WAY])
                 rows[used, KNOT_FLEW] = 1.0
                 used += 1
     return used, count, gone
@@ -389,12 +392,13 @@ def open_if_touching(t, q, active, memory, impacts):
 
 
 @njit
-def _knot(row, t, q):
-    """Write a knot without contacts."""
+def _knot(row, t, q, way):
+    """Write a knot without contacts; `way`: in m, by which ground has recoiled."""
     for i in range(N_ROW):
         row[i] = 0.0
     row[TIME] = t
     copy(q, row[INSTANT_STATE])
+    row[INSTANT_X] += way
 
 
 @njit

@@ -21,6 +21,7 @@ from rock2d.records.columns import (
     I_TIME_AFTER,
     I_ZONE,
     INSTANT_STATE,
+    INSTANT_X,
     KNOT_FLIGHT,
     N_POSE,
     N_STATE,
@@ -187,11 +188,12 @@ def note_samples(interval, q0, q1, parabola, body, way, record, at):
 
 
 @kernel
-def note_knot(knots, used, t, q, flight):
-    """Note a knot if there is room; returns the number of knots, also of those without room."""
+def note_knot(knots, used, t, q, way, flight):
+    """Note a knot if there is room; returns the number of knots, also of those without room. `way`: as for samples."""
     if used < len(knots):
         knots[used, TIME] = t
         copy(q, knots[used, INSTANT_STATE])
+        knots[used, INSTANT_X] += way
         knots[used, KNOT_FLIGHT] = flight
     return used + 1
 

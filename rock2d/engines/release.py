@@ -174,7 +174,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
     while counts[SAMPLES] < samples.times.size and stop == STOP_REST:
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, recorder.audit[RECOIL_WAY], 1.0)
     recorder.audit[ELASTIC] = contact_state.stored_energy(workspace.memory, world.law) - stored
     if len(saved) > 0:
         contact_state.save_contacts(workspace.memory, reals[HIGHEST], saved)
@@ -213,14 +213,14 @@ def _fly(q, tau, world, rules, recorder, workspace):
     t, parabola = reals[TIME], not air_acts(world.block)
     body, lines = Body(world.block, world.gravity), recorder.lines
     copy(q, old)
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if parabola else 0.0)
+    way = recorder.audit[RECOIL_WAY]
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, way, 1.0 if parabola else 0.0)
     dissipated = fly(q, tau, world.gravity, world.block)
     if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, True, body, lines)
-    way = recorder.audit[RECOIL_WAY]
     counts[SAMPLES] = note_samples((t, tau), old, q, parabola, body, way, recorder.samples, counts[SAMPLES])
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
@@ -292,7 +292,7 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     longest_hop = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
     most_steps = 1 if near or len(recorder.knots) > 0 else counts[NEXT_CHECK] - counts[STEPS]
     limit = SeriesLimits(most_steps, rules.time_limit, next_sample, longest_hop, rules.suspend_x)
-    grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
+    grown, way = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE]), recorder.audit[RECOIL_WAY]
     t_end, done, lifted, why, reals[SHARE] = fast_contact_steps(
         q, t, (limit, grown), anchor, world, (memory, workspace.loaded),
         (workspace.impact, counts[LIFTED] != 0, recorder.audit),
@@ -311,7 +311,7 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     if done == 0:
         return hopped, near, t
     counts[STALE] = 1
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, workspace.old, 1.0 if hopped else 0.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, workspace.old, way, 1.0 if hopped else 0.0)
     return hopped, near, t_end
 
 
@@ -342,8 +342,8 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
     if counts[STALE] != 0:
         contact_step.refresh_depths(q, near, world, memory, found)
         counts[STALE] = 0
-    parabola = flying and not air_acts(block)
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, 1.0 if parabola else 0.0)
+    parabola, way = flying and not air_acts(block), recorder.audit[RECOIL_WAY]
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, way, 1.0 if parabola else 0.0)
     contacts = memory, found, workspace.loaded
     t_end = later(t, contact_step.step(q, h, near, world, contacts, recorder.audit, floating))
     before = active

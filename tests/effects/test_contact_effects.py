@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from rock2d.effects.columns import column
 from rock2d.effects.ground import embankment_recoil
 from rock2d.effects.impact_law import ONSET_SHARE
+from rock2d.engines.batch import run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
 from rock2d.records.columns import E_DISSIPATED, EFFECTS
@@ -176,10 +177,14 @@ def test_an_embankment_that_slides_takes_the_block_with_it(ratio):
     contact_s = np.pi / np.sqrt(1e4 * (1 / M + 1 / mass))
     way = v * contact_s * M / (mass + M)
     times_s = gap / v + contact_s + np.array([0.01, 0.02])
-    result = run(w, np.array([[-R - gap, 0.25, 0.0, v, 0.0, 0.0]]), times_s=times_s[None], time_limit_s=0.1)
+    state = np.array([-R - gap, 0.25, 0.0, v, 0.0, 0.0])
+    result = run(w, state[None], times_s=times_s[None], time_limit_s=0.1)
     assert result.recoil_way_m[0] == pytest.approx(way, rel=1e-3)
-    back = v * (M - mass) / (mass + M) * np.array([0.01, 0.02])
-    assert result.samples[0, :, 0] == pytest.approx(-R + way + back, rel=1e-3, abs=1e-6)
+    expected = -R + way + v * (M - mass) / (mass + M) * np.array([0.01, 0.02])
+    assert result.samples[0, :, 0] == pytest.approx(expected, rel=1e-3, abs=1e-6)
+    for engine in (run_batch_track, run_pymunk):
+        track = engine(SPHERE, w.cross_section, w.contact[0], state, gravity_m_s2=0.0, time_limit_s=0.1)
+        assert track.states(times_s)[:, 0] == pytest.approx(expected, rel=1e-3, abs=1e-6), engine
 
 
 def test_friction_at_its_base_holds_an_embankment_under_a_light_push():

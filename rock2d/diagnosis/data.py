@@ -442,6 +442,8 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
 
 def _moved_before(release: Array, way_m: Array) -> Array:
     """(n,) sums of the ways of ground in m in earlier impacts of the same release."""
+    if not way_m.any():
+        return np.zeros(len(way_m))
     first = np.r_[True, release[1:] != release[:-1]]
     before = np.cumsum(way_m) - way_m
     return before - before[np.maximum.accumulate(np.where(first, np.arange(len(first)), 0))]

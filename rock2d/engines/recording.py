@@ -160,12 +160,12 @@ def is_spent(q, stored, body, record):
 
 
 @kernel
-def note_samples(interval, q0, q1, parabola, body, way, record, at):
+def note_samples(interval, states, parabola, body, way, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
-    interval : (t in s at q0, tau in s from there to q1); parabola: whether it is a free flight; way: RECOIL_WAY, by
-    which the ground of the poses has moved; at: index of the first sample after t"""
-    t, tau = interval
+    interval : (t, tau) in s; states: at t and at t + tau; parabola: whether it is a free flight; way: RECOIL_WAY, by
+    which the ground of the states has moved; at: index of the first sample after t"""
+    (t, tau), (q0, q1) = interval, states
     times, samples = record
     while at < times.size and times[at] <= t + tau:
         s = times[at] - t

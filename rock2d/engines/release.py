@@ -221,7 +221,7 @@ def _fly(q, tau, world, rules, recorder, workspace):
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, True, body, lines)
-    counts[SAMPLES] = note_samples((t, tau), old, q, parabola, body, way, recorder.samples, counts[SAMPLES])
+    counts[SAMPLES] = note_samples((t, tau), (old, q), parabola, body, way, recorder.samples, counts[SAMPLES])
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
     if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
@@ -250,7 +250,7 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     if near:
         note_crossings((t, gone), old, q, flying, body, recorder.lines)
     parabola, way = flying and not air_acts(world.block), recorder.audit[RECOIL_WAY]
-    counts[SAMPLES] = note_samples((t, gone), old, q, parabola, body, way, recorder.samples, counts[SAMPLES])
+    counts[SAMPLES] = note_samples((t, gone), (old, q), parabola, body, way, recorder.samples, counts[SAMPLES])
     reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED

@@ -98,6 +98,7 @@ def test_a_full_turn_counts_only_where_the_film_shows_it(monkeypatch, unseen_rad
 def test_ways_of_the_ground_add_up_within_a_release():
     release, way_m = np.array([0, 0, 0, 2, 2, 5]), np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     assert _moved_before(release, way_m).tolist() == [0.0, 1.0, 3.0, 0.0, 8.0, 0.0]
+    assert _moved_before(release[:0], way_m[:0]).tolist() == []
 
 
 def test_an_embankment_stays_where_an_earlier_strike_of_the_release_pushed_it(monkeypatch):

@@ -292,7 +292,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
     rival gives its place back to the member that it had replaced. The evidence for the remaining members is computed
     again. When all are named, an effect that gains beside them is weighed, too: one that the search passed by for what
     is removed now; then the removed member that gains most, since what stood beside it then may have hidden it, and so
-    on until both are removed again."""
+    on until one of each kind is removed again."""
     evidence, by_set = dict[str, Evidence](), dict[Names, WeighedSet]()
     removed, tried = set[str](), set[Names]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
@@ -350,10 +350,11 @@ def _passed_by(search: Search, removed: set[str], weighed: Mapping[Names, Weighe
         for wider in search.promising_additions(best, best.names | removed, ADDED_AT_ONCE)
         if wider.names not in weighed
     }
-    most = max(gains, key=lambda names: gains[names].total, default=best.names)
-    if most not in gains or gains[most].total < least or not gains[most].significant_addition:
+    if not gains:
         return None
-    return next(iter(most - best.names))
+    most = max(gains, key=lambda names: gains[names].total)
+    gain = gains[most]
+    return next(iter(most - best.names)) if gain.total >= least and gain.significant_addition else None
 
 
 def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[Names]) -> str | None:

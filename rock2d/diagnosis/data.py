@@ -421,7 +421,7 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     limits = times_s[:, -1] + 1e-9
 
-    def run(at: Array, moved_m: Array) -> TurnedRun | BatchResult:
+    def run(at: Array | slice, moved_m: Array) -> TurnedRun | BatchResult:
         own = replace(world, contact=world.contact[at]) if len(world.contact) > 1 else world
         states = starts[at] - np.eye(N_STATE)[X] * moved_m[:, None]
         if world.slope_rad.any():
@@ -431,8 +431,8 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
             own, states, impacts.block[at], time_limit_s=limits[at], times_s=times_s[at], step_fraction=step_fraction
         )
 
-    found = run(np.arange(len(starts)), np.zeros(len(starts)))
-    samples, moved_m = found.samples, _moved_before(impacts.release, np.where(possible, found.recoil_way_m, 0.0))
+    found = run(slice(None), np.zeros(len(starts)))
+    samples, moved_m = found.samples, _moved_before(impacts.release, np.where(possible, found.ground_shift_m, 0.0))
     if len(again := np.flatnonzero(moved_m)):  # the ground stays where it was pushed until the release ends
         samples[again] = run(again, moved_m[again]).samples
         samples[again, :, X] += moved_m[again, None]
@@ -440,12 +440,12 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     return samples
 
 
-def _moved_before(release: Array, way_m: Array) -> Array:
-    """(n,) sums of the ways of ground in m in earlier impacts of the same release."""
-    if not way_m.any():
-        return np.zeros(len(way_m))
+def _moved_before(release: Array, shift_m: Array) -> Array:
+    """(n,) displacements of the ground in m by the earlier impacts of the same release, from those by each impact."""
+    if not shift_m.any():
+        return np.zeros(len(shift_m))
     first = np.r_[True, release[1:] != release[:-1]]
-    before = np.cumsum(way_m) - way_m
+    before = np.cumsum(shift_m) - shift_m
     return before - before[np.maximum.accumulate(np.where(first, np.arange(len(first)), 0))]
 
 

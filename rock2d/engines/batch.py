@@ -21,6 +21,7 @@ from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules, run_release
 from rock2d.records.columns import (
     ENERGY_NAMES,
+    GROUND_SHIFT,
     INSTANT_STATE,
     KNOT_FLIGHT,
     N_AUDIT,
@@ -29,7 +30,6 @@ from rock2d.records.columns import (
     N_KNOT,
     N_POSE,
     N_STATE,
-    RECOIL_WAY,
     STOPS,
     TIME,
 )
@@ -90,7 +90,7 @@ class BatchResult(NamedTuple):
     samples : (n, times, 3) x, y, theta at the given times; other poses are relative to recoiling ground, these are not
     energy_J : (n, 10) final energy balance, columns of ENERGY_NAMES
     saved_contacts : (n, contacts, N_SAVED) contacts at the end of releases that are or were suspended; else no contacts
-    audit : (n, N_AUDIT) dissipated energies and the way of recoiling ground, see `records.columns`
+    audit : (n, N_AUDIT) dissipated energies and the displacement of recoiling ground, see `records.columns`
     knots : (room, N_KNOT) of one release; with room 0 none are written"""
 
     stop: Array
@@ -105,9 +105,9 @@ class BatchResult(NamedTuple):
     knots: Array
 
     @property
-    def recoil_way_m(self) -> Array:
-        """(n,) ways of recoiling ground, by which the samples after the impacts are moved."""
-        return self.audit[:, RECOIL_WAY]
+    def ground_shift_m(self) -> Array:
+        """(n,) displacements of recoiling ground, by which the samples after the impacts are moved."""
+        return self.audit[:, GROUND_SHIFT]
 
 
 def pack(ensemble: Ensemble) -> Packed:

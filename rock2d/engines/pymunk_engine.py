@@ -24,14 +24,16 @@ from rock2d.laws.contact import ContactParameters, contact_table
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
+    GROUND_SHIFT,
     I_ZONE,
+    INSTANT_OMEGA,
     INSTANT_STATE,
+    INSTANT_VX,
     INSTANT_X,
     N_AUDIT,
     N_IMPACT,
     N_INSTANT,
     N_STATE,
-    RECOIL_WAY,
     STATE_NAMES,
     TIME,
     VX,
@@ -253,7 +255,9 @@ class PymunkRelease:
                 raise error
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
         self.time += dt
-        knots = np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q, self.audit[RECOIL_WAY])
+        knots = (
+            np.concatenate(self._knots) if self._knots else _flight_knot(self.time, self.q, self.audit[GROUND_SHIFT])
+        )
         self._near = _range(self._near_facets)
         self.centroid_depth_m, self.at_rest = self._check_depth_and_rest(bool(knots[-1, KNOT_ACTIVE] > 0))
         return knots
@@ -274,11 +278,11 @@ class PymunkRelease:
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
 
 
-def _flight_knot(time_s: float, q: np.ndarray, way_m: float = 0.0) -> np.ndarray:
-    """A knot without contacts, (1, N_ROW); `way_m`: by which ground has recoiled."""
+def _flight_knot(time_s: float, q: np.ndarray, shift_m: float = 0.0) -> np.ndarray:
+    """A knot without contacts, (1, N_ROW); `shift_m`: by which ground has recoiled."""
     knot = np.zeros((1, N_ROW))
     knot[0, :N_INSTANT] = time_s, *q
-    knot[0, INSTANT_X] += way_m
+    knot[0, INSTANT_X] += shift_m
     knot[0, KNOT_FLEW] = 1.0
     return knot
 
@@ -364,7 +368,7 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
         gone += contact_step.step(q, dt - gone, near, world, contacts, audit, False)
         t, (force, depth, active) = stride.start + gone, contact_state.pressure(memory, world.law)
         row = rows[used]
-        _knot(row, t, q, audit[RECOIL_WAY])
+        _knot(row, t, q, audit[GROUND_SHIFT])
         row[KNOT_ACTIVE], row[KNOT_FORCE] = active, force
         row[KNOT_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
         used += 1
@@ -376,8 +380,9 @@ def advance(q, stride, world, contacts, audit, impacts, rows):
             if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, audit):
                 contact_step.refresh_depths(q, near, world, memory, found)
             count, flags[OPEN] = close_impact(current, flags[LIFTED] != 0, closed, count), 0
-            if not _same(q, row[INSTANT_STATE]):  # an effect has changed the velocities at this instant
-                _knot(rows[used], t, q, audit[RECOIL_WAY])
+            # an effect has changed the velocities at this instant
+            if not _same(q[VX:], row[INSTANT_VX : INSTANT_OMEGA + 1]):
+                _knot(rows[used], t, q, audit[GROUND_SHIFT])
                 rows[used, KNOT_FLEW] = 1.0
                 used += 1
     return used, count, gone
@@ -392,13 +397,13 @@ def open_if_touching(t, q, active, memory, impacts):
 
 
 @njit
-def _knot(row, t, q, way):
-    """Write a knot without contacts; `way`: in m, by which ground has recoiled."""
+def _knot(row, t, q, shift):
+    """Write a knot without contacts; `shift`: in m, by which ground has recoiled."""
     for i in range(N_ROW):
         row[i] = 0.0
     row[TIME] = t
     copy(q, row[INSTANT_STATE])
-    row[INSTANT_X] += way
+    row[INSTANT_X] += shift
 
 
 @njit

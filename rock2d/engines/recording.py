@@ -15,6 +15,7 @@ from rock2d.records.columns import (
     AFTER_INSTANT,
     BEFORE,
     EFFECTS,
+    GROUND_SHIFT,
     I_FORCE,
     I_PENETRATION,
     I_TIME,
@@ -27,7 +28,6 @@ from rock2d.records.columns import (
     N_STATE,
     OMEGA,
     RECOIL,
-    RECOIL_WAY,
     THETA,
     TIME,
     VX,
@@ -160,11 +160,11 @@ def is_spent(q, stored, body, record):
 
 
 @kernel
-def note_samples(interval, states, parabola, body, way, record, at):
+def note_samples(interval, states, parabola, body, shift, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
-    interval : (t, tau) in s; states: at t and at t + tau; parabola: whether it is a free flight; way: RECOIL_WAY, by
-    which the ground of the states has moved; at: index of the first sample after t"""
+    interval : (t, tau) in s; states: at t and at t + tau; parabola: whether it is a free flight; shift:
+    GROUND_SHIFT, by which the ground of the states has moved; at: index of the first sample after t"""
     (t, tau), (q0, q1) = interval, states
     times, samples = record
     while at < times.size and times[at] <= t + tau:
@@ -182,18 +182,18 @@ def note_samples(interval, states, parabola, body, way, record, at):
                     + q1[i] * u * u * (3 - 2 * u)
                     + q1[i + VX] * tau * u * u * (u - 1)
                 )
-        samples[at, X] += way
+        samples[at, X] += shift
         at += 1
     return at
 
 
 @kernel
-def note_knot(knots, used, t, q, way, flight):
-    """Note a knot if there is room; returns the number of knots, also of those without room. `way`: as for samples."""
+def note_knot(knots, used, t, q, shift, flight):
+    """Note a knot if there is room; returns the number of knots, also of those without room. `shift`: GROUND_SHIFT."""
     if used < len(knots):
         knots[used, TIME] = t
         copy(q, knots[used, INSTANT_STATE])
-        knots[used, INSTANT_X] += way
+        knots[used, INSTANT_X] += shift
         knots[used, KNOT_FLIGHT] = flight
     return used + 1
 
@@ -237,7 +237,7 @@ def note_pressure(current, lifted, force, depth, t, q):
 @kernel(forceinline=True)
 def note_recoil(h, added, audit):
     """Note that the frame of recoiling ground has `added` a velocity in m/s to the block in a step of h (s)."""
-    audit[RECOIL_WAY] -= h * (audit[RECOIL] + 0.5 * added)
+    audit[GROUND_SHIFT] -= h * (audit[RECOIL] + 0.5 * added)
     audit[RECOIL] += added
 
 

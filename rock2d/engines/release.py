@@ -40,12 +40,12 @@ from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_inde
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
+    GROUND_SHIFT,
     I_ZONE,
     N_IMPACT,
     N_POSE,
     N_STATE,
     OMEGA,
-    RECOIL_WAY,
     STOP_BURIED,
     STOP_EXIT,
     STOP_IMPACTS,
@@ -174,7 +174,7 @@ def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
     while counts[SAMPLES] < samples.times.size and stop == STOP_REST:
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, recorder.audit[RECOIL_WAY], 1.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], reals[TIME], q, recorder.audit[GROUND_SHIFT], 1.0)
     recorder.audit[ELASTIC] = contact_state.stored_energy(workspace.memory, world.law) - stored
     if len(saved) > 0:
         contact_state.save_contacts(workspace.memory, reals[HIGHEST], saved)
@@ -213,15 +213,15 @@ def _fly(q, tau, world, rules, recorder, workspace):
     t, parabola = reals[TIME], not air_acts(world.block)
     body, lines = Body(world.block, world.gravity), recorder.lines
     copy(q, old)
-    way = recorder.audit[RECOIL_WAY]
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, way, 1.0 if parabola else 0.0)
+    shift = recorder.audit[GROUND_SHIFT]
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, shift, 1.0 if parabola else 0.0)
     dissipated = fly(q, tau, world.gravity, world.block)
     if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
     recorder.audit[EFFECTS] += dissipated
     new = note_crossings((t, tau), old, q, True, body, lines)
-    counts[SAMPLES] = note_samples((t, tau), (old, q), parabola, body, way, recorder.samples, counts[SAMPLES])
+    counts[SAMPLES] = note_samples((t, tau), (old, q), parabola, body, shift, recorder.samples, counts[SAMPLES])
     reals[TIME] = t + tau
     counts[SEARCHED] = counts[STALE] = 0
     if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
@@ -249,8 +249,8 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     gone = t_end - t
     if near:
         note_crossings((t, gone), old, q, flying, body, recorder.lines)
-    parabola, way = flying and not air_acts(world.block), recorder.audit[RECOIL_WAY]
-    counts[SAMPLES] = note_samples((t, gone), (old, q), parabola, body, way, recorder.samples, counts[SAMPLES])
+    parabola, shift = flying and not air_acts(world.block), recorder.audit[GROUND_SHIFT]
+    counts[SAMPLES] = note_samples((t, gone), (old, q), parabola, body, shift, recorder.samples, counts[SAMPLES])
     reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED
@@ -292,7 +292,7 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     longest_hop = STEPS_BETWEEN_CHECKS * FLOATING_STEPS * h
     most_steps = 1 if near or len(recorder.knots) > 0 else counts[NEXT_CHECK] - counts[STEPS]
     limit = SeriesLimits(most_steps, rules.time_limit, next_sample, longest_hop, rules.suspend_x)
-    grown, way = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE]), recorder.audit[RECOIL_WAY]
+    grown, shift = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE]), recorder.audit[GROUND_SHIFT]
     t_end, done, lifted, why, reals[SHARE] = fast_contact_steps(
         q, t, (limit, grown), anchor, world, (memory, workspace.loaded),
         (workspace.impact, counts[LIFTED] != 0, recorder.audit),
@@ -311,7 +311,7 @@ def _fast_steps(q, world, step_sizes, rules, recorder, workspace):
     if done == 0:
         return hopped, near, t
     counts[STALE] = 1
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, workspace.old, way, 1.0 if hopped else 0.0)
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, workspace.old, shift, 1.0 if hopped else 0.0)
     return hopped, near, t_end
 
 
@@ -342,8 +342,8 @@ def _full_step(q, world, step_sizes, rules, recorder, workspace):
     if counts[STALE] != 0:
         contact_step.refresh_depths(q, near, world, memory, found)
         counts[STALE] = 0
-    parabola, way = flying and not air_acts(block), recorder.audit[RECOIL_WAY]
-    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, way, 1.0 if parabola else 0.0)
+    parabola, shift = flying and not air_acts(block), recorder.audit[GROUND_SHIFT]
+    counts[KNOTS] = note_knot(recorder.knots, counts[KNOTS], t, q, shift, 1.0 if parabola else 0.0)
     contacts = memory, found, workspace.loaded
     t_end = later(t, contact_step.step(q, h, near, world, contacts, recorder.audit, floating))
     before = active

@@ -37,12 +37,12 @@ TURN_STEP_RAD, SHIFT_STEP_RADII = 1e-4, 1e-4  # for derivatives of clearances
 
 class TurnedRun(NamedTuple):
     """Motion of n releases: poses (n, k, 3) at given instants, states (n, 6) at the end, instants (n, i) of impacts;
-    ways (n,) in m of recoiling ground, by which only the poses are moved."""
+    displacements (n,) in m of recoiling ground, by which only the poses are moved."""
 
     samples: Array
     ends: Array
     impacts_s: Array
-    recoil_way_m: Array
+    ground_shift_m: Array
 
 
 def run_on_turned_ground(
@@ -78,7 +78,7 @@ def run_on_turned_ground(
     back_s = np.minimum(touch_s + contact + approach, limits_s)
     first = run(near, back_s, times_s)
     samples, ends, impacts_s = first.samples, first.ends[:, INSTANT_STATE], first.impacts[..., I_TIME]
-    left_s, way_m = first.impacts[:, 0, I_TIME_AFTER], first.recoil_way_m
+    left_s, shift_m = first.impacts[:, 0, I_TIME_AFTER], first.ground_shift_m
     again = (first.impact_count > 1) | ((back_s < limits_s) & ~(left_s + 0.5 * approach <= back_s))
     if again.any():
         later = run(near, np.where(again, limits_s, 0.0), times_s[:, :0], impact_limit=2, room=2).impacts
@@ -88,7 +88,7 @@ def run_on_turned_ground(
         samples = np.where(again[:, None, None], other.samples, samples)
         ends = np.where(again[:, None], other.ends[:, INSTANT_STATE], ends)
         impacts_s = np.where(again[:, None], other.impacts[..., I_TIME], impacts_s)
-        way_m = np.where(again, other.recoil_way_m, way_m)
+        shift_m = np.where(again, other.ground_shift_m, shift_m)
     # the time of contact counts as flight, but not that for which a block lies on the ground
     flies_s = np.where(np.isnan(impacts_s[:, 0]), touch_s, np.fmax(np.fmin(left_s, back_s) - contact, touch_s))
     flight = _Flights(world.gravity_m_s2, slope, touch_s, flies_s)
@@ -97,12 +97,12 @@ def run_on_turned_ground(
         np.maximum(times_s - back_s[:, None], 0.0),
     )  # fmt: skip
     samples = flight.with_true_gravity(turned(samples, pivot[:, None], slope[:, None]), times_s)
-    onward.samples[..., X] += way_m[:, None]
+    onward.samples[..., X] += shift_m[:, None]
     return TurnedRun(
         np.where((times_s > back_s[:, None])[..., None], onward.samples, samples),
         onward.ends[:, INSTANT_STATE],
         np.hstack([impacts_s, back_s[:, None] + onward.impacts[..., I_TIME]]),
-        way_m + onward.recoil_way_m,
+        shift_m + onward.ground_shift_m,
     )
 
 

@@ -95,10 +95,10 @@ def test_a_full_turn_counts_only_where_the_film_shows_it(monkeypatch, unseen_rad
     assert np.abs(angles).max() == pytest.approx(2.0 * np.pi * turns, abs=0.5)  # it may leave on another corner
 
 
-def test_ways_of_the_ground_add_up_within_a_release():
-    release, way_m = np.array([0, 0, 0, 2, 2, 5]), np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-    assert _moved_before(release, way_m).tolist() == [0.0, 1.0, 3.0, 0.0, 8.0, 0.0]
-    assert _moved_before(release[:0], way_m[:0]).tolist() == []
+def test_displacements_of_the_ground_add_up_within_a_release():
+    release, shift_m = np.array([0, 0, 0, 2, 2, 5]), np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+    assert _moved_before(release, shift_m).tolist() == [0.0, 1.0, 3.0, 0.0, 8.0, 0.0]
+    assert _moved_before(release[:0], shift_m[:0]).tolist() == []
 
 
 def test_an_embankment_stays_where_an_earlier_strike_of_the_release_pushed_it(monkeypatch):
@@ -114,5 +114,5 @@ def test_an_embankment_stays_where_an_earlier_strike_of_the_release_pushed_it(mo
         return float(np.median(np.linalg.norm(data.residuals(true).impacts[later, :2], axis=1)))
 
     in_moved_world = missed_m()
-    monkeypatch.setattr("rock2d.diagnosis.data._moved_before", lambda release, way_m: np.zeros(len(way_m)))
+    monkeypatch.setattr("rock2d.diagnosis.data._moved_before", lambda release, shift_m: np.zeros(len(shift_m)))
     assert in_moved_world < 0.1 * missed_m()

@@ -175,12 +175,12 @@ def test_an_embankment_that_slides_takes_the_block_with_it(ratio):
     w = with_effect(world(WALL, (SPHERE,), elastic(), gravity_m_s2=0.0), "embankment_yield", [ratio])
     mass, v, gap = M / ratio, 2.0, 1e-4
     contact_s = np.pi / np.sqrt(1e4 * (1 / M + 1 / mass))
-    way = v * contact_s * M / (mass + M)
+    shift = v * contact_s * M / (mass + M)
     times_s = gap / v + contact_s + np.array([0.01, 0.02])
     state = np.array([-R - gap, 0.25, 0.0, v, 0.0, 0.0])
     result = run(w, state[None], times_s=times_s[None], time_limit_s=0.1)
-    assert result.recoil_way_m[0] == pytest.approx(way, rel=1e-3)
-    expected = -R + way + v * (M - mass) / (mass + M) * np.array([0.01, 0.02])
+    assert result.ground_shift_m[0] == pytest.approx(shift, rel=1e-3)
+    expected = -R + shift + v * (M - mass) / (mass + M) * np.array([0.01, 0.02])
     assert result.samples[0, :, 0] == pytest.approx(expected, rel=1e-3, abs=1e-6)
     for engine in (run_batch_track, run_pymunk):
         track = engine(SPHERE, w.cross_section, w.contact[0], state, gravity_m_s2=0.0, time_limit_s=0.1)
@@ -197,7 +197,7 @@ def test_friction_at_its_base_holds_an_embankment_under_a_light_push():
     up = np.array([-np.sin(np.arctan(0.5)), np.cos(np.arctan(0.5))])
     lying = np.array([0.5, 0.25]) + (R - M * 9.81 * up[1] / 1e4) * up
     states = np.array([[*lying, 0.0, 0.0, 0.0, 0.0], [*lying, 0.0, *(-2.0 * up), 0.0]])
-    rolls, strikes = run(w, states, time_limit_s=0.2).recoil_way_m
+    rolls, strikes = run(w, states, time_limit_s=0.2).ground_shift_m
     assert rolls == 0.0 and strikes > 1e-3
 
 

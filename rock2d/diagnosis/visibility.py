@@ -15,7 +15,7 @@ from rock2d.diagnosis.data import Data, FilmData, Residuals
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.likelihood import flight_weight, normal_equations, standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatter_positions
-from rock2d.effects.changes import AIM_PARAMETERS
+from rock2d.effects.changes import POINT_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
 from rock2d.records.columns import X, Y
@@ -128,12 +128,12 @@ def relative_size(fit: Fit, name: str) -> float:
 def _sizes(fit: Fit, name: str) -> Array:
     """Size of each parameter of an effect, as a share of the plausible range on its side.
 
-    It is 1 for an effect that is a choice. It is 0 for what does not count: the aim of the camera, a choice of the
+    It is 1 for an effect that is a choice. It is 0 for what does not count: the points of the camera, a choice of the
     place where an effect acts, and optional parameters, which only refine an effect."""
     low, high = fit.model.bounds()
     sizes = []
     for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.positions[name].start):
-        refines = parameter in AIM_PARAMETERS or parameter.may_be_missing
+        refines = parameter in POINT_PARAMETERS or parameter.may_be_missing
         room = max(high[k] if fit.p[k] > 0.0 else -low[k], 1e-9)
         sizes.append(0.0 if refines else 1.0 if parameter.must_choose else abs(fit.p[k]) / room)
     return np.array(sizes)

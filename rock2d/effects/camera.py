@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
+from rock2d.effects.changes import AIM_PARAMETERS, KEPT_PARAMETERS, aim_and_width, moved_point, with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.records.columns import after
@@ -14,9 +14,10 @@ from rock2d.wording import number, plain
 
 
 def with_camera_tilt(world: World, values: Sequence[float]) -> World:
-    """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the
-    point that the camera aims at."""
-    return with_view(world, values[1:], tilt_rad=world.view.tilt_rad + values[0])
+    """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the point
+    that stays in its place."""
+    kept = moved_point(world, world.view.kept_m, values[1:])
+    return with_view(world, kept_m=kept, tilt_rad=world.view.tilt_rad + values[0])
 
 
 def camera_tilt_remedy(fitted: FittedEffect) -> str:
@@ -24,7 +25,7 @@ def camera_tilt_remedy(fitted: FittedEffect) -> str:
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
     turn, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"
-    x, y = fitted.world().view.axis_m
+    x, y = fitted.world().view.fixed_m
     turned = (
         f"turn every position by {plain(-turn, width)}° about ({plain(x)}, {plain(y)}) m, counter-clockwise "
         f"positive, and add {plain(-value, half)} to every `theta_rad`"
@@ -46,7 +47,7 @@ CAMERA_TILT = Effect(
     origin="camera",
     parameters=(
         Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "rotation of the record, counter-clockwise"),
-        *AIM_PARAMETERS,
+        *KEPT_PARAMETERS,
     ),
     apply=with_camera_tilt,
     remedy=camera_tilt_remedy,
@@ -58,9 +59,10 @@ CLEAR_ASPECT = 2.0
 
 
 def with_scale_error(world: World, values: Sequence[float]) -> World:
-    """(x, y) recorded = c + scale (aspect (x - c_x), y - c_y), c the point that the camera aims at."""
-    scale, aspect, *aim = values
-    return with_view(world, aim, scale=world.view.scale * scale, aspect=world.view.aspect * aspect)
+    """(x, y) recorded = c + scale (aspect (x - c_x), y - c_y), c the point that stays in its place."""
+    scale, aspect, *shift = values
+    kept = moved_point(world, world.view.kept_m, shift)
+    return with_view(world, kept_m=kept, scale=world.view.scale * scale, aspect=world.view.aspect * aspect)
 
 
 def scale_error_remedy(fitted: FittedEffect) -> str:
@@ -68,7 +70,7 @@ def scale_error_remedy(fitted: FittedEffect) -> str:
     uneven = abs(fitted.values["aspect"] - 1.0) > CLEAR_ASPECT * fitted.half.get("aspect", np.inf)
     if not uneven:
         fitted = replace(fitted, values={**fitted.values, "aspect": 1.0}, half={**fitted.half, "aspect": 0.0})
-    x, y = (plain(place) for place in fitted.world().view.axis_m)
+    x, y = (plain(place) for place in fitted.world().view.fixed_m)
     (of_x, of_y), (width_x, width_y) = fitted.propagated(lambda world: 1.0 / world.view.scales)
     again = (
         "Measure the calibration length again, in the plane of motion: one nearer to the camera gives too short "
@@ -109,7 +111,7 @@ SCALE_ERROR = Effect(
     parameters=(
         Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length along y over true length"),
         Parameter("aspect", "1", 1.0, 0.97, 1.03, "scale along x over the scale along y", optional=True),
-        *AIM_PARAMETERS,
+        *KEPT_PARAMETERS,
     ),
     apply=with_scale_error,
     remedy=scale_error_remedy,
@@ -154,9 +156,8 @@ FRAME_RATE_ERROR = Effect(
 def with_lens_distortion(world: World, values: Sequence[float]) -> World:
     """d recorded = d (1 + k |d|²) with d = (x, y) - c, k = edge / W²: c is the point that the camera aims at, W the
     width of embankment and ditch."""
-    return with_view(
-        world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / aim_and_width(world.cross_section)[1] ** 2
-    )
+    lens_per_m2 = world.view.lens_per_m2 + values[0] / aim_and_width(world.cross_section)[1] ** 2
+    return with_view(world, aim_m=moved_point(world, world.view.aim_m, values[1:]), lens_per_m2=lens_per_m2)
 
 
 def lens_distortion_remedy(fitted: FittedEffect) -> str:
@@ -202,7 +203,8 @@ def with_keystone_distortion(world: World, values: Sequence[float]) -> World:
     W the width of embankment and ditch. Areas in the middle of the set-up stay: a keystone is no error of the scale."""
     middle, width = aim_and_width(world.cross_section)
     x, y = np.array(values[:2]) / width + world.view.keystone_per_m
-    return with_view(world, values[2:], keystone_per_m=(float(x), float(y)), middle_m=middle)
+    aim = moved_point(world, world.view.aim_m, values[2:])
+    return with_view(world, aim_m=aim, keystone_per_m=(float(x), float(y)), middle_m=middle)
 
 
 def keystone_distortion_remedy(fitted: FittedEffect) -> str:

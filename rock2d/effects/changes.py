@@ -12,12 +12,16 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, ditch_facets, embankment_facets
 from rock2d.scene.world import World
 
-# Point where the camera's axis meets the plane. It is rarely measured, so it is a parameter of every effect that
-# depends on it.
+# Points on which what a camera changes depends. They are rarely measured, so they are parameters of the effects.
 AIM_PARAMETERS = (
     Parameter("centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"),
     Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the set-up's middle, over its width"),
 )
+KEPT_PARAMETERS = (
+    Parameter("centre_right", "1", 0.0, -1.0, 1.0, "point that stays, right of the set-up's middle, over its width"),
+    Parameter("centre_up", "1", 0.0, -1.0, 1.0, "point that stays, above the set-up's middle, over its width"),
+)
+POINT_PARAMETERS = AIM_PARAMETERS + KEPT_PARAMETERS
 
 
 def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
@@ -31,17 +35,17 @@ def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], flo
     return (float(middle[0]), float(middle[1])), float(high[0] - low[0])
 
 
-def with_view(world: World, shift: Sequence[float] | None = None, **changes: Any) -> World:
-    """The world seen by another camera.
+def with_view(world: World, **changes: Any) -> World:
+    """The world seen by another camera; `changes`: fields of `World.view`."""
+    return replace(world, view=replace(world.view, **changes))
 
-    The aim of the camera moves by `shift` (right, up) × the width of `aim_and_width`, from the previous aim or the
-    default one. Without `shift` it stays. `changes`: other fields of `World.view`."""
-    aim = world.view.aim_m
-    if shift is not None:
-        default, width = aim_and_width(world.cross_section)
-        x, y = default if aim is None else aim
-        aim = (x + width * shift[0], y + width * shift[1])
-    return replace(world, view=replace(world.view, aim_m=aim, **changes))
+
+def moved_point(world: World, known: tuple[float, float] | None, shift: Sequence[float]) -> tuple[float, float]:
+    """A `known` point of the camera, by default the middle of `aim_and_width`, moved by `shift` (right, up) × the
+    width."""
+    middle, width = aim_and_width(world.cross_section)
+    x, y = middle if known is None else known
+    return x + width * shift[0], y + width * shift[1]
 
 
 def with_blocks(world: World, change: Callable[[Block], Block]) -> World:

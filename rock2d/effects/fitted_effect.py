@@ -85,12 +85,12 @@ class FittedEffect:
         return found
 
     def origin(self) -> str:
-        """Sentence on the true position of the default origin; the camera's axis is one of the fitted parameters."""
+        """Sentence on the true position of the default origin; the point that stays is one of the fitted parameters."""
         at, half = self.propagated(lambda world: np.asarray(world.view.true(np.zeros(3))[:2]))
-        x, y = self.world().view.axis_m
+        x, y = self.world().view.fixed_m
         return (
-            f"Set `origin_m: {point(at, half)}` if it was [0, 0]: the record changes about the camera's axis, which "
-            f"meets the plane at ({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
+            f"Set `origin_m: {point(at, half)}` if it was [0, 0]: the record changes about the point "
+            f"({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
         )
 
     def by_hand(self, film: str, table: str) -> str:

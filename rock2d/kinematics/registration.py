@@ -18,13 +18,15 @@ from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
 
-CAMERA_GRID = 21  # number of tried positions of the camera's axis along x and along y, within the image width
+CAMERA_GRID = (
+    21  # number of tried positions of the point that the picture keeps, along x and along y, within the image width
+)
 CROSS_SECTION_GRID = 9  # number of tried values of each parameter of the cross-section
 MOST_GROUND_FRAMES = 20000  # approximate number of frames that are checked against the ground
 MOST_REGISTRATION_FRAMES = 5000  # approximate number of frames that are searched for the lowest points
 BEYOND_CATALOGUE = 0.1  # largest excess of scale and tilt (rad) over the ranges of the catalogue
 USUAL_DEPTH_RADII = 0.2  # usual penetration of blocks into soil, in block radii
-ASIDE_RADII = 0.05  # penalty in block radii for a camera that aims one image width aside
+ASIDE_RADII = 0.05  # penalty in block radii for a kept point one image width aside of the middle
 POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
 LARGEST_CLEARANCE_RADII = 0.5  # block radii between the ground and the lowest points of most releases
 
@@ -61,9 +63,9 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
 
     def miss(other: World) -> float:
         """Misfit in block radii: distance of the lowest points of the releases from a usual depth, and from each other,
-        with a penalty for cameras that aim aside of the middle of the set-up."""
+        with a penalty for a picture that keeps a point aside of the middle of the set-up."""
         low, middle, high = np.quantile(lowest_clearances(other, film)[0], (0.25, 0.5, 0.75))
-        aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.axis_m, aim)) / width
+        aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.fixed_m, aim)) / width
         return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
 
     aim, width = aim_and_width(world.cross_section)
@@ -92,7 +94,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
     grid = width * np.linspace(-1.0, 1.0, CAMERA_GRID)
     for right in grid:
         for up in grid:
-            yield replace(world, view=View(tilt, scale, aim_m=(x + right, y + up))), text
+            yield replace(world, view=View(tilt, scale, kept_m=(x + right, y + up))), text
 
 
 def _cross_sections(world: World) -> Iterator[tuple[World, str]]:

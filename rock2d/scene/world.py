@@ -24,16 +24,17 @@ class View:
 
     A point at u from the camera's axis, which meets the plane at `axis_m`, is changed in this order: divided by
     1 + `keystone_per_m` · u, because a slanting camera shows farther parts smaller, and enlarged so that areas at
-    `middle_m` stay; rotated by `tilt_rad`, and scaled by `scale` along y and `scale` × `aspect` along x, about the
-    axis; distorted by the factor 1 + `lens_per_m2` r² at a distance r; mirrored about the origin. The tilt, the
-    rotation by which the slanting view turns a small body, and `theta_offset_rad` are added to angles. An instant t is
-    recorded as t / `time_scale`."""
+    `middle_m` stay; rotated by `tilt_rad`, and scaled by `scale` along y and `scale` × `aspect` along x, about
+    `fixed_m`; distorted by the factor 1 + `lens_per_m2` r² at a distance r from the axis in the picture; mirrored about
+    the origin. The tilt, the rotation by which the slanting view turns a small body, and `theta_offset_rad` are added
+    to angles. An instant t is recorded as t / `time_scale`."""
 
     tilt_rad: float = 0.0
     scale: float = 1.0
     time_scale: float = 1.0
     lens_per_m2: float = 0.0
     aim_m: tuple[float, float] | None = None  # point at which the camera aims; None: not stated
+    kept_m: tuple[float, float] | None = None  # point by which the picture was placed; None: not stated
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
     aspect: float = 1.0
@@ -51,6 +52,11 @@ class View:
         return (0.0, 0.0) if self.aim_m is None else self.aim_m
 
     @property
+    def fixed_m(self) -> tuple[float, float]:
+        """Point (x, y) in m that rotation and scales leave in its place: `kept_m`, or the origin."""
+        return (0.0, 0.0) if self.kept_m is None else self.kept_m
+
+    @property
     def slant_scale(self) -> float:
         """Factor of a slanting view by which areas at `middle_m` stay: there, the division changes the area of a small
         body by the factor (1 + k · u)^-3."""
@@ -60,21 +66,22 @@ class View:
 
     def record(self, pose: Array) -> Array:
         """Recorded poses of true poses (..., 3: x_m, y_m, theta_rad)."""
-        x, y, theta = np.moveaxis(self._slanted(np.asarray(pose, float), 1.0), -1, 0)
-        cx, cy = self.axis_m
-        c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
-        dx, dy = x - cx, y - cy
-        dx, dy = along_x * (c * dx - s * dy), along_y * (s * dx + c * dy)
-        swell = 1.0 + self.lens_per_m2 * (dx * dx + dy * dy)
-        theta = theta + self.tilt_rad + self.theta_offset_rad
-        return np.stack([cx + dx * swell, cy + dy * swell, theta], axis=-1) * self.mirror
+        slanted = self._slanted(np.asarray(pose, float), 1.0)
+        x, y = np.moveaxis(self._turned(slanted[..., :2]), -1, 0)
+        if self.lens_per_m2:
+            cx, cy = self._turned(np.array(self.axis_m))
+            dx, dy = x - cx, y - cy
+            swell = 1.0 + self.lens_per_m2 * (dx * dx + dy * dy)
+            x, y = cx + dx * swell, cy + dy * swell
+        theta = slanted[..., 2] + self.tilt_rad + self.theta_offset_rad
+        return np.stack([x, y, theta], axis=-1) * self.mirror
 
     def true(self, recorded: Array) -> Array:
         """True poses (..., 3) from recorded ones: the inverse of `record`. Points beyond a lens's fold lie at it."""
         x, y, theta = np.moveaxis(np.asarray(recorded, float) * self.mirror, -1, 0)
-        cx, cy = self.axis_m
-        dx, dy = x - cx, y - cy
         if self.lens_per_m2:
+            cx, cy = self._turned(np.array(self.axis_m))
+            dx, dy = x - cx, y - cy
             far = np.hypot(dx, dy)
             # a lens that folds the picture cannot record a point beyond the fold
             fold = FOLD_SHARE * (-3.0 * self.lens_per_m2) ** -0.5 if self.lens_per_m2 < 0.0 else np.inf
@@ -86,11 +93,19 @@ class View:
                 if np.abs(step).max(initial=0.0) <= LENS_TOLERANCE * far.max(initial=0.0):
                     break
             shrink = np.divide(near, far, out=np.ones_like(far), where=far > 0)
-            dx, dy = dx * shrink, dy * shrink
-        c, s, (along_x, along_y) = np.cos(self.tilt_rad), np.sin(self.tilt_rad), self.scales
-        dx, dy = dx / along_x, dy / along_y
+            x, y = cx + dx * shrink, cy + dy * shrink
+        (fx, fy), (along_x, along_y) = self.fixed_m, self.scales
+        c, s = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        dx, dy = (x - fx) / along_x, (y - fy) / along_y
         theta = theta - self.tilt_rad - self.theta_offset_rad
-        return self._slanted(np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1), -1.0)
+        return self._slanted(np.stack([fx + c * dx + s * dy, fy - s * dx + c * dy, theta], axis=-1), -1.0)
+
+    def _turned(self, place: Array) -> Array:
+        """Places (..., 2) rotated and scaled about `fixed_m`."""
+        (fx, fy), (along_x, along_y) = self.fixed_m, self.scales
+        c, s = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        dx, dy = place[..., 0] - fx, place[..., 1] - fy
+        return np.stack([fx + along_x * (c * dx - s * dy), fy + along_y * (s * dx + c * dy)], axis=-1)
 
     def _slanted(self, pose: Array, way: float) -> Array:
         """Poses (..., 3) as a slanting camera shows them (`way` 1), or the poses that it shows so (-1)."""
@@ -117,7 +132,7 @@ class View:
             wide = 1.0 + (u @ k)[:, None]
             place = self.axis_m + self.slant_scale * u / wide
             direction = wide / self.slant_scale * (direction + k * (u * direction).sum(axis=1, keepdims=True))
-        scaled = self.scales * ((place - self.axis_m) @ turn)
+        scaled = self._turned(place) - self._turned(np.array(self.axis_m))
         direction = direction @ turn / self.scales
         # without rotation and scales, the Jacobian of `record` is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)

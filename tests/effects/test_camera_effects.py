@@ -131,8 +131,31 @@ def test_a_keystone_is_no_error_of_the_scale(place, later):
     """In the middle of the set-up a small body keeps its area, wherever the camera aims at, also if another effect
     moves its aim afterwards."""
     slanting = with_effect(world(), "keystone_distortion", [0.1, -0.15, *place])
-    view = with_effect(slanting, "scale_error", [1.0, 1.0, *later]).view
+    view = with_effect(slanting, "lens_distortion", [0.0, *later]).view
     middle, _ = aim_and_width(world().cross_section)
     at = np.array([*middle, 0.0])
     ahead, behind = (view.record(at + step * np.eye(3)[:2]) for step in (1e-5, -1e-5))
     assert np.linalg.det((ahead - behind)[:, :2] / 2e-5) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_the_camera_slants_the_picture_before_it_is_turned_and_scaled_about_another_point():
+    """A keystone is an effect of the optics; rotation and scale of the picture depend on how it was placed, so each
+    has a point of its own that stays."""
+    optics = with_effect(world(), "keystone_distortion", [0.1, -0.15, 0.5, 0.2])
+    placed, both = world(), optics
+    for effect in (("camera_tilt", [0.06, 0.3, -0.2]), ("scale_error", [0.97, 1.01, 0.1, 0.4])):
+        placed, both = with_effect(placed, *effect), with_effect(both, *effect)
+    assert both.view.record(POSES) == pytest.approx(placed.view.record(optics.view.record(POSES)), abs=1e-12)
+    assert both.view.true(both.view.record(POSES)) == pytest.approx(POSES, abs=1e-12)
+
+
+def test_a_lens_distorts_about_the_image_of_the_axis_wherever_the_picture_was_placed():
+    """Along a ray from the image of the axis, points stay on the ray."""
+    view = with_effect(with_effect(world(), "lens_distortion", [0.04, 0.3, 0.1]), "scale_error", [0.9, 1.0, 0, 0]).view
+    axis = np.array([*view.axis_m, 0.0])
+    at = view.record(axis + np.outer([0.0, 0.05, 0.1, 0.2], [0.6, 0.8, 0.0]))[:, :2]
+    out = np.linalg.norm(at - at[0], axis=1)
+    assert at - at[0] == pytest.approx(np.outer(out, [0.6, 0.8]), abs=1e-12)
+    assert out / (0.9 * np.array([1.0, 0.05, 0.1, 0.2])) - 1.0 == pytest.approx(
+        [-1.0, *view.lens_per_m2 * (0.9 * np.array([0.05, 0.1, 0.2])) ** 2], abs=1e-9
+    )

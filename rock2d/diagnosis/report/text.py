@@ -350,8 +350,9 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
             "predicted from the measured flight before it. In flight only gravity acts, unless an effect adds a force.",
             "The noise of the camera is normal. It is estimated from the flights, not taken from experiment.yaml. The "
             "scatter of the soil from strike to strike is fitted by maximum likelihood.",
-            "The position of the camera's axis is not stated. Effects that turn, scale or distort the image assume "
-            "that it points at ditch and embankment, and fit its distance from there.",
+            "The position of the camera's axis is not stated. Effects that distort the image assume that it points at "
+            "ditch and embankment, and fit its distance from there. So do effects that turn or scale the image, for "
+            "the point that stays in its place.",
         ]
     else:
         lines.append(

@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.arrays import Array
 from rock2d.diagnosis.answers import single_answers, unexplained_probability
 from rock2d.diagnosis.base_law import ends_at, fit_from_grid
-from rock2d.diagnosis.cause_sets import ADDED_AT_ONCE, TWINS, Search
+from rock2d.diagnosis.cause_sets import ADDED_AT_ONCE, Search
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
@@ -332,9 +332,7 @@ def _evidence_of_sets(search: Search) -> tuple[dict[str, Evidence], WeighedSet, 
         removed |= leaving - joins
         spared |= joins
         back = {replaced[name] for name in leaving & replaced.keys()}
-        names -= leaving
-        names |= {name for name in back - removed if TWINS.get(name) not in names}
-        search.best = search.set_of(names)
+        search.best = search.set_of((names - leaving) | (back - removed))
 
 
 def _passed_by(search: Search, removed: set[str], weighed: Mapping[Names, WeighedSet]) -> str | None:
@@ -361,7 +359,7 @@ def _removed_that_gains(search: Search, removed: set[str], weighed: Collection[N
     """The removed member that gains most beside the best set, if it gains significantly and was not weighed there."""
     best, gains = search.best, dict[str, Gain]()
     for name in sorted(removed - best.names):
-        if TWINS.get(name) not in best.names and best.names | {name} not in weighed:
+        if best.names | {name} not in weighed:
             gains[name] = search.gain(search.set_of(best.names | {name}), best)
     again = max(gains, key=lambda name: gains[name].total, default=None)
     return again if again is not None and gains[again].significant else None
@@ -385,7 +383,6 @@ def _exchange_member(
             for rival, z in rivals.items()
             if (z < -BETTER_RIVAL_Z or (impossible and z <= most_z))
             and rival not in removed
-            and TWINS.get(rival) not in best.names - {name}
             and best.names - {name} | {rival} not in tried
         ]
     for _, name, rival, impossible in sorted(options):

@@ -19,15 +19,17 @@ from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain, l
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.exploring import (
     REFIT_GAIN,
+    WIDE_SCAN,
     Explored,
     explore_on_some,
     fit_effects,
     narrowed_starts,
     total_on_some,
 )
-from rock2d.diagnosis.fitting import Convergence, Fit, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
+from rock2d.diagnosis.likelihood import total_log_likelihood
 from rock2d.diagnosis.linear_model import Expected, Screening
-from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model, from_scale, to_scale
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
@@ -46,11 +48,11 @@ MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
 MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, where a law is least exact
 KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
-# Effects of which a set contains at most one: both change gravity in flights in the same way, and only the heights of
-# contacts distinguish them.
+# Effects that change gravity in flights in the same way: only the places of contacts distinguish them.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 # of each of them the first parameter, and the power of it by which gravity in flights changes
 GRAVITY_POWERS = {"scale_error": ("scale", 1), "frame_rate_error": ("time_scale", 2)}
+VALLEY_POINTS = 25  # tried sizes of a twin beside the other one
 
 
 @dataclass
@@ -150,17 +152,17 @@ class Search:
         """Rivals of a member of a set: effect -> standard errors by which the set is better than with the effect in
         place of the member, if less than z; the closest first.
 
-        A rival gains at least half of what the member gains, and is not the twin of another member. One that gains more
-        must explain the same: beside it the member loses gain, see KEPT_BESIDE_OTHER. A difference within the share
-        MISSED_BY_FORM, or MISSED_BY_TWIN, counts as less than one standard error; that of the rests counts in full. The
-        twin of the member, the effects `fitted`, and the first that promise as much are fitted in its place: what
-        screening expects of an effect can be far too little."""
+        A rival gains at least half of what the member gains. One that gains more must explain the same: beside it the
+        member loses gain, see KEPT_BESIDE_OTHER. A difference within the share MISSED_BY_FORM, or MISSED_BY_TWIN,
+        counts as less than one standard error; that of the rests counts in full. The twin of the member, the effects
+        `fitted`, and the first that promise as much are fitted in its place: what screening expects of an effect can be
+        far too little."""
         smaller, found = self.without(cause_set)[name], dict[str, float]()
         twin, alone = TWINS.get(name, name), self.gain(cause_set, smaller).total
         expected = self.expected.get(smaller.names, {})
         first = sorted(expected.keys() - cause_set.names, key=lambda n: (-expected[n].promise, n))[:EXCHANGED_AT_ONCE]
         rivals = {*fitted, twin, *(n for n in first if expected[n].promise > 0.5 * alone > 0.0)}
-        possible = {n for n in self.effects.keys() - cause_set.names if TWINS.get(n) not in smaller.names}
+        possible = self.effects.keys() - cause_set.names
         self._with_each(sorted(rivals & possible), smaller)
         for rival in possible:
             if (lead := self._lead_over(cause_set, smaller, rival)) is None or lead.total > 0.5 * alone:
@@ -245,21 +247,22 @@ class Search:
     def promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
     ) -> list[Validated]:
-        """The sets with one more effect that is not in `excluded`: the `most` of them that promise most.
+        """The sets with one more effect that is not in `excluded`: the `most` of them that promise most, and the twin
+        of a member: both explain gravity alike along a bent valley, so screening expects too little of it.
 
         `lead`: see `_fit`."""
         if not cause_set.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in excluded]
-        excluded = excluded | {TWINS[name] for name in cause_set.names & TWINS.keys()}
+        twins = sorted({TWINS[name] for name in cause_set.names & TWINS.keys()} & self.effects.keys() - excluded)
         expected = {name: e for name, e in self.expected_beside(cause_set).items() if name not in excluded}
         if cause_set is self.best:
             self.bars.found(len(cause_set.names), MOST_CAUSES, sum(max(e.total, 0.0) for e in expected.values()))
         ranked = sorted(expected, key=lambda name: -expected[name].promise)
-        return self._with_each([n for n in ranked if expected[n].promise > LEAST_PROMISE][:most], cause_set, lead)
+        first = [n for n in ranked if expected[n].promise > LEAST_PROMISE and n not in twins][:most]
+        return self._with_each(first + twins, cause_set, lead)
 
     def _with_each(self, names: Sequence[str], cause_set: Validated, lead: float = 0.0) -> list[Validated]:
         """The set with each of these effects in addition, one at a time; `lead`: see `_fit`."""
-        names = [name for name in names if TWINS.get(name) not in cause_set.names]
         new = [name for name in names if cause_set.names | {name} not in self.known]
         before, rival_total = cause_set.fit, cause_set.fit.total() + lead if lead > 0.0 else -np.inf
         starts = [None if self.effects[name].scatter else self.expected_beside(cause_set)[name].p for name in new]
@@ -322,6 +325,8 @@ class Search:
         steps = list[_Addition]()
         for own in fitted:
             for name in sorted(own.names & TWINS.keys()):
+                if TWINS[name] in own.names:
+                    continue
                 rest = own.names - {name}
                 smaller, twin = self.known.get(rest), self.known.get(rest | {TWINS[name]})
                 if smaller is not None and twin is not None and twin.fit.total() > own.fit.total() + REFIT_GAIN:
@@ -363,6 +368,8 @@ class _Addition:
         if self.start is not None:
             starts, convergence = [self.start], Convergence(rival_total=self.rival_total)
             starts += narrowed_starts(self.model, data.coarse(), self.before)
+            if TWINS.get(self.name) in self.before.model.positions:
+                starts = _starts_beside_twin(self.model, data.coarse(), self.name, self.before)
             return max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
         found = self.found or explore_on_some(self.model, data, self.before)
         return fit_effects(self.model, data, self.before, found, self.rival_total)
@@ -430,6 +437,26 @@ def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
     of_twin = dict(zip(known, twin.model.values(twin.p), strict=True))[other][0]
     start[model.positions[name].start] = to_scale(model.parameters_of(name)[0], of_twin ** (power_of_twin / power))
     return start
+
+
+def _starts_beside_twin(model: Model, data: Data, name: str, before: Fit) -> list[Array]:
+    """Starts of a set with both twins, from the fit of the set without `name`: the best points of the valley in which
+    gravity in flights stays, with the further parameters of the twin as they are and without effect."""
+    (low, high), fitted, other = model.bounds(), extended(before, model), TWINS[name]
+    (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
+    alone = dict(zip(before.model.positions, before.model.values(before.p), strict=True))[other][0]
+    own, of_twin = model.positions[name].start, model.positions[other]
+    plain, wide, best = fitted.copy(), WIDE_SCAN * before.covariance(), list[Array]()
+    plain[of_twin] = model.start()[of_twin]
+    for start in (fitted, plain):
+        points = np.tile(start, (VALLEY_POINTS, 1))
+        points[:, own] = np.linspace(low[own], high[own], VALLEY_POINTS)
+        for p in points:
+            value = from_scale(model.parameters_of(name)[0], p[own]) ** (power / power_of_twin)
+            p[of_twin.start] = to_scale(model.parameters_of(other)[0], alone / value)
+        totals = [total_log_likelihood(model.residuals(p, data), wide) for p in points.clip(low, high)]
+        best.append(points[int(np.argmax(totals))])
+    return best
 
 
 def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:

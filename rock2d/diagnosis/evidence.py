@@ -218,7 +218,7 @@ def evidence_of_members(
         name = list(to_relearn)[k]
         evidence_of[name] = replace(evidence_of[name], replacement_gain=gain, rests_z=z)
         bar.step(name)
-    for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects):
+    for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects.keys() - best.names):
         evidence_of |= beside_twin(search, name, evidence_of)
     not_there = {name for name in best.names & TWINS.keys() if missing_in_first_flights(best.fit, data, name)}
     for name in not_there | (TURNS if only_gravity_is_turned(best.fit) else set()):
@@ -336,7 +336,7 @@ def _evidence_of_member(
             p_chance = max(p_chance, chance_p_value(gain, np.max(others_chance_gains, axis=0)))
         p_no_closure = probability_of_no_closure(search, name, learnt, without)
     rival_z = plausible_rivals(search, name, own_gain, rivals)
-    if learnt.changes and (twin := TWINS.get(name, "")) in search.effects:
+    if learnt.changes and (twin := TWINS.get(name, "")) in search.effects.keys() - best.names:
         # only contacts tell them apart, and something there is not understood
         rival_z = _first(twin, min(0.0, rival_z.get(twin, 0.0)), rival_z)
     for other in OTHER_FORMS.get(name, ()):

@@ -148,6 +148,24 @@ def test_a_fit_that_stayed_near_no_effect_starts_again_from_its_twin():
     assert again.fit.total() == pytest.approx(of_scale.fit.total(), abs=5.0)
 
 
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"scale_error": [1.04, 1.0, 0.0, 0.0], "frame_rate_error": [0.97]},
+        {"scale_error": [1.04, 1.0, 0.0, 0.0]},
+        {"frame_rate_error": [0.97]},
+    ],
+)
+def test_a_set_holds_both_twins_only_where_contacts_need_both(hidden):
+    """Gravity in flights shows one common quantity; where and how fast blocks strike shows the other."""
+    search = tried_alone(hidden, ("scale_error", "frame_rate_error", "camera_tilt"), FEW)
+    search.run()
+    model = search.best.fit.model
+    found = dict(zip(model.positions, model.values(search.best.fit.p), strict=True))
+    assert found.keys() == hidden.keys()
+    assert [found[name][0] for name in hidden] == pytest.approx([own[0] for own in hidden.values()], rel=0.003)
+
+
 def test_only_rests_say_how_far_rests_prefer_a_set():
     """The height of a block in one row, in standard deviations; the flight before it does not count."""
     data = SimpleNamespace(flown=1)
@@ -229,7 +247,7 @@ def test_a_twin_is_fitted_before_it_counts_as_told_apart():
     assert beside not in search.known
     search.find_rivals(search.best, "inertia_error", np.inf, ["angle_offset"])
     assert beside in search.known
-    # scale_error beside its twin is no set, however much it promises
+    # scale_error beside its twin is fitted before it counts, however much it promises
     without = search.without(search.best)["inertia_error"]
     promising = replace(
         search.expected_beside(without)["scale_error"], gain=2.0 * search.gain(both, without).gain, promise=99.0

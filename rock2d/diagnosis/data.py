@@ -432,7 +432,7 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
         )
 
     found = run(slice(None), np.zeros(len(starts)))
-    samples, moved_m = found.samples, _moved_before(impacts.release, np.where(possible, found.ground_shift_m, 0.0))
+    samples, moved_m = found.samples, moved_before(impacts.release, np.where(possible, found.ground_shift_m, 0.0))
     if len(again := np.flatnonzero(moved_m)):  # the ground stays where it was pushed until the release ends
         samples[again] = run(again, moved_m[again]).samples
         samples[again, :, X] += moved_m[again, None]
@@ -440,7 +440,7 @@ def _simulated_poses(world: World, impacts: FlightPairs, starts: Array, times_s:
     return samples
 
 
-def _moved_before(release: Array, shift_m: Array) -> Array:
+def moved_before(release: Array, shift_m: Array) -> Array:
     """(n,) displacements of the ground in m by the earlier impacts of the same release, from those by each impact."""
     if not shift_m.any():
         return np.zeros(len(shift_m))

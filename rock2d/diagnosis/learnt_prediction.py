@@ -15,10 +15,12 @@ import numpy as np
 
 from rock2d.arrays import Array
 from rock2d.diagnosis import quantities as q
+from rock2d.diagnosis.data import moved_before
 from rock2d.diagnosis.flight_response import flight_paths, flight_response, path_quantities
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, PROFILE, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.replay import END_MARGIN_S, Segments, recorded_poses
+from rock2d.effects.columns import column, widened
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, block_clearances
@@ -86,10 +88,18 @@ def predicted_poses(
     starts = data.states_at(world, segments.flight, data.start_s[segments.flight]) + shift
     block, times = segments.block, segments.instants_s * world.view.time_scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
+    begins, moved_m = starts.copy(), np.zeros(len(starts))
+    if widened(world.contact)[
+        ..., column("recoil_1_kg")
+    ].any():  # the ground stays where it was pushed until the release ends
+        pushed_m = run_world(world, starts, block, time_limit_s=limits).ground_shift_m
+        moved_m = moved_before(segments.release, pushed_m)
+    begins[:, X] -= moved_m
     if changes:
-        samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
+        samples = LearntMotion(changes, world, data, segments, begins, limits).samples(times)
     else:
-        samples = run_world(world, starts, block, time_limit_s=limits, times_s=times).samples
+        samples = run_world(world, begins, block, time_limit_s=limits, times_s=times).samples
+    samples[..., X] += moved_m[:, None]
     return recorded_poses(world, block, samples, starts[:, POSE])
 
 

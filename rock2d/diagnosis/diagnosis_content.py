@@ -188,7 +188,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "next_release": next_release(data, result.setup, attribution, result.cells, zones),
         "unexplained": [{"dependence": d.name} | _gain_json(d) for d in attribution.unexplained],
-        "beside": _chain_json(attribution) if attribution.verdict == attribution.strongest else [],
+        "beside": beside_verdict(attribution),
         "model": _model_json(attribution),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
         "physical": _physical_json(result),
@@ -328,9 +328,13 @@ def _model_json(attribution: Attribution) -> dict[str, Any] | None:
     return _law_json(attribution.settled) | {"learnt": changed}
 
 
-def _chain_json(attribution: Attribution) -> list[dict[str, Any]]:
-    """The other effects of the chain, each with the parameters of all effects."""
-    return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in attribution.chain[1:]]
+def beside_verdict(attribution: Attribution) -> list[dict[str, Any]]:
+    """The other effects of the chain, each with the parameters of all effects; none if the verdict is not in it."""
+    verdict, chain = attribution.verdict, attribution.chain
+    others = [c for c in chain if c.effect.name != verdict]
+    if len(others) == len(chain):
+        return []
+    return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in others]
 
 
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:

@@ -3,12 +3,14 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from rock2d_tracking.camera import PixelMap
 
+from rock2d.diagnosis import diagnosis_content
 from rock2d.diagnosis.report import what_to_do as module
 from rock2d.diagnosis.report.what_to_do import instruction, what_to_do
 from rock2d.effects import catalogue
@@ -333,6 +335,22 @@ def test_an_effect_beside_the_verdict_is_corrected_after_it():
     lines = what_to_do(both, EXPERIMENT)
     assert "0.57" in lines[0]  # degrees, of the joint fit
     assert "one cause at a time" in lines[1] and "7.0" in lines[2]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "others"),
+    [("scale_error", ["air_drag"]), ("air_drag", ["scale_error"]), ("frame_rate_error", []), ("unknown", [])],
+)
+def test_all_causes_of_the_joint_fit_but_the_verdict_stand_beside_it(verdict, others, monkeypatch):
+    """The verdict need not be the effect that gains most alone, which may share its name. Where it is a rival of the
+    chain, no joint fit holds it."""
+    monkeypatch.setattr(diagnosis_content, "_law_json", lambda fit: {"fit": fit})
+    chain = [
+        SimpleNamespace(effect=SimpleNamespace(name=name), fit="joint", total=1.0, error=0.1)
+        for name in ("scale_error", "air_drag")
+    ]
+    found = diagnosis_content.beside_verdict(SimpleNamespace(verdict=verdict, chain=chain))
+    assert [(one["effect"], one["fit"]) for one in found] == [(name, "joint") for name in others]
 
 
 def test_a_twin_beside_the_verdict_is_measured_before_it_is_corrected():

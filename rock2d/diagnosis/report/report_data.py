@@ -41,7 +41,8 @@ def compared_models(result: Diagnosis) -> Models:
     models: Models = {"base": found.base}
     if found.verdict != "none" and (found.verdict != "unknown" or found.named):
         name = reported_effect(found)
-        models["effect"] = found.final if name == found.strongest else found.candidates[name]
+        joint = name in (one.effect.name for one in found.chain)
+        models["effect"] = found.final if joint else found.candidates[name]
     return models
 
 

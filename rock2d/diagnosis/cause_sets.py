@@ -235,6 +235,7 @@ class Search:
                 found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
             gains = [(self.gain(addition, self.best), addition) for addition in found]
             better = [(gain.total, addition) for gain, addition in gains if gain.significant_addition]
+            better = better or self._with_both_twins()
             if not better:
                 return
             previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
@@ -243,6 +244,17 @@ class Search:
             if refitted is not previous and not self.gain(self.best, refitted).significant_addition:
                 self.best = refitted
                 seen.remove(refitted.names)
+
+    def _with_both_twins(self) -> list[tuple[float, Validated]]:
+        """Gain of the best set with both twins in addition, and that set, if it gains significantly. Where gravity gave
+        the frame rate, it hides a wrong scale: neither of the two gains anything alone."""
+        best, both = self.best, self.best
+        if best.names & TWINS.keys() or len(best.names) + 2 > MOST_CAUSES or not TWINS.keys() <= self.effects.keys():
+            return []
+        for name in sorted(TWINS, reverse=True):
+            both = self._with_each([name], both)[0]
+        gain = self.gain(both, best)
+        return [(gain.total, both)] if gain.significant_addition else []
 
     def promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
@@ -430,8 +442,7 @@ def _start_from(model: Model, known: Fit) -> Array:
 
 
 def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
-    """Parameters of a set with the effect `name`, from the fit of the set with its twin: gravity in flights is the
-    same."""
+    """Parameters of a set with the effect `name`, from the fit of the set with its twin, with the same gravity."""
     start, known, other = _start_from(model, twin), twin.model.positions, TWINS[name]
     (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
     of_twin = dict(zip(known, twin.model.values(twin.p), strict=True))[other][0]

@@ -233,9 +233,9 @@ class Search:
             found = self.promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
                 found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
+            found += self._with_both_twins()
             gains = [(self.gain(addition, self.best), addition) for addition in found]
             better = [(gain.total, addition) for gain, addition in gains if gain.significant_addition]
-            better = better or self._with_both_twins()
             if not better:
                 return
             previous, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
@@ -245,16 +245,15 @@ class Search:
                 self.best = refitted
                 seen.remove(refitted.names)
 
-    def _with_both_twins(self) -> list[tuple[float, Validated]]:
-        """Gain of the best set with both twins in addition, and that set, if it gains significantly. Where gravity gave
-        the frame rate, it hides a wrong scale: neither of the two gains anything alone."""
-        best, both = self.best, self.best
-        if best.names & TWINS.keys() or len(best.names) + 2 > MOST_CAUSES or not TWINS.keys() <= self.effects.keys():
+    def _with_both_twins(self) -> list[Validated]:
+        """The best set with both twins in addition, if it has room for them. Where gravity gave the frame rate, it
+        hides a wrong scale: neither of the two gains anything alone."""
+        both, names = self.best, self.best.names
+        if names & TWINS.keys() or len(names) + 2 > MOST_CAUSES or not TWINS.keys() <= self.effects.keys():
             return []
         for name in sorted(TWINS, reverse=True):
             both = self._with_each([name], both)[0]
-        gain = self.gain(both, best)
-        return [(gain.total, both)] if gain.significant_addition else []
+        return [both]
 
     def promising_additions(
         self, cause_set: Validated, excluded: Names, most: int, lead: float = 0.0
@@ -336,9 +335,7 @@ class Search:
         near no effect, and what was fitted beside the twin is far from where it belongs."""
         steps = list[_Addition]()
         for own in fitted:
-            for name in sorted(own.names & TWINS.keys()):
-                if TWINS[name] in own.names:
-                    continue
+            for name in sorted(n for n, twin in TWINS.items() if n in own.names and twin not in own.names):
                 rest = own.names - {name}
                 smaller, twin = self.known.get(rest), self.known.get(rest | {TWINS[name]})
                 if smaller is not None and twin is not None and twin.fit.total() > own.fit.total() + REFIT_GAIN:

@@ -26,7 +26,7 @@ from rock2d.diagnosis.exploring import (
     narrowed_starts,
     total_on_some,
 )
-from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import total_log_likelihood
 from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model, from_scale, to_scale
@@ -378,7 +378,7 @@ class _Addition:
             starts, convergence = [self.start], Convergence(rival_total=self.rival_total)
             starts += narrowed_starts(self.model, data.coarse(), self.before)
             if TWINS.get(self.name) in self.before.model.positions:
-                starts = _starts_beside_twin(self.model, data.coarse(), self.name, self.before)
+                starts = _starts_beside_twin(self.model, data, self.name, self.before)
             return max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
         found = self.found or explore_on_some(self.model, data, self.before)
         return fit_effects(self.model, data, self.before, found, self.rival_total)
@@ -448,13 +448,14 @@ def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
 
 
 def _starts_beside_twin(model: Model, data: Data, name: str, before: Fit) -> list[Array]:
-    """Starts of a set with both twins, from the fit of the set without `name`: the best points of the valley in which
-    gravity in flights stays, with the further parameters of the twin as they are and without effect."""
+    """Starts of a set with both twins, from the fit of the set without `name`: the best points, on some releases, of
+    the valley in which gravity in flights stays, with the further parameters of the twin as they are and neutral."""
     (low, high), fitted, other = model.bounds(), extended(before, model), TWINS[name]
     (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
     alone = dict(zip(before.model.positions, before.model.values(before.p), strict=True))[other][0]
     own, of_twin = model.positions[name].start, model.positions[other]
-    plain, wide, best = fitted.copy(), WIDE_SCAN * before.covariance(), list[Array]()
+    some, plain, best = some_releases(data), fitted.copy(), list[Array]()
+    few, wide = data.only(some).coarse(), WIDE_SCAN * before.only(some, data).covariance()
     plain[of_twin] = model.start()[of_twin]
     for start in (fitted, plain):
         points = np.tile(start, (VALLEY_POINTS, 1))
@@ -462,7 +463,7 @@ def _starts_beside_twin(model: Model, data: Data, name: str, before: Fit) -> lis
         for p in points:
             value = from_scale(model.parameters_of(name)[0], p[own]) ** (power / power_of_twin)
             p[of_twin.start] = to_scale(model.parameters_of(other)[0], alone / value)
-        totals = [total_log_likelihood(model.residuals(p, data), wide) for p in points.clip(low, high)]
+        totals = [total_log_likelihood(model.residuals(p, few), wide) for p in points.clip(low, high)]
         best.append(points[int(np.argmax(totals))])
     return best
 

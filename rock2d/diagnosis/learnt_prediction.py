@@ -89,9 +89,8 @@ def predicted_poses(
     block, times = segments.block, segments.instants_s * world.view.time_scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     begins, moved_m = starts.copy(), np.zeros(len(starts))
-    if widened(world.contact)[
-        ..., column("recoil_1_kg")
-    ].any():  # the ground stays where it was pushed until the release ends
+    if widened(world.contact)[..., column("recoil_1_kg")].any():
+        # the ground stays where it was pushed until the release ends
         pushed_m = run_world(world, starts, block, time_limit_s=limits).ground_shift_m
         moved_m = moved_before(segments.release, pushed_m)
     begins[:, X] -= moved_m

@@ -18,9 +18,7 @@ from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
 
-CAMERA_GRID = (
-    21  # number of tried positions of the point that the picture keeps, along x and along y, within the image width
-)
+CAMERA_GRID = 21  # tried positions of the kept point along x and along y, within the image width
 CROSS_SECTION_GRID = 9  # number of tried values of each parameter of the cross-section
 MOST_GROUND_FRAMES = 20000  # approximate number of frames that are checked against the ground
 MOST_REGISTRATION_FRAMES = 5000  # approximate number of frames that are searched for the lowest points

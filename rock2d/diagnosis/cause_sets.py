@@ -29,7 +29,7 @@ from rock2d.diagnosis.exploring import (
 from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import total_log_likelihood
 from rock2d.diagnosis.linear_model import Expected, Screening
-from rock2d.diagnosis.model import BASE_WIDTH, Model, from_scale, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
@@ -48,7 +48,7 @@ MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of the gain of a cause that a law of a slightly different form may miss
 MISSED_BY_TWIN = 0.25  # the same for its twin: only contacts tell it apart, where a law is least exact
 KEPT_BESIDE_OTHER = 0.75  # share of its gain that a cause keeps beside an effect that explains something else
-# Effects that change gravity in flights in the same way: only the places of contacts distinguish them.
+# Effects that change gravity in flights in the same way: only contacts tell them apart.
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 # of each of them the first parameter, and the power of it by which gravity in flights changes
 GRAVITY_POWERS = {"scale_error": ("scale", 1), "frame_rate_error": ("time_scale", 2)}
@@ -335,7 +335,7 @@ class Search:
         near no effect, and what was fitted beside the twin is far from where it belongs."""
         steps = list[_Addition]()
         for own in fitted:
-            for name in sorted(n for n, twin in TWINS.items() if n in own.names and twin not in own.names):
+            for name in sorted(n for n, other in TWINS.items() if n in own.names and other not in own.names):
                 rest = own.names - {name}
                 smaller, twin = self.known.get(rest), self.known.get(rest | {TWINS[name]})
                 if smaller is not None and twin is not None and twin.fit.total() > own.fit.total() + REFIT_GAIN:
@@ -375,10 +375,11 @@ class _Addition:
 
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
-            starts, convergence = [self.start], Convergence(rival_total=self.rival_total)
-            starts += narrowed_starts(self.model, data.coarse(), self.before)
+            convergence = Convergence(rival_total=self.rival_total)
             if TWINS.get(self.name) in self.before.model.positions:
                 starts = _starts_beside_twin(self.model, data, self.name, self.before)
+            else:
+                starts = [self.start, *narrowed_starts(self.model, data.coarse(), self.before)]
             return max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
         found = self.found or explore_on_some(self.model, data, self.before)
         return fit_effects(self.model, data, self.before, found, self.rival_total)
@@ -440,10 +441,10 @@ def _start_from(model: Model, known: Fit) -> Array:
 
 def _start_from_twin(model: Model, name: str, twin: Fit) -> Array:
     """Parameters of a set with the effect `name`, from the fit of the set with its twin, with the same gravity."""
-    start, known, other = _start_from(model, twin), twin.model.positions, TWINS[name]
+    start, other = _start_from(model, twin), TWINS[name]
     (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
-    of_twin = dict(zip(known, twin.model.values(twin.p), strict=True))[other][0]
-    start[model.positions[name].start] = to_scale(model.parameters_of(name)[0], of_twin ** (power_of_twin / power))
+    # both are factors, of which `Model` has the logarithms
+    start[model.positions[name].start] = twin.p[twin.model.positions[other].start] * power_of_twin / power
     return start
 
 
@@ -452,7 +453,6 @@ def _starts_beside_twin(model: Model, data: Data, name: str, before: Fit) -> lis
     the valley in which gravity in flights stays, with the further parameters of the twin as they are and neutral."""
     (low, high), fitted, other = model.bounds(), extended(before, model), TWINS[name]
     (_, power), (_, power_of_twin) = GRAVITY_POWERS[name], GRAVITY_POWERS[other]
-    alone = dict(zip(before.model.positions, before.model.values(before.p), strict=True))[other][0]
     own, of_twin = model.positions[name].start, model.positions[other]
     some, plain, best = some_releases(data), fitted.copy(), list[Array]()
     few, wide = data.only(some).coarse(), WIDE_SCAN * before.only(some, data).covariance()
@@ -460,9 +460,7 @@ def _starts_beside_twin(model: Model, data: Data, name: str, before: Fit) -> lis
     for start in (fitted, plain):
         points = np.tile(start, (VALLEY_POINTS, 1))
         points[:, own] = np.linspace(low[own], high[own], VALLEY_POINTS)
-        for p in points:
-            value = from_scale(model.parameters_of(name)[0], p[own]) ** (power / power_of_twin)
-            p[of_twin.start] = to_scale(model.parameters_of(other)[0], alone / value)
+        points[:, of_twin.start] = fitted[of_twin.start] - points[:, own] * power / power_of_twin
         totals = [total_log_likelihood(model.residuals(p, few), wide) for p in points.clip(low, high)]
         best.append(points[int(np.argmax(totals))])
     return best

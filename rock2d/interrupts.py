@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+from types import FrameType
 
 
 class _Interrupt(KeyboardInterrupt):
@@ -13,16 +14,30 @@ class _Interrupt(KeyboardInterrupt):
     number: int  # of the signal
 
 
-def _interrupt(number: int, frame: object) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if _in_machine_code(frame):
+        return _later(number)
     error = _Interrupt()
     error.number = number
     raise error
 
 
+def _in_machine_code(frame: FrameType | None) -> bool:
+    """Whether compiled code called this Python code. The compiled code does not expect an exception here: it goes on,
+    and ends with a SystemError."""
+    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+        frame = frame.f_back
+    return frame is not None
+
+
+def _later(number: int) -> None:
+    threading.Timer(0.05, os.kill, (os.getpid(), number)).start()
+
+
 def _again(lost: "sys.UnraisableHookArgs") -> None:
     """Python drops an exception in a destructor or a callback: interrupt again, a little later."""
     if isinstance(lost.exc_value, _Interrupt):
-        threading.Timer(0.05, os.kill, (os.getpid(), lost.exc_value.number)).start()
+        _later(lost.exc_value.number)
     else:
         sys.__unraisablehook__(lost)
 
@@ -32,11 +47,11 @@ def answer_signals() -> list[int]:
     SIGTERM."""
     received: list[int] = []
 
-    def end(number: int, frame: object) -> None:
+    def end(number: int, frame: FrameType | None) -> None:
         received.append(number)
         interrupt = signal.getsignal(signal.SIGINT)
         # not callable if Ctrl-C is ignored, as in a background job of a shell
-        (interrupt if callable(interrupt) else _interrupt)(number, None)
+        (interrupt if callable(interrupt) else _interrupt)(number, frame)
 
     sys.unraisablehook = _again
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

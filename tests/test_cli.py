@@ -11,7 +11,7 @@ import pytest
 from tests.programs import commanded
 
 COMMAND = """
-import atexit, os, signal, sys, time
+import atexit, os, pickle, signal, sys, time
 from rock2d import cli
 
 @cli.cli.command()
@@ -31,6 +31,17 @@ class Slow:
 @cli.cli.command()
 def wait_in_destructor():
     Slow()
+    time.sleep(60)
+
+class Constant:
+    def __reduce__(self):
+        return exec, ("import time; print(flush=True); time.sleep(1)",)
+
+@cli.cli.command()
+def wait_in_machine_code():
+    from numba.core.serialize import _numba_unpickle
+    _numba_unpickle(0, pickle.dumps(Constant()), b"")
+    print("machine code has its constant", flush=True)
     time.sleep(60)
 
 @cli.cli.command()
@@ -82,6 +93,19 @@ def test_an_interrupt_in_generated_code_has_its_exit_code(signal_number, exit_co
         assert process.stdout is not None and process.stdout.readline()
         process.send_signal(signal_number)
         _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors.strip()) == (exit_code, f"{said}: no half-written file is left")
+
+
+@pytest.mark.parametrize(
+    ("signal_number", "exit_code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_an_interrupt_waits_until_machine_code_has_its_constant(signal_number, exit_code, said):
+    """Machine code calls Python for its constants, and does not expect an exception there."""
+    with started("wait-in-machine-code", signal.SIG_DFL) as process:
+        assert process.stdout is not None and process.stdout.readline()
+        process.send_signal(signal_number)
+        shown, errors = process.communicate(timeout=30)
+    assert shown == "machine code has its constant\n"
     assert (process.returncode, errors.strip()) == (exit_code, f"{said}: no half-written file is left")
 
 

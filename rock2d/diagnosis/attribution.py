@@ -125,6 +125,11 @@ class Attribution:
         """The most probable answer; a named one if two are equal."""
         return max(self.probabilities, key=lambda name: (self.probabilities[name], name in self.named))
 
+    @property
+    def answer(self) -> Candidate | None:
+        """The verdict in the chain; None if it is another effect, or none."""
+        return next((c for c in self.chain if c.effect.name == self.verdict), None)
+
     def group(self, name: str) -> list[str]:
         """Effects that these data cannot distinguish from a cause."""
         return self.evidence[name].group if name in self.evidence else []

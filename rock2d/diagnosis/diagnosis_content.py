@@ -330,10 +330,7 @@ def _model_json(attribution: Attribution) -> dict[str, Any] | None:
 
 def beside_verdict(attribution: Attribution) -> list[dict[str, Any]]:
     """The other effects of the chain, each with the parameters of all effects; none if the verdict is not in it."""
-    verdict, chain = attribution.verdict, attribution.chain
-    others = [c for c in chain if c.effect.name != verdict]
-    if len(others) == len(chain):
-        return []
+    others = [c for c in attribution.chain if c is not attribution.answer] if attribution.answer else []
     return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in others]
 
 

@@ -112,9 +112,10 @@ def _impact_part(data: Data, attribution: Attribution) -> Part:
     """Squares of impacts along the ground, across it, and of the spin."""
     final, explained = attribution.final.fit, _explained_squares(attribution, "impacts")
     first, left = (own.impacts**2 for own in (attribution.base_regressed, attribution.learnt_regressed))
-    if attribution.verdict == attribution.strongest and any(c.effect.scatter for c in attribution.chain):
+    answer = attribution.answer
+    if answer is not None and any(c.effect.scatter for c in attribution.chain):
         explained = _explained_spread(attribution)
-    elif attribution.verdict == attribution.strongest and not attribution.chain[0].effect.camera:
+    elif answer is not None and not answer.effect.camera:
         # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
         # that was fitted with the effect, with its air forces, shows where the ground is wrong.
         law = attribution.base.fit.model.world(final.p[: len(BASE_WIDTH)], data.impact_order)

@@ -11,6 +11,7 @@ import pytest
 from rock2d_tracking.camera import PixelMap
 
 from rock2d.diagnosis import diagnosis_content
+from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.report import what_to_do as module
 from rock2d.diagnosis.report.what_to_do import instruction, what_to_do
 from rock2d.effects import catalogue
@@ -337,6 +338,10 @@ def test_an_effect_beside_the_verdict_is_corrected_after_it():
     assert "one cause at a time" in lines[1] and "7.0" in lines[2]
 
 
+class Answered(SimpleNamespace):
+    answer = Attribution.answer
+
+
 @pytest.mark.parametrize(
     ("verdict", "others"),
     [("scale_error", ["air_drag"]), ("air_drag", ["scale_error"]), ("frame_rate_error", []), ("unknown", [])],
@@ -349,7 +354,7 @@ def test_all_causes_of_the_joint_fit_but_the_verdict_stand_beside_it(verdict, ot
         SimpleNamespace(effect=SimpleNamespace(name=name), fit="joint", total=1.0, error=0.1)
         for name in ("scale_error", "air_drag")
     ]
-    found = diagnosis_content.beside_verdict(SimpleNamespace(verdict=verdict, chain=chain))
+    found = diagnosis_content.beside_verdict(Answered(verdict=verdict, chain=chain))
     assert [(one["effect"], one["fit"]) for one in found] == [(name, "joint") for name in others]
 
 

@@ -82,11 +82,17 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
     fitted = fit(
         model, data, found.p, old=base, convergence=Convergence(rival_total=rival_total) if found.useful else coarse
     )
-    if fitted.total() < base.total() and not _must_choose(model):
-        # parameters that fit some releases need not fit all; a fit that starts at the base cannot end below it
-        other = fit(model, data, extended(base, model), old=base, convergence=coarse)
-        fitted = max((fitted, other), key=Fit.total)
-    return fitted
+    return not_below(fitted, base, data, coarse)
+
+
+def not_below(fitted: Fit, base: Fit, data: Data, convergence: Convergence) -> Fit:
+    """The fit of a model with more effects than `base` has (which come first), fitted again from `base` if it ended
+    below it: parameters that were found on some releases, or by a linear model, need not fit all. A fit that starts at
+    the base cannot end below it."""
+    if fitted.total() >= base.total() or _must_choose(fitted.model):
+        return fitted
+    other = fit(fitted.model, data, extended(base, fitted.model), old=base, convergence=convergence)
+    return max((fitted, other), key=Fit.total)
 
 
 def _best_short_fit(model: Model, data: Data, base: Fit) -> Fit:

@@ -260,7 +260,7 @@ class _AddedEffect:
 
         def gain(share: float) -> Array:
             left = Residuals(residuals.impacts - share * change.impacts, residuals.flights - share * change.flights)
-            return LinearModel(self._fit_without_effect(left), data).best_step(further, [np.ones(len(unit))]).gain
+            return LinearModel(self._fit_without_effect(left), data).best_gain(further)[0]
 
         return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
 

@@ -24,7 +24,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import START_SCATTER, residual_covariance
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Change, Learnt, learn
-from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, Levers, best_step, state_units
+from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, WIDTHS, Levers, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.linear_model import LinearModel, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
@@ -420,7 +420,7 @@ def _share_of_soft_places(data: Data, fit: Fit, basis: Basis) -> float:
     levers, linear = Levers(fit, data), LinearModel(fit, data)
 
     def gain(lever: str, response: LeverResponse) -> float:
-        return max(float(best_step(levers, linear, lever, response).gain.sum()), 0.0)
+        return max(float(linear.best_gain(levers.columns(response), WIDTHS[lever])[0].sum()), 0.0)
 
     law = levers.response(LAW, basis).law
     assert law is not None

@@ -21,7 +21,7 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.data import Data, FilmData, Residuals, as_rows_of_flights
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_response import FlightPaths, flight_paths, flight_response
-from rock2d.diagnosis.linear_model import LinearModel, Step
+from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, LeverDerivatives, LeverResponse, state_units
 from rock2d.diagnosis.quantities import (
     CONSTANT,
@@ -243,12 +243,6 @@ class Dependence(SummedGain):
         return f"{self.lever} of {self.basis.name}"
 
 
-def best_step(levers: Levers, linear: LinearModel, lever: str, response: LeverResponse) -> Step:
-    """What a linear model expects of a response of the lever, with the width of its coefficients that gains most."""
-    widths = [np.full(response.size, width) for width in WIDTHS[lever]]
-    return linear.best_step(levers.columns(response), widths)
-
-
 def find_dependences(
     fit: Fit, data: Data, only: Collection[str] = LEVERS, levers: Levers | None = None
 ) -> list[Dependence]:
@@ -265,8 +259,8 @@ def find_dependences(
             if basis.name == CONSTANT and lever in (LAW, OUTCOME):
                 # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
                 continue
-            best = best_step(levers, linear, lever, levers.response(lever, basis))
+            gain, width = linear.best_gain(levers.columns(levers.response(lever, basis)), WIDTHS[lever])
             # the best of many bases of the same name has a gain by chance
             penalty = CHANCE_PENALTY * np.log(bases_of_name[basis.name]) / len(data.order)
-            dependences.append(Dependence(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
+            dependences.append(Dependence(lever, basis, gain - penalty, width))
     return sorted(dependences, key=lambda d: -d.total)

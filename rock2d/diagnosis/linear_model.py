@@ -39,21 +39,6 @@ GRID_SIZES, NEWTON_STEPS = 17, 2  # tried sizes of a column, and Newton steps fr
 LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of its size as a single effect
 
 
-@dataclass
-class Step:
-    """Result of a Newton step with further columns.
-
-    Attributes
-    ----------
-    gain : (releases,) gain in log likelihood on held-out releases
-    step : (k,) step of the further parameters, to subtract
-    choice : index of the width with the largest gain"""
-
-    gain: Array
-    step: Array
-    choice: int
-
-
 class LinearModel:
     """A fit, its whitened residuals and their derivatives by its own parameters."""
 
@@ -68,23 +53,21 @@ class LinearModel:
         self._flights = fit.residuals.flights
         self._flight_weight = flight_weight(self._flights)
         self._own = self._whiten @ fit.jacobian.impacts
+        self._total = fit.total()
         fold = folds(data)
         self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]
 
-    def best_step(self, columns: Residuals, widths: Sequence[Array]) -> Step:
-        """Newton step with columns (n, d, k) of impacts and (m, 3, degrees, k) of flights, for the best of `widths`:
-        (k,) standard deviations of the prior of the further parameters."""
+    def best_gain(self, columns: Residuals, widths: Sequence[float] = (1.0,)) -> tuple[Array, float]:
+        """Gain (releases,) in log likelihood on held-out releases by one Newton step with columns (n, d, k) of impacts
+        and (m, 3, degrees, k) of flights, and that of the `widths` with which it is largest: standard deviations of the
+        prior of the further parameters."""
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
         flights = self._fit.jacobian.flights
         if columns.flights.any():  # most levers do not change flights
             flights = np.concatenate([flights, columns.flights], axis=-1)
         parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
-        curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
-        steps = []
-        for i, width in enumerate(widths):
-            gain = self._held_out(impacts, flights, parts, width) - self._score_before
-            steps.append(Step(gain, self._newton(curvature, grad, width)[len(self._fit.p) :], i))
-        return max(steps, key=lambda step: float(step.gain.sum()))
+        gains = [(self._held_out(impacts, flights, parts, width) - self._score_before, width) for width in widths]
+        return max(gains, key=lambda one: float(one[0].sum()))
 
     def promise(self, columns: Residuals, low: Array, high: Array) -> tuple[float, Array]:
         """Largest gain in log likelihood with steps of the columns between `low` and `high` (k,), and these steps (k,),
@@ -116,10 +99,6 @@ class LinearModel:
             gain = replace(fit, residuals=after, scatter=scatter).total() - self._total
             best = max(best, (gain, x[size:]), key=lambda one: one[0])
         return best
-
-    @cached_property
-    def _total(self) -> float:
-        return self._fit.total()
 
     def _after(self, jacobian: Jacobian, x: Array) -> Residuals:
         """Residuals that the linear model expects after these steps."""
@@ -170,16 +149,14 @@ class LinearModel:
         own, flights = self._own, self._fit.jacobian.flights
         return self._held_out(own, flights, [self._moments(own, flights, k) for k in range(FOLDS)])
 
-    def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> Array:
-        """Newton step, to subtract: of the parameters and then of the further ones, unless there is no `width`."""
+    def _newton(self, curvature: Array, grad: Array, width: float) -> Array:
+        """Newton step, to subtract: of the parameters and then of the further ones."""
         model, p = self._fit.model, self._fit.p
         centre, prior_precision = prior(model)
-        further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
-        size = len(p) + len(further)
-        precision = np.concatenate([prior_precision, further])
-        pull = np.concatenate([grad[: len(p)] + prior_precision * (p - centre), grad[len(p) : size]])
+        precision = np.concatenate([prior_precision, np.full(len(grad) - len(p), width) ** -2.0])
+        pull = np.concatenate([grad[: len(p)] + prior_precision * (p - centre), grad[len(p) :]])
         pull[choice_positions(model)] = 0.0  # a scan chooses them
-        return np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
+        return np.linalg.solve(curvature + np.diag(precision), pull)
 
     def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
         """Curvature and gradient of minus the log likelihood of one fold. `flights` may lack the further columns."""
@@ -187,27 +164,15 @@ class LinearModel:
         x, w = impacts[rows].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[rows], impacts.shape[1])
         heavy = w[:, None] * x
         curvature, grad = heavy.T @ x, heavy.T @ self._z[rows].ravel()
-        if flights is self._fit.jacobian.flights:
-            of_flights = self._own_flight_moments[k]
-        else:
-            of_flights = self._flight_moments(flights, k)
-        size = len(of_flights[1])
-        curvature[:size, :size] += of_flights[0]
-        grad[:size] += of_flights[1]
+        rows, size = self._flight_fold == k, flights.shape[-1]
+        x, w = flights[rows].reshape(-1, size), self._flight_weight[rows].ravel()
+        steady = w[:, None] * x
+        curvature[:size, :size] += steady.T @ x
+        grad[:size] += steady.T @ self._flights[rows].ravel()
         return curvature, grad
 
-    @cached_property
-    def _own_flight_moments(self) -> list[tuple[Array, Array]]:
-        return [self._flight_moments(self._fit.jacobian.flights, k) for k in range(FOLDS)]
-
-    def _flight_moments(self, flights: Array, k: int) -> tuple[Array, Array]:
-        rows = self._flight_fold == k
-        x, w = flights[rows].reshape(-1, flights.shape[-1]), self._flight_weight[rows].ravel()
-        steady = w[:, None] * x
-        return steady.T @ x, steady.T @ self._flights[rows].ravel()
-
     def _held_out(
-        self, impacts: Array, flights: Array, parts: Sequence[tuple[Array, Array]], width: Array | None = None
+        self, impacts: Array, flights: Array, parts: Sequence[tuple[Array, Array]], width: float = 1.0
     ) -> Array:
         """(releases,) log likelihood up to a constant, each fold after the step from the moments `parts` of the other
         folds."""
@@ -263,9 +228,9 @@ class Screening:
             columns = _stacked([self._change(model, at, DIFFERENCE_STEP * steps[k]) for k in free])
             columns.impacts *= 1.0 / DIFFERENCE_STEP
             columns.flights *= 1.0 / DIFFERENCE_STEP
-            linear_step = self._linear.best_step(columns, [np.ones(len(free))])
+            gain, _ = self._linear.best_gain(columns)
             promise, step = self._linear.promise(columns, low[free] - at[free], high[free] - at[free])
-            trials.append((promise, linear_step.gain, at + step @ steps[free]))
+            trials.append((promise, gain, at + step @ steps[free]))
             chance.append(self._linear.chance_gains(columns))
         base = len(BASE_WIDTH)
         at, full_step = start.copy(), np.zeros(model.size)
@@ -277,10 +242,10 @@ class Screening:
                 at[k], full_step[k] = start[k] + full_step[k], 0.0
         if np.abs(full_step).max(initial=0.0) > DIFFERENCE_STEP:
             columns = _stacked([self._change(model, at, full_step)])
-            linear_step = self._linear.best_step(columns, [np.ones(1)])
+            gain, _ = self._linear.best_gain(columns)
             least, most = (1.0, 1.0) if must_choose else (0.0, LARGEST_MULTIPLE)
             promise, share = self._linear.promise(columns, np.array([least]), np.array([most]))
-            trials.append((promise, linear_step.gain, at + share * full_step))
+            trials.append((promise, gain, at + share * full_step))
             chance.append(self._linear.chance_gains(columns))
         if not trials:
             return Expected(np.zeros(len(self._data.order)), 0.0, start, np.zeros(CHANCE_DRAWS))

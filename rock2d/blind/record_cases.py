@@ -72,8 +72,7 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     fewest = math.ceil((1.0 + RECORD_HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
     if table["release"].nunique() < fewest:
         raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
-    effects = {name: catalogue()[name] for name in effects_of_size("")}
-    curves = detection_curves(result, effects)
+    curves = detection_curves(result, effects_of_size(""))
     return Record(result.experiment, result.setup, attribution.settled, sorted(attribution.named), curves)
 
 
@@ -106,9 +105,7 @@ def write_record_case(
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:
         effect = catalogue()[name]
-        parameter = size_parameter(effect, record.setup)
-        assert parameter is not None
-        size = largest_size(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
+        size = largest_size(size_parameter(effect, record.setup)) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         values = values_of_size(effect, size, record.setup, below=bool(rng.random() < 0.5))
         films = [injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films]
         model, _, p = with_cause(model, p, effect, values)

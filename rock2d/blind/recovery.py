@@ -87,13 +87,12 @@ def make_cases(
     `options`: kept in truth.json. Sizes are limited to plausible ones."""
     attribution, known, cases = result.found, catalogue(), {}
     assert attribution is not None
-    curves, settled = detection_curves(result, {name: known[name] for name in effects}), attribution.settled
+    curves, settled = detection_curves(result, effects), attribution.settled
     planned = plan.of(limits_of(curves))
     moved = next((known[name] for name, _ in planned if not known[name].camera), None)
     with atomic_folder(out / CASES, "study") as folder:
         for k, (name, size) in enumerate(planned):
             effect, parameter = known[name], size_parameter(known[name], result.setup)
-            assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
             most = LARGEST_SHARE_OF_RANGE * largest_size(parameter)
             size = min(size, most, _largest_addition(parameter, has, below))

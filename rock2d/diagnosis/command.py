@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.diagnosis.detection import EXPECTED, expected_limits, read_limits
+from rock2d.diagnosis.detection import EXPECTED, detection_curves, limits_of, read_limits
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
@@ -64,7 +64,7 @@ def run_diagnosis(
     content = diagnosis_json(result)
     words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
     if limits is not None and result.found is not None:
-        content["limits"] = studied if studied is not None else expected_limits(result, effects_of_size(""))
+        content["limits"] = studied if studied is not None else limits_of(detection_curves(result, effects_of_size("")))
         content["assumptions"] += [] if studied is not None else [EXPECTED]
         words += ["--limits"] if studied is None else ["--limits", str(limits)]
     text = diagnosis_text(content)

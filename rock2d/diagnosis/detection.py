@@ -6,7 +6,7 @@ release. A bootstrap over the releases gives the probability that the gain, beyo
 suffices to name the effect. This probability is a logistic curve over the logarithm of the size. It needs no fit. Full
 diagnoses of records with an added effect correct it: `blind.recovery`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -107,8 +107,8 @@ class Curve:
 
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small
-def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
-    """Effect -> its curve. Left out are effects without a size, effects that these data cannot show, and effects that
+def detection_curves(result: Diagnosis, names: Iterable[str]) -> dict[str, Curve]:
+    """Effect -> its curve, for effects with a size. Left out are effects that these data cannot show, and effects that
     no plausible size would show."""
     attribution, data = result.found, result.data
     assert attribution is not None and data is not None
@@ -116,10 +116,11 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     others = [attribution.evidence[name].own_gain.total for name in attribution.named if not catalogue()[name].camera]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
-    for name, effect in effects.items():
-        parameter = size_parameter(effect, result.setup)
-        if parameter is None or name in (result.unseen or {}):
+    for name in names:
+        if name in (result.unseen or {}):
             continue
+        effect = catalogue()[name]
+        parameter = size_parameter(effect, result.setup)
         added = _AddedEffect(attribution.settled, data, effect, result.setup, least)
         low, high = SMALLEST_TRIED * largest_size(parameter), largest_size(parameter)
         for _ in range(ZOOMS):
@@ -178,11 +179,6 @@ def limits_of(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     return {name: curve.limit() for name, curve in corrected(curves, cases).items()}
 
 
-def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Effect -> limit that the linear model expects."""
-    return limits_of(detection_curves(result, {name: catalogue()[name] for name in effects}))
-
-
 def read_limits(folder: Path, experiment: Experiment) -> dict[str, dict[str, Any]]:
     """Effect -> limit of the study in a folder. Raises InputError if there is none, or if it is of another
     film."""
@@ -222,9 +218,8 @@ class _AddedEffect:
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
         further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
         self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
-        size = size_parameter(effect, world)
-        assert size is not None
-        self._size, self._unit = size, 0.5 * (size.high - size.low)
+        self._size = size_parameter(effect, world)
+        self._unit = 0.5 * (self._size.high - self._size.low)
         rng = np.random.default_rng(np.random.SeedSequence(0))
         n = len(data.order)
         self._weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)

@@ -14,11 +14,10 @@ from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.scene.world import World
 
 
-def size_parameter(effect: Effect, world: World) -> Parameter | None:
-    """The parameter that is the size of an effect: the first one, with its range at the scale of `world`; None for an
-    effect that is a choice."""
-    first = effect.parameters[0]
-    return None if first.choices else first.at(world.mean_size_m, world.gravity_m_s2)
+def size_parameter(effect: Effect, world: World) -> Parameter:
+    """The parameter that is the size of an effect: the first one, with its range at the scale of `world`. An effect
+    that is a choice has no size, see `effects_of_size`."""
+    return effect.parameters[0].at(world.mean_size_m, world.gravity_m_s2)
 
 
 def effects_of_size(names: str) -> list[str]:
@@ -38,7 +37,6 @@ def values_of_size(effect: Effect, size: float, world: World, below: bool = Fals
     if only that is possible, or if `below` is set and possible. Compulsory choices take their first value; other
     parameters are left out and stay neutral."""
     first = size_parameter(effect, world)
-    assert first is not None
     down = first.high <= first.neutral or (below and two_sided(first))
     values = {first.name: first.neutral + (-size if down else size)}
     return values | {q.name: q.choices[0] for q in effect.parameters[1:] if q.must_choose}

@@ -6,7 +6,7 @@ import pytest
 from rock2d.blind.injection import injected
 from rock2d.diagnosis.data import FilmData
 from rock2d.diagnosis.fitting import fit
-from rock2d.diagnosis.known_causes import largest_size, size_parameter, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import effects_of_size, largest_size, size_parameter, values_of_size, with_cause
 from rock2d.diagnosis.model import Model, from_scale
 from rock2d.effects import catalogue
 from rock2d.effects.changes import aim_and_width
@@ -17,7 +17,7 @@ from tests.kinematics.synthetic_films import film, world
 POSE = ["x_m", "y_m", "theta_rad"]
 ROW = world().contact[0, 0]
 MODEL = Model(world(), np.array([ROW[K_L], ROW[K_UL] / ROW[K_L], ROW[K_T], ROW[MU], ROW[K_R]]))
-SIZED = [name for name, effect in catalogue().items() if size_parameter(effect, world())]
+SIZED = effects_of_size("")
 NOISE_FREE = {"noise_m": 0.0, "noise_rad": 0.0, "soil": 0.0}
 
 

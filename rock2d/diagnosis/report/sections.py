@@ -165,7 +165,6 @@ def limits_figure(limits: Limits, world: World) -> Figure:
     figure, (axis,) = blank_axes(7.0, 0.8 + 0.24 * len(limits))
     for row, (name, limit) in enumerate(limits.items()):
         own = size_parameter(catalogue()[name], world)
-        assert own is not None
         ends = [100.0 * limit[key] / largest_size(own) for key in ("seen50", "seen90")]
         axis.plot(ends, [row, row], color=PAGE_ACCENT, linewidth=6, solid_capstyle="butt")
         if limit["upper95"] is not None:

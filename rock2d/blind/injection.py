@@ -56,13 +56,6 @@ class Injected:
     cut: int
 
 
-def only_releases(experiment: Experiment, names: Array) -> Experiment:
-    """The experiment with only the releases of these names."""
-    table = experiment.trajectories
-    assert table is not None
-    return replace(experiment, trajectories=table[table["release"].isin(names)])
-
-
 def injected(
     experiment: Experiment, model: Model, p: Array, effect: Effect, values: Mapping[str, float], seed: int = 0
 ) -> Injected:

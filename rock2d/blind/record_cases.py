@@ -5,14 +5,14 @@ The scores of these cases are reported separately."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, LEAST_STRENGTH
-from rock2d.blind.injection import injected, only_releases
+from rock2d.blind.injection import injected
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
@@ -95,12 +95,15 @@ def write_record_case(
     0.5 has the ratio `SEEN_Z`, and the ratio grows with the root of the number of releases."""
     rng = np.random.default_rng(seed)
     original = record.experiment
-    assert original.trajectories is not None
-    names = np.unique(original.trajectories["release"])
+    table = original.trajectories
+    assert table is not None
+    names = np.unique(table["release"])
     most = int(len(names) / (1.0 + RECORD_HELDOUT_SHARE))
     count = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(most))))
     chosen = rng.permutation(names)[: count + math.ceil(RECORD_HELDOUT_SHARE * count)]
-    films = [only_releases(original, own) for own in (chosen[:count], chosen[count:])]
+    films = [
+        replace(original, trajectories=table[table["release"].isin(own)]) for own in (chosen[:count], chosen[count:])
+    ]
     model, p = record.fit.model, record.fit.p
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:

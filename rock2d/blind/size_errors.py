@@ -63,7 +63,6 @@ class SizeError:
     covered : whether the stated 95 % interval holds the hidden size"""
 
     effect: str
-    signal_to_noise: float
     relative: float
     covered: bool
 
@@ -83,10 +82,9 @@ def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -
             continue
         if (fitted := cause["parameters"].get(meaning.parameter)) is None:
             continue
-        true = meaning.of(truth["values"])
-        value, low, high = (_size(meaning, x) for x in (fitted["value"], fitted["ci95"][0], fitted["ci95"][1]))
-        size = _size(meaning, true)
-        found.append(SizeError(effect, float(truth["signal_to_noise"]), value / size - 1.0, low <= size <= high))
+        value, low, high = (_size(meaning, x) for x in (fitted["value"], *fitted["ci95"]))
+        size = _size(meaning, meaning.of(truth["values"]))
+        found.append(SizeError(effect, value / size - 1.0, low <= size <= high))
     return found
 
 

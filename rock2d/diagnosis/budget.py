@@ -47,7 +47,7 @@ class Budget:
 
     Attributes
     ----------
-    base, named, learnt : gap of the base law, of the model with the named causes, and of that with learnt changes, too
+    base, learnt : gap of the base law, and of the model with the named causes and the learnt changes
     regression, replicates : both estimates of the floor
     used : gap that the true law would leave, estimated from the lower floor
     causes : name -> share that the cause closes
@@ -57,7 +57,6 @@ class Budget:
     sets : causes -> gap of the law refitted with them, and the share that they close together"""
 
     base: float
-    named: float
     learnt: float
     regression: float
     replicates: float
@@ -165,8 +164,8 @@ def budget(
     causes = {name: share(gap, open_gap, ends) for name, (gap, ends) in _shapley_closures(gaps, named).items()}
     predicted = np.minimum(with_learnt, floors[0])
     return Budget(
-        float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
-        float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0), open_gap),
+        float(base[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]), float(floor[0]), causes,
+        share(np.maximum(with_named - predicted, 0.0), open_gap),
         share(with_named - with_learnt, open_gap), share(base - with_learnt, open_gap),
         {names: (float(gap[0]), share(base - gap, open_gap)) for names, gap in gaps.items()},
     )  # fmt: skip

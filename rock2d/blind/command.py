@@ -42,12 +42,11 @@ def make(
 
 def run(folder: Path, *, workers: Workers, progress: bool, report: Report) -> None:
     """Diagnose all cases of a trial."""
-    from rock2d.blind.trial_diagnoses import run_trial
+    from rock2d.blind.case_files import read_index
+    from rock2d.blind.trial_diagnoses import diagnose_trial_case, run_cases
 
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
-        out = run_trial(
-            folder, workers=workers.processes or os.cpu_count() or 1, scheduler=workers.scheduler, on_progress=bar.reach
-        )
+        out = run_cases(folder, int(read_index(folder)["count"]), diagnose_trial_case, workers, bar.reach)
     report(f"written: {out}")
 
 
@@ -84,13 +83,12 @@ def inject(
     from rock2d.files.experiment import digest, load_experiment
 
     read, names = load_experiment(experiment), effects_of_size(effects)
-    processes = workers.processes or os.cpu_count() or 1
     film = {"experiment": read.name, "film": digest(read)}
     options = json.loads(json.dumps({**film, "effects": names, "plan": asdict(plan)}))
     if not (out / TRUTH).is_file():
         if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
             raise InputError("exists and is not a study; choose another folder", out, code="not_a_result")
-        result = diagnosed_film(read, experiment, processes, progress, out / FITS)
+        result = diagnosed_film(read, experiment, workers.processes or os.cpu_count() or 1, progress, out / FITS)
         with Bars(progress).stage("known causes", 0, "cases") as bar:
             make_cases(result, names, plan, out, options, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
@@ -100,7 +98,7 @@ def inject(
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         count = len(truth["cases"]) + bool(truth.get("without_cause"))
-        run_cases(out, count, diagnose_case, processes, workers.scheduler, bar.reach)
+        run_cases(out, count, diagnose_case, workers, bar.reach)
     cases, limits = recovered(out)
     write_whole(out / LIMITS, json.dumps(limits, indent=1, allow_nan=False) + "\n")
     for line in [*case_lines(cases, limits, names), *limit_lines(limits)]:

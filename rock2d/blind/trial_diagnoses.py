@@ -4,6 +4,7 @@ A diagnosis is compared with films that it did not see: it predicts the held-out
 it truly closes is measured there."""
 
 import json
+import os
 import tempfile
 from collections.abc import Callable
 from contextlib import closing
@@ -14,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT, read_index
-from rock2d.cluster import as_finished_on_cluster, require_dask
+from rock2d.blind.case_files import CASES, FIT, HELDOUT, TWIN, TWIN_FIT
+from rock2d.cluster import Workers, as_finished_on_cluster, require_dask
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.base_law import fit_base
 from rock2d.diagnosis.budget import ResidualSizes
@@ -40,34 +41,18 @@ LEAST_NOISE = 1e-9  # m and rad, for a camera without stated noise
 LEAST_GAP_RATIO = 1.03
 
 
-def run_trial(
-    folder: Path,
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, of: None,
-) -> Path:
-    """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels or the
-    twins.
-
-    scheduler : address of a Dask scheduler, whose workers are used instead of processes of this machine; they need
-        access to the trial's folder (a shared file system)"""
-    count = int(read_index(folder)["count"])
-    return run_cases(folder, count, _diagnose, workers, scheduler, on_progress)
-
-
 def run_cases(
     folder: Path,
     count: int,
     do: Callable[[Path, Path, Path], None],
-    workers: int,
-    scheduler: str | None,
+    workers: Workers,
     on_progress: Callable[[int, int], None],
 ) -> Path:
-    """Do the work for every case of a folder that has no result yet; returns the folder of the results.
+    """Do the work for every case of a folder that has no result yet; returns the folder of the results,
+    results/NNN.json each.
 
     `do`: function of a folder for temporary files, the case, and the file of its result"""
-    if scheduler is not None:
+    if workers.scheduler is not None:
         require_dask()
     out = folder / RESULTS
     make_folder(out)
@@ -77,18 +62,19 @@ def run_cases(
     cases, absolute = (folder / CASES).absolute(), out.absolute()  # a worker may run in another folder
     jobs = [(cases / name, absolute / f"{name}.json") for name in waiting]
     with temporary_folder(out) as fits:
-        if scheduler is None:
-            finished = as_finished(do, jobs, workers, (fits,))
+        if workers.scheduler is None:
+            finished = as_finished(do, jobs, workers.processes or os.cpu_count() or 1, (fits,))
         else:
-            finished = as_finished_on_cluster(do, jobs, scheduler, (fits,), fits)
+            finished = as_finished_on_cluster(do, jobs, workers.scheduler, (fits,), fits)
         with closing(finished) as diagnosed:
             for k, _ in enumerate(diagnosed):
                 on_progress(count - len(waiting) + k + 1, count)
     return out
 
 
-def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
-    """Diagnose case/fit, test the model on case/heldout, and write one JSON file.
+def diagnose_trial_case(every_fit: Path, case: Path, out: Path) -> None:
+    """Diagnose case/fit, test the model on case/heldout, and write one JSON file. The labels stay closed, and a
+    diagnosis sees no twin.
 
     `every_fit`: folder below which temporary files may be written."""
     experiment = load_experiment(case / FIT)

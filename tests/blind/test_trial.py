@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.blind import case_files, reality
+from rock2d.blind import case_files, command, reality
 from rock2d.blind.case_files import KIND, make_trial, read_index, read_labels
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, scored_cases
 from rock2d.blind.signal_to_noise import signals_to_noise
+from rock2d.cluster import Workers
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
@@ -149,13 +150,12 @@ def test_calibration_error_of_known_cases():
 
 
 def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(tmp_path, small, monkeypatch):
-    from rock2d.blind.trial_diagnoses import run_trial
-
-    def written(trial, **workers: str) -> str:
+    def written(trial, workers: Workers) -> str:
         make_trial(1, 3, trial, causes=[()])
         labels = (trial / "labels.json").rename(tmp_path / "labels.json")
         with coarse_fits():
-            text = (run_trial(trial, **workers) / "000.json").read_text()
+            command.run(trial, workers=workers, progress=False, report=lambda line: None)
+        text = (trial / "results" / "000.json").read_text()
         with pytest.raises(InputError, match="sealed elsewhere"):
             scored_cases(trial)
         labels.rename(trial / "labels.json")
@@ -165,11 +165,11 @@ def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same
 
     few = {"camera_tilt": catalogue()["camera_tilt"]}
     monkeypatch.setattr("rock2d.diagnosis.diagnose.catalogue", lambda: few)
-    here = written(tmp_path / "process")
+    here = written(tmp_path / "process", Workers(1))
     result = json.loads((tmp_path / "process" / "results" / "000.json").read_text())
     assert sum(result["diagnosis"]["probabilities"].values()) == pytest.approx(1.0)
     with cluster(1) as dask:
-        assert written(tmp_path / "scheduler", scheduler=dask.scheduler_address) == here
+        assert written(tmp_path / "scheduler", Workers(scheduler=dask.scheduler_address)) == here
         assert dask.workers[0].state.executed_count == 1
 
 

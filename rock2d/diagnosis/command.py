@@ -21,7 +21,7 @@ from rock2d.errors import InputError, counted
 from rock2d.files.csv_tables import write_csv
 from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
 from rock2d.files.diagnosis_keys import BlockScale
-from rock2d.files.experiment import load_experiment
+from rock2d.files.experiment import kind_and_table, load_experiment
 from rock2d.files.folders import atomic_file, atomic_folder, check_file, check_own_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import NOT_FITTED_WARNING, scale_remarks
@@ -51,8 +51,7 @@ def run_diagnosis(
     _refuse_foreign(out)
     studied = read_limits(limits, read) if limits not in (None, Path()) else None
     names = list(catalogue())
-    rows = read.trajectories if read.trajectories is not None else read.impacts
-    assert rows is not None
+    _, rows = kind_and_table(read)
     releases, length = counted(rows["release"].nunique(), "release"), counted(len(rows), "row")
     report(f"{read.name}: {releases}, {length}; {counted(len(names), 'effect')} to try")
     make_folder(out)

@@ -124,7 +124,7 @@ class Experiment:
             raise ValueError("an experiment has either trajectories or impacts")
 
     def __repr__(self) -> str:
-        kind, rows = _kind_and_table(self)
+        kind, rows = kind_and_table(self)
         return (
             f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
             f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {comma_list(self.blocks)}>"
@@ -243,7 +243,7 @@ def write_experiment(folder: str | Path, experiment: Experiment) -> None:
 
 def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     """Write `experiment.yaml` and its CSV into an existing folder."""
-    kind, table = _kind_and_table(experiment)
+    kind, table = kind_and_table(experiment)
     write_csv(folder / f"{kind}.csv", table)
     keys = {**_stated(experiment), kind: f"{kind}.csv"}
     head = "# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n"
@@ -254,11 +254,12 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
 def digest(experiment: Experiment) -> str:
     """16 hexadecimal digits of a hash of what was stated and measured: the same experiment by another name has the
     same."""
-    stated, (_, table) = {**_stated(experiment), "name": ""}, _kind_and_table(experiment)
+    stated, (_, table) = {**_stated(experiment), "name": ""}, kind_and_table(experiment)
     return hashlib.sha256(f"{json.dumps(stated)}\n{table.to_csv()}".encode()).hexdigest()[:16]
 
 
-def _kind_and_table(experiment: Experiment) -> tuple[str, pd.DataFrame]:
+def kind_and_table(experiment: Experiment) -> tuple[str, pd.DataFrame]:
+    """ "trajectories" or "impacts", and this table of the experiment."""
     if experiment.trajectories is not None:
         return "trajectories", experiment.trajectories
     assert experiment.impacts is not None

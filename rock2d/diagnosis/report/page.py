@@ -38,6 +38,7 @@ from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
+from rock2d.files.experiment import kind_and_table
 from rock2d.files.folders import write_whole
 from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, bar, chart, share_mark, tick_labels
 from rock2d.graphics.live_data import live_assets
@@ -92,9 +93,7 @@ def _verdict_section(result: Diagnosis, content: dict[str, Any], chain: list[str
 
 def _counts_sentence(result: Diagnosis) -> str:
     """Numbers of releases, impacts and flights that were diagnosed."""
-    experiment = result.experiment
-    table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
-    assert table is not None
+    experiment, (_, table) = result.experiment, kind_and_table(result.experiment)
     counts = table.groupby("block")["release"].nunique()
     blocks = ", ".join(f"{counts[name]} {spoken(name)}" for name in experiment.blocks if name in counts)
     material = f"{counted(table['release'].nunique(), 'release')} ({blocks})"

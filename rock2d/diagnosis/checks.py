@@ -36,9 +36,9 @@ from rock2d.diagnosis.quantities import (
     OMEGA_RAD_S,
     VX_M_S,
     VY_M_S,
-    ZONE,
     Dependences,
     bases,
+    kind_names,
 )
 from rock2d.diagnosis.replicates import near_pairs
 from rock2d.diagnosis.significance import probability_from_p_value
@@ -184,15 +184,15 @@ def _check_of_far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Genera
     """The check of the number of far impacts; none without impacts."""
     if not len(data.impact_release):
         return []
-    found = far_impacts(data, base, fit, rng)
-    zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[found.far], minlength=1)
-    most = f", most in {zones[int(count.argmax())]}" if found.far.any() else ""
-    unit = max(float(found.replicates.std()), 1.0)
+    far, replicates, p = far_impacts(data, base, fit, rng)
+    zones, count = fit.model.setup.cross_section.zone_names, np.bincount(data.impact_zone[far], minlength=1)
+    most = f", most in {zones[int(count.argmax())]}" if far.any() else ""
+    unit = max(float(replicates.std()), 1.0)
     return [
         Check(
             "far impacts", f"number of impacts more than {FAR:.0f} standard deviations from the model",
-            f"{found.far.sum()} of {len(found.far)}{most}", float(found.far.sum() / unit),
-            np.quantile(found.replicates / unit, np.linspace(0.0, 1.0, 101)), found.p, found.p,
+            f"{far.sum()} of {len(far)}{most}", float(far.sum() / unit),
+            np.quantile(replicates / unit, np.linspace(0.0, 1.0, 101)), p, p,
         )
     ]  # fmt: skip
 
@@ -285,7 +285,7 @@ class _RemainingPatterns:
         self, table: Mapping[str, Sequence[str]], dependences: Dependences, side: _Residuals
     ) -> Iterator[tuple[str, Array, list[str]]]:
         """For each check of a table: name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
-        members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
+        members = kind_names(self._world)
         entries = {name: dependences[name] for names in table.values() for name in names}
         known = bases(entries, side.quantities) if side.quantities else {}
         for check, names in table.items():

@@ -7,7 +7,6 @@ another form than that of the catalogue. In one impact it then acts as this law 
 near the model with a cause of another size is not far."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammainc
@@ -27,22 +26,11 @@ MORE, FURTHER, LEFT_BY_FORMS = 2.0, 1.0, 0.25
 OTHER_SIZES = (0.5, 0.7, 1.4, 2.0)  # factors on the size of a cause that stand for other forms of its law
 
 
-class FarImpacts(NamedTuple):
-    """Impacts far from a model.
+def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> tuple[Array, Array, float]:
+    """(n,) whether each impact of the data is far from a fitted model; (SIMULATED_REPLICATES,) number of those that are
+    in replicates; and the probability that as many are if the model is right, up to MORE, FURTHER and LEFT_BY_FORMS.
 
-    Attributes
-    ----------
-    far : (n,) whether each impact is far from the model
-    replicates : (SIMULATED_REPLICATES,) number of those that are in replicates
-    p : probability that as many are if it is right, up to MORE, FURTHER and LEFT_BY_FORMS"""
-
-    far: Array
-    replicates: Array
-    p: float
-
-
-def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> FarImpacts:
-    """The impacts of the data that are far from a fitted model; `base`: the base law without causes."""
+    `base`: the base law without causes"""
     covariance, limit = fit.covariance(), FAR**2 * fit.residuals.impacts.shape[1]
     far, far_of_base = (chi_square(own.residuals.impacts, own.covariance()) > limit for own in (fit, base))
     replicates = np.array([(chi_square(r, covariance) > limit).sum() for r in _simulated_again(data, fit, rng)])
@@ -52,7 +40,7 @@ def far_impacts(data: Data, base: Fit, fit: Fit, rng: np.random.Generator) -> Fa
         if far.any():
             far &= chi_square(fit.model.residuals(p, data).impacts, covariance) > limit
     # share of a Poisson distribution
-    return FarImpacts(far, replicates, float(gammainc(far.sum(), expected)))
+    return far, replicates, float(gammainc(far.sum(), expected))
 
 
 def _with_other_sizes(model: Model, p: Array) -> Iterator[Array]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, PROFILE, SLOPE, STATE
-from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, LINE, PLACE_M, SPLINE, WAVES, ZONE, Curve
+from rock2d.diagnosis.quantities import CONSTANT, KINDS, LINE, PLACE_M, SPLINE, WAVES, Curve, kind_names
 from rock2d.graphics.canvas import motion_limits
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.overlays import draw_ground, draw_outline
@@ -285,7 +285,8 @@ def _draw_curves(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coeffi
         else:
             axis.plot(at, values[:, k], linestyle=LINESTYLES[i], **style)
     if curve.kind == KINDS:
-        axis.set_xticks(np.arange(len(at)), _kind_labels(result, curve))
+        names = kind_names(result.setup).get(curve.quantity)
+        axis.set_xticks(np.arange(len(at)), [names[int(k)] if names else f"{k:g}" for k in curve.numbers])
     elif curve.quantity == PLACE_M:
         points = result.experiment.cross_section.points_m
         ground = axis.twinx()
@@ -309,14 +310,3 @@ def _points(curve: Curve) -> Array:
     if curve.kind == WAVES:
         return np.linspace(0.0, 2.0 * np.pi / curve.numbers[0], POINTS)
     return np.linspace(-np.pi, np.pi, POINTS)
-
-
-def _kind_labels(result: Diagnosis, curve: Curve) -> list[str]:
-    """Labels of blocks, zones or other kinds."""
-    if curve.quantity == BLOCK:
-        names = list(result.experiment.blocks)
-        return [names[int(k)] for k in curve.numbers]
-    if curve.quantity == ZONE:
-        zones = result.experiment.cross_section.zone_names
-        return [zones[int(k)] for k in curve.numbers]
-    return [f"{k:g}" for k in curve.numbers]

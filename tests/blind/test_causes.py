@@ -3,29 +3,27 @@
 import pytest
 
 from rock2d.blind import reality
-from rock2d.blind.reality.catalogue import KNOWN, OUTSIDE_CAUSES, causes_in
-
-FILE = "from rock2d.blind.reality.cause import Cause\n\nCAUSE = Cause(None, draw_order={order})\n"
+from rock2d.blind.reality.catalogue import causes_in
 
 
-def test_files_are_found_in_draw_order(tmp_path, monkeypatch):
+def test_tables_keep_their_order_and_files_of_one_cause_follow_by_name(tmp_path, monkeypatch):
     folder = tmp_path / "some_causes"
     folder.mkdir()
     (folder / "__init__.py").write_text("")
-    for name, order in (("b_cause", 1), ("a_cause", 1), ("c_cause", 0)):
-        (folder / f"{name}.py").write_text(FILE.format(order=order))
+    for name, text in (
+        ("b_cause", "CAUSE = 'b'"), ("a_cause", "CAUSE = 'a'"), ("table", "CAUSES = {'wind': 'd', 'rain': 'c'}"),
+    ):  # fmt: skip
+        (folder / f"{name}.py").write_text(f"{text}\n")
     monkeypatch.syspath_prepend(tmp_path)
-    assert list(causes_in("some_causes", folder)) == ["c_cause", "a_cause", "b_cause"]
+    assert list(causes_in("some_causes", folder)) == ["wind", "rain", "a_cause", "b_cause"]
 
 
 def test_published_trials_keep_their_order():
     """Seeds assign causes by their place: an addition comes last."""
     assert list(reality.FORMS)[:3] == ["air_drag", "flight_damping", "magnus_lift"]
-    assert list(reality.FORMS)[21] == "mirrored_axis", "a new cause sets no draw_order"
+    assert list(reality.FORMS)[21:23] == ["mirrored_axis", "keystone_distortion"], "a new cause comes last"
     assert next(iter(reality.OUTSIDE)) == "side_wind"
-    for causes in (KNOWN, OUTSIDE_CAUSES):
-        places = [cause.draw_order for cause in causes.values()]
-        assert places == sorted(places)
+    assert list(reality.OUTSIDE)[10:12] == ["place_restitution", "speed_dependent_friction"]
 
 
 def test_two_causes_of_one_name_are_refused(tmp_path, monkeypatch):

@@ -10,16 +10,17 @@ LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strengt
 
 
 def causes_in(package: str, folder: Path) -> dict[str, Cause]:
-    """The causes of a package, name -> cause, in draw order: the `CAUSES` of its modules, or `CAUSE` by the name of the
-    file. Raises ValueError if two share a name."""
+    """The causes of a package, name -> cause, in the order in which a seed assigns them to cases: the `CAUSES` of its
+    modules as they stand there, then each `CAUSE` by the name of its file. Raises ValueError if two share a name."""
     found: dict[str, Cause] = {}
-    for name in {path.stem for path in folder.glob("*.py")} - {"__init__"}:
-        module = import_module(f"{package}.{name}")
-        own = module.CAUSES if hasattr(module, "CAUSES") else {name: module.CAUSE}
+    names = sorted({path.stem for path in folder.glob("*.py")} - {"__init__"})
+    modules = {name: import_module(f"{package}.{name}") for name in names}
+    for name in sorted(names, key=lambda name: hasattr(modules[name], "CAUSE")):
+        own = getattr(modules[name], "CAUSES", None) or {name: modules[name].CAUSE}
         if twice := found.keys() & own.keys():
             raise ValueError(f"two causes of {package} are named {min(twice)}")
         found |= own
-    return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
+    return found
 
 
 KNOWN = causes_in(f"{__package__}.known", Path(__file__).parent / "known")

@@ -12,7 +12,6 @@ Rng = np.random.Generator
 Values = Mapping[str, float]
 
 IMPACT_SPEED = 4.0  # typical speed of an impact over √(gravity × size)
-LAST_IN_DRAW_ORDER = 1000
 
 
 @dataclass(frozen=True)
@@ -79,15 +78,13 @@ class Cause:
     columns : column of `parameters` in which the compiled motion finds each value
     switches : columns of `parameters` that are 1 while the cause acts
     recorded : (poses, view, values) -> poses (releases, frames, 3) that the camera records; None if the recording is
-        correct
-    draw_order : position among the causes when a seed assigns them to cases; equal positions are sorted by name"""
+        correct"""
 
     sizes: Sizes
     forms: int = 1
     columns: Mapping[str, int] = field(default_factory=dict)
     switches: tuple[int, ...] = ()
     recorded: Callable[[Array, View, Values], Array] | None = None
-    draw_order: int = LAST_IN_DRAW_ORDER
 
 
 def random_sign(rng: Rng) -> float:

@@ -222,26 +222,20 @@ def mirrored_axis_recorded(poses: Array, view: View, values: Values) -> Array:
     return out
 
 
+# in the order in which a seed assigns them to cases: a new one comes last
 CAUSES = {
-    "air_drag": Cause(
-        air_drag, forms=2, columns={"drag": parameters.DRAG, "power": parameters.DRAG_POWER}, draw_order=0
-    ),
+    "air_drag": Cause(air_drag, forms=2, columns={"drag": parameters.DRAG, "power": parameters.DRAG_POWER}),
     "flight_damping": Cause(
-        flight_damping,
-        forms=2,
-        columns={"rate_1_s": parameters.VELOCITY_DECAY, "spin_rate_1_s": parameters.SPIN_DECAY},
-        draw_order=1,
+        flight_damping, forms=2, columns={"rate_1_s": parameters.VELOCITY_DECAY, "spin_rate_1_s": parameters.SPIN_DECAY}
     ),
-    "magnus_lift": Cause(
-        magnus_lift, forms=2, columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM}, draw_order=2
-    ),
-    "mass_eccentricity": Cause(mass_eccentricity, forms=2, draw_order=3),
-    "inertia_error": Cause(inertia_error, forms=2, draw_order=4),
-    "rounded_edges": Cause(rounded_edges, forms=2, draw_order=5),
-    "geometry_error": Cause(geometry_error, forms=2, draw_order=6),
-    "surface_roughness": Cause(surface_roughness, forms=3, draw_order=7),
-    "zone_contrast": Cause(zone_contrast, forms=2, draw_order=8),
-    "soil_compaction": Cause(soil_compaction, forms=2, draw_order=9),
+    "magnus_lift": Cause(magnus_lift, forms=2, columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM}),
+    "mass_eccentricity": Cause(mass_eccentricity, forms=2),
+    "inertia_error": Cause(inertia_error, forms=2),
+    "rounded_edges": Cause(rounded_edges, forms=2),
+    "geometry_error": Cause(geometry_error, forms=2),
+    "surface_roughness": Cause(surface_roughness, forms=3),
+    "zone_contrast": Cause(zone_contrast, forms=2),
+    "soil_compaction": Cause(soil_compaction, forms=2),
     "embankment_yield": Cause(
         embankment_yield,
         forms=2,
@@ -251,13 +245,9 @@ CAUSES = {
             "dashpot_1_s": parameters.RECOIL_DASHPOT,
             "grip_m_s2": parameters.RECOIL_FRICTION,
         },
-        draw_order=10,
     ),
     "viscous_damping": Cause(
-        viscous_damping,
-        forms=2,
-        columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT},
-        draw_order=11,
+        viscous_damping, forms=2, columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT}
     ),
     "adhesion": Cause(
         adhesion,
@@ -267,13 +257,9 @@ CAUSES = {
             "fades": parameters.TENSION_FADES,
             "onset_m_s": parameters.TENSION_SPEED,
         },
-        draw_order=12,
     ),
     "ploughing_drag": Cause(
-        ploughing_drag,
-        forms=2,
-        columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE},
-        draw_order=13,
+        ploughing_drag, forms=2, columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE}
     ),
     "slip_dependent_friction": Cause(
         slip_dependent_friction,
@@ -283,14 +269,13 @@ CAUSES = {
             "speed_m_s": parameters.SLIP_SPEED,
             "hyperbolic": parameters.SLIP_HYPERBOLIC,
         },
-        draw_order=14,
     ),
-    "out_of_plane": Cause(out_of_plane, forms=2, switches=(parameters.SPEED_LOSS,), draw_order=15),
-    "camera_tilt": Cause(camera_tilt, forms=2, recorded=camera_tilt_recorded, draw_order=16),
-    "scale_error": Cause(scale_error, forms=2, recorded=scale_error_recorded, draw_order=17),
-    "frame_rate_error": Cause(frame_rate_error, forms=2, draw_order=18),
-    "lens_distortion": Cause(lens_distortion, forms=2, recorded=lens_distortion_recorded, draw_order=19),
+    "out_of_plane": Cause(out_of_plane, forms=2, switches=(parameters.SPEED_LOSS,)),
+    "camera_tilt": Cause(camera_tilt, forms=2, recorded=camera_tilt_recorded),
+    "scale_error": Cause(scale_error, forms=2, recorded=scale_error_recorded),
+    "frame_rate_error": Cause(frame_rate_error, forms=2),
+    "lens_distortion": Cause(lens_distortion, forms=2, recorded=lens_distortion_recorded),
+    "angle_offset": Cause(angle_offset, forms=2, recorded=angle_offset_recorded),
+    "mirrored_axis": Cause(mirrored_axis, forms=2, recorded=mirrored_axis_recorded),
     "keystone_distortion": Cause(keystone_distortion, forms=2, recorded=keystone_distortion_recorded),
-    "angle_offset": Cause(angle_offset, forms=2, recorded=angle_offset_recorded, draw_order=20),
-    "mirrored_axis": Cause(mirrored_axis, forms=2, recorded=mirrored_axis_recorded, draw_order=21),
 }

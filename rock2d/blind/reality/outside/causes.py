@@ -104,13 +104,12 @@ def speed_dependent_friction(form: int, share: float, rng: Rng, scale: Scale) ->
     return {"fall_s_m": share / (1.26 * scale.speed)}
 
 
+# in the order in which a seed assigns them to cases: a new one comes last
 CAUSES = {
     "side_wind": Cause(
-        side_wind,
-        columns={"push_m_s2": parameters.WIND, "low_m": parameters.WIND_LOW, "high_m": parameters.WIND_HIGH},
-        draw_order=0,
+        side_wind, columns={"push_m_s2": parameters.WIND, "low_m": parameters.WIND_LOW, "high_m": parameters.WIND_HIGH}
     ),
-    "mass_shedding": Cause(mass_shedding, columns={"share": parameters.SHED_SHARE}, draw_order=1),
+    "mass_shedding": Cause(mass_shedding, columns={"share": parameters.SHED_SHARE}),
     "soft_strips": Cause(
         soft_strips,
         columns={
@@ -119,7 +118,6 @@ CAUSES = {
             "width_m": parameters.STRIP_WIDTH,
             "period_m": parameters.STRIP_PERIOD,
         },
-        draw_order=2,
     ),
     "shaking_ground": Cause(
         shaking_ground,
@@ -128,17 +126,14 @@ CAUSES = {
             "rate_rad_s": parameters.SHAKE_RATE,
             "phase_rad": parameters.SHAKE_PHASE,
         },
-        draw_order=3,
     ),
-    "soft_side": Cause(
-        soft_side, columns={"log_ratio": parameters.SIDE_LOG_RATIO, "angle_rad": parameters.SIDE_ANGLE}, draw_order=4
-    ),
-    "late_angle": Cause(late_angle, recorded=late_angle_recorded, draw_order=5),
-    "sliding_camera": Cause(sliding_camera, recorded=sliding_camera_recorded, draw_order=6),
+    "soft_side": Cause(soft_side, columns={"log_ratio": parameters.SIDE_LOG_RATIO, "angle_rad": parameters.SIDE_ANGLE}),
+    "late_angle": Cause(late_angle, recorded=late_angle_recorded),
+    "sliding_camera": Cause(sliding_camera, recorded=sliding_camera_recorded),
     "ground_pull": Cause(
-        ground_pull, columns={"pull_m_s2": parameters.ATTRACTION, "range_m": parameters.ATTRACTION_RANGE}, draw_order=7
+        ground_pull, columns={"pull_m_s2": parameters.ATTRACTION, "range_m": parameters.ATTRACTION_RANGE}
     ),
-    "spin_kick": Cause(spin_kick, columns={"kick": parameters.SPIN_KICK}, draw_order=8),
+    "spin_kick": Cause(spin_kick, columns={"kick": parameters.SPIN_KICK}),
     "updraught": Cause(
         updraught,
         columns={
@@ -146,7 +141,6 @@ CAUSES = {
             "left_m": parameters.UPDRAUGHT_LEFT,
             "right_m": parameters.UPDRAUGHT_RIGHT,
         },
-        draw_order=9,
     ),
     "place_restitution": Cause(
         place_restitution,

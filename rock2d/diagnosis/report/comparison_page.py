@@ -103,13 +103,13 @@ def _gap_texts(gap: Mapping[str, Any]) -> dict[str, str]:
     return numbers | {"closed": text.share_closed(gap["closure"], gap["closure_ci95"]) if known else NOTHING}
 
 
-def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str, str]:
+def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, list[str]]:
     marks = [
         bar(mark, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}")
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
-    return pair["name"], chart(axis, marks), *(_known(pair[side], percent) for side in SIDES)
+    return spoken(pair["name"]), chart(axis, marks), [_known(pair[side], percent) for side in SIDES]
 
 
 def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
         said.append(NOTHING if own is None else text.share_closed(own["closure"], own["ci95"]))
         if own is not None:
             marks.append(share_mark(mark, own["closure"], own["ci95"], f"{side.upper()}: {said[-1]}"))
-    return {"name": row["effect"], "marks": marks, "text": said}
+    return {"name": spoken(row["effect"]), "marks": marks, "text": said}
 
 
 def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -175,7 +175,7 @@ def _where_section(result: Diagnosis, content: dict[str, Any], models: report_da
 def _which_section(content: dict[str, Any]) -> dict[str, Any]:
     chances = sorted(content["probabilities"].items(), key=lambda item: -item[1])
     axis = Axis(0.0, 1.0)
-    bars = [(name, chart(axis, [bar("plain", p, f"{spoken(name)}: {percent(p)}")]), p) for name, p in chances]
+    bars = [(spoken(name), chart(axis, [bar("plain", p, f"{spoken(name)}: {percent(p)}")]), p) for name, p in chances]
     effects = catalogue()
     gains = [(name, e["heldout_score_gain"], e["heldout_score_gain_se"]) for name, e in content["effects"].items()]
     columns = ("effect", "heldout_score_gain", "heldout_score_gain_se")
@@ -191,8 +191,8 @@ def _which_section(content: dict[str, Any]) -> dict[str, Any]:
             "summary": effects[name].summary if name in effects else "",
         })  # fmt: skip
     return {
-        "bars": [own for own in bars if own[2] >= FOLDED_PROBABILITY],
-        "folded": [own for own in bars if own[2] < FOLDED_PROBABILITY],
+        "bars": [(name, strip, percent(p)) for name, strip, p in bars if p >= FOLDED_PROBABILITY],
+        "folded": [(name, strip, f"{100 * p:.2g} %") for name, strip, p in bars if p < FOLDED_PROBABILITY],
         "chances_data": download("probabilities.csv", ("answer", "probability"), chances),
         "forest": forest, "gain_scale": tick_labels(gain_axis), "gains_data": download("gains.csv", columns, gains),
         "group": content["group"], "unseen": text.unseen_words(content), "next_release": content["next_release"],
@@ -229,7 +229,7 @@ def _gap_section(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
         "closure_text": text.share_closed(gap["closure"], gap["closure_ci95"]),
-        "closures": [(name, chart(closure_axis, [marks[name]]), marks[name].label) for name in ranked],
+        "closures": [(spoken(name), chart(closure_axis, [marks[name]]), marks[name].label) for name in ranked],
         "closure_scale": tick_labels(closure_axis),
     }
 

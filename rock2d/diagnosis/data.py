@@ -93,10 +93,6 @@ class Observed(NamedTuple):
     uncounted: Array
     flights: Array
 
-    def starts_with(self, shift: Array | None) -> Array:
-        """(n, 6) `starts` with `shift` (6,) or (n, 6) added."""
-        return self.starts if shift is None else self.starts + shift
-
 
 @dataclass
 class FilmData(FilmSegments):
@@ -153,12 +149,12 @@ class FilmData(FilmSegments):
     def tangent(self) -> Array:
         return self.impacts.tangent
 
-    def residuals(self, world: World, shift: Array | None = None) -> Residuals:
+    def residuals(self, world: World, shift: Array | float = 0.0) -> Residuals:
         """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
         impacts."""
         known = self.observed(world)
-        starts, instants_s = known.starts_with(shift), known.instants_s
-        simulated = _simulated_poses(world, self.impacts, starts, instants_s, self.step_fraction)
+        starts = known.starts + shift
+        simulated = _simulated_poses(world, self.impacts, starts, known.instants_s, self.step_fraction)
         difference = self.outcomes(world, simulated - known.poses)
         turns = difference[known.uncounted, THETA] / (2.0 * np.pi)
         difference[known.uncounted, THETA] -= 2.0 * np.pi * np.round(turns)
@@ -332,14 +328,12 @@ class TableData(ImpactTable):
         """The same data: single impacts take little time."""
         return self
 
-    def residuals(self, world: World, shift: Array | None = None) -> Residuals:
+    def residuals(self, world: World, shift: Array | float = 0.0) -> Residuals:
         """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
         (n, 6) is added to the states before.
 
         A block that does not leave the ground has the velocities with which it stays on the ground."""
-        true = _true_states(world, self.before)
-        if shift is not None:
-            true = true + shift
+        true = _true_states(world, self.before) + shift
         radius = world.radii_m[self.impact_block]
         starts, gap = true.copy(), block_clearances(world, self.impact_block, true[:, POSE])
         starts[:, X] += gap * self.tangent[:, Y]  # along the normal, until the block touches the ground

@@ -27,7 +27,8 @@ def by_later_strikes(model: Model, p: Array, data: Data, steps: Array) -> Array:
         return np.zeros((count, data.outcome_noise().shape[-1], size))
     world, shift = model.acting(p, data.impact_order)
     known = data.observed(world)
-    starts, instants_s = known.starts_with(shift), known.instants_s
+    starts: Array = known.starts + shift
+    instants_s = known.instants_s
     possible = np.isfinite(starts).all(axis=1)
     starts, instants_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], instants_s, 0.0)
     second_s, left = _second_strikes(world, data, starts, instants_s)

@@ -163,7 +163,7 @@ class Model:
         return world
 
     def residuals(
-        self, p: Array, data: Data, shift: Array | None = None, amounts: Sequence[Sequence[float]] | None = None
+        self, p: Array, data: Data, shift: Array | float = 0.0, amounts: Sequence[Sequence[float]] | None = None
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
         world, shift = self.acting(p, data.impact_order, shift, amounts)
@@ -176,8 +176,8 @@ class Model:
         return residuals
 
     def acting(
-        self, p: Array, order: Array, shift: Array | None = None, amounts: Sequence[Sequence[float]] | None = None
-    ) -> tuple[World, Array | None]:
+        self, p: Array, order: Array, shift: Array | float = 0.0, amounts: Sequence[Sequence[float]] | None = None
+    ) -> tuple[World, Array | float]:
         """World of the impacts at p, and shift of the states before, with the learnt changes; see `residuals`."""
         world = self.world(p, order, amounts)
         for response, c in zip(self.responses, self.coefficients(p), strict=True):
@@ -186,7 +186,7 @@ class Model:
             if response.slope is not None:
                 world = replace(world, slope_rad=world.slope_rad + response.slope @ c)
             if response.shift is not None:
-                shift = (0.0 if shift is None else shift) + response.shift @ c
+                shift = shift + response.shift @ c
         return world, shift
 
     def coefficients(self, p: Array) -> list[Array]:

@@ -134,8 +134,7 @@ class GapBootstrap:
     def gap_after_reduction(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
         """(1 + draws,) gap if the mean square of the residuals of impacts fell by a factor; `impacts` (releases,):
         their number."""
-        rng = np.random.default_rng(self._seed)
-        ratios = np.concatenate([[ratio.likely], ratio.draws(rng, BOOTSTRAPS)])
+        ratios = ratio.draws(np.random.default_rng(self._seed), BOOTSTRAPS)
         return np.asarray(self.gap(logs) * ratios ** (0.5 * (self._weights @ impacts) / self._count))
 
     def gap(self, logs: Array) -> Array:

@@ -301,14 +301,12 @@ def reading_sentence(base: Fit) -> str:
             "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the "
             "blocks; it was not fitted."
         )
+    acts = "only while the ground presses on the block"
     if base.model.setup.contact[..., ROLLING_IN_INDENTATION].any():
-        return (
-            "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
-            "rolling spring acts until the block is clear of the original surface."
-        )
+        acts = "until the block is clear of the original surface"
     return (
         "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
-        "rolling spring acts only while the ground presses on the block."
+        f"rolling spring acts {acts}."
     )
 
 

@@ -313,9 +313,7 @@ def _without_each(search: Search, learnt: Learnt, names: Collection[str]) -> dic
 
 def _reduced(data: Data, reduction: Reduction, changes: list[Change]) -> Learnt:
     """A model with learnt changes, without a member."""
-    reduced = Learnt.of(reduction.fitted(data), data)
-    reduced.changes = changes
-    return reduced
+    return replace(Learnt.of(reduction.fitted(data), data), changes=changes)
 
 
 def _evidence_of_member(

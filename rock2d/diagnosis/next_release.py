@@ -8,6 +8,7 @@ from rock2d.arrays import Array
 from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
+from rock2d.diagnosis.likelihood import chi_square
 from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, OMEGA
 from rock2d.scene.world import World
 from rock2d.wording import three_digits
@@ -76,8 +77,6 @@ def _distance(data: Data, setup: World, first: Candidate, second: Candidate, fas
     shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
     shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / radius)
     residuals = [data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
-    difference = np.nan_to_num(residuals[0] - residuals[1])
-    covariance = first.fit.covariance()
-    chi2 = np.einsum("ni,ni->n", difference, np.linalg.solve(covariance, difference[..., None])[..., 0])
-    finite = np.isfinite(residuals[0]).all(axis=1) & np.isfinite(residuals[1]).all(axis=1)
-    return np.where(finite, np.sqrt(np.maximum(chi2, 0.0)), np.nan)
+    difference = residuals[0] - residuals[1]
+    chi2 = chi_square(difference, first.fit.covariance(), np.inf)
+    return np.where(np.isfinite(difference).all(axis=1), np.sqrt(np.maximum(chi2, 0.0)), np.nan)

@@ -36,14 +36,10 @@ class Ratio:
         """Value plus one standard error, at most 1."""
         return min(self.value + self.error, 1.0)
 
-    @property
-    def likely(self) -> float:
-        """The value, at most 1."""
-        return min(self.value, 1.0)
-
     def draws(self, rng: np.random.Generator, count: int) -> Array:
-        """(count,) plausible values, at most 1."""
-        return np.clip(rng.normal(self.value, self.error, count), SMALLEST_RATIO, 1.0)
+        """(1 + count,) the value and other plausible ones, at most 1."""
+        drawn = np.clip(rng.normal(self.value, self.error, count), SMALLEST_RATIO, 1.0)
+        return np.append(min(self.value, 1.0), drawn)
 
 
 NO_PAIRS = Ratio(1.0, 0.0)

@@ -266,8 +266,6 @@ def _closed_by(content: Mapping[str, Any], effect: str) -> str:
 
 def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     """The value of the verdict's first parameter."""
-    if not effect.parameters:
-        return []
     parameter, joint = effect.parameters[0], content.get("beside")
     own = joint[-1]["parameters"][effect.name] if joint else content["effects"][effect.name]["parameters"]
     what = "Choice" if parameter.choices else "Size"

@@ -172,8 +172,8 @@ def generic(fitted: FittedEffect) -> str:
         value, unit = text.in_degrees(parameter, fitted.values[parameter.name])
         half, _ = text.in_degrees(parameter, fitted.half[parameter.name])
         parts.append(f"{parameter.meaning}: {number(value, half or None)}{f' {unit}' if unit else ''}")
-    found = f" ({'; '.join(parts)})" if parts else ""
-    return f"Look in the set-up for what this effect describes, {fitted.effect.summary}{found}, and measure it."
+    found = "; ".join(parts)
+    return f"Look in the set-up for what this effect describes, {fitted.effect.summary} ({found}), and measure it."
 
 
 def _next_release(content: Mapping[str, Any]) -> list[str]:

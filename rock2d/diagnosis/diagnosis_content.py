@@ -5,23 +5,27 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.answers import inclusion_probabilities
-from rock2d.diagnosis.attribution import Attribution
+from rock2d.arrays import Array
+from rock2d.diagnosis.attribution import Attribution, Candidate, inclusion_probabilities
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
 from rock2d.diagnosis.cause_sets import GRAVITY_POWERS, TWINS
-from rock2d.diagnosis.data import FilmData
+from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.gap import Cell
 from rock2d.diagnosis.learnt import Change
 from rock2d.diagnosis.levers import FLIGHT, Dependence
+from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor
-from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.significance import SummedGain
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.effects.flight import AIR_DRAG, drag_coefficient
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
+from rock2d.records.columns import LINEAR_VELOCITY, N_STATE, OMEGA
+from rock2d.scene.world import World
+from rock2d.wording import three_digits
 
 LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in the list of causes
 # relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
@@ -30,6 +34,15 @@ LEAST_LISTED_PROBABILITY = 0.05  # smallest probability of an unnamed cause in t
 MODEL_ERROR, SCATTER_MODEL_ERROR = 0.02, 0.25
 NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # for an unknown share
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
+FEWEST_IMPACTS_OF_A_KIND = 3  # smallest number of impacts for a proposal
+# releases that differ from the filmed ones: text, factor on speed, spin added in √(g / radius)
+POSSIBLE_RELEASES = (
+    ("as filmed", 1.0, 0.0),
+    ("1.5 times as fast", 1.5, 0.0),
+    ("two thirds as fast", 0.67, 0.0),
+    ("with more clockwise spin", 1.0, -1.0),
+    ("with more counter-clockwise spin", 1.0, 1.0),
+)
 
 
 def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
@@ -354,3 +367,62 @@ def _series(result: Diagnosis) -> dict[str, int]:
     assert data is not None
     blocks = data.film.release_block if isinstance(data, FilmData) else data.release_block
     return {name: int((blocks == i).sum()) for i, name in enumerate(result.experiment.blocks)}
+
+
+def next_release(
+    data: Data, setup: World, attribution: Attribution, cells: Sequence[Cell], zones: Sequence[str]
+) -> str:
+    """A sentence: what to film next to separate the best effect from its closest rival. It is the release for which
+    both predict the most different outcomes."""
+    if not len(data.impact_release):
+        return "A film that continues after the blocks strike the ground: this one shows no impacts."
+    if attribution.verdict == "unknown":
+        if not cells:
+            return "More releases of every block: these data cannot separate the gap from noise."
+        cell = cells[0]
+        return (
+            f"More releases that show {_place(cell)}: most of the gap lies there, "
+            "and nothing in the catalogue explains it."
+        )
+    candidates, explained = attribution.candidates, {attribution.strongest, *attribution.named}
+    first = candidates.get(attribution.verdict, candidates[attribution.strongest])
+    rivals = [c for name, c in candidates.items() if name not in explained and c is not first and not c.effect.scatter]
+    if not rivals or first.effect.scatter:
+        return "More releases of every block: only many releases separate a scatter from a shift."
+    second = max(rivals, key=lambda c: c.total)
+    names = f"{first.effect.name} and {second.effect.name}"
+    best, proposal = 0.0, ""
+    for text, faster, spin in POSSIBLE_RELEASES:
+        distance = _distance(data, setup, first, second, faster, spin)
+        for block in range(len(setup.blocks)):
+            for zone in range(len(zones)):
+                rows = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
+                if rows.sum() >= FEWEST_IMPACTS_OF_A_KIND and (typical := float(np.median(distance[rows]))) > best:
+                    pace = float(np.median(np.hypot(*data.incident(setup)[rows, LINEAR_VELOCITY].T))) * faster
+                    best = typical
+                    name = list(setup.blocks)[block]
+                    article = "an" if name[0].lower() in "aeiou" else "a"
+                    proposal = f"{article} {name} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
+    if not proposal:
+        return f"Longer flights: no impact separates {names}."
+    lead = "" if attribution.verdict != "none" else "No effect stands out. "
+    difference = f"there {names} differ by {three_digits(best)} standard deviations in one impact."
+    return f"{lead}{proposal[0].upper()}{proposal[1:]}: {difference}"
+
+
+def _place(cell: Cell) -> str:
+    if cell.phase == "flight":
+        return f"flights of the {cell.block} above the {cell.zone}"
+    return f"impacts of the {cell.block} on the {cell.zone}"
+
+
+def _distance(data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float) -> Array:
+    """(n,) distance between the predictions of two models for each impact, in standard deviations."""
+    radius = setup.radii_m[data.impact_block]
+    shift = np.zeros((len(radius), N_STATE))
+    shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
+    shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / radius)
+    residuals = [data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
+    difference = residuals[0] - residuals[1]
+    chi2 = chi_square(difference, first.fit.covariance(), np.inf)
+    return np.where(np.isfinite(difference).all(axis=1), np.sqrt(np.maximum(chi2, 0.0)), np.nan)

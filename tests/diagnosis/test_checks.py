@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis import checks
-from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
+from rock2d.diagnosis.checks import FALSE_ALARMS, far_impacts, predictive_checks
 from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import FilmData, Residuals
-from rock2d.diagnosis.far_impacts import far_impacts
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
 from rock2d.diagnosis.model import Model

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ndtr
 
 from rock2d.diagnosis import evidence
-from rock2d.diagnosis.answers import inclusion_probabilities, single_answers, unexplained_probability
+from rock2d.diagnosis.attribution import inclusion_probabilities, single_answers, unexplained_probability
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.evidence import (

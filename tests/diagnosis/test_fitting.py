@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from rock2d.diagnosis.checks import FAR
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.derivatives import Jacobian, Noise, drawn_impacts, square_roots, times_normal
-from rock2d.diagnosis.far_impacts import FAR
 from rock2d.diagnosis.likelihood import chi_square, clustered_covariance, newton_step, normal_equations
 from rock2d.diagnosis.model import BASE_WIDTH
 from tests.kinematics.synthetic_films import base_fit, film, series_order, world

@@ -7,8 +7,7 @@ import pytest
 
 from rock2d.arrays import Array
 from rock2d.diagnosis.data import FilmData, moved_before
-from rock2d.diagnosis.derivatives import residual_covariance
-from rock2d.diagnosis.later_strikes import by_later_strikes
+from rock2d.diagnosis.derivatives import by_later_strikes, residual_covariance
 from rock2d.diagnosis.learnt_prediction import predicted_poses
 from rock2d.diagnosis.likelihood import fit_scatter, log_likelihood
 from rock2d.diagnosis.model import BASE_MU

@@ -38,14 +38,12 @@ class Case:
 
     Attributes
     ----------
-    label : "none", or the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"
     shapes : shape of each block, as the experiment file states it
     kind : one of KINDS
     heldout : (releases,) mask of the held-out releases
     hidden : the hidden causes
     soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`"""
 
-    label: str
     kind: str
     world: reality.World
     shapes: list[dict[str, object]]
@@ -57,6 +55,12 @@ class Case:
     soil_sd: Array
     hidden: list[reality.Hidden] = field(default_factory=list)
     seed: int = 0
+
+    @property
+    def label(self) -> str:
+        """ "none", or the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"."""
+        known = sorted(cause.name for cause in self.hidden if cause.name not in reality.OUTSIDE)
+        return "+".join([*known, *["unknown"] * (len(known) < len(self.hidden))]) or "none"
 
     @property
     def times_s(self) -> Array:
@@ -132,14 +136,9 @@ def draw_case(causes: tuple[str, ...], seed: np.random.SeedSequence, smallest: b
         strength = math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         hidden.append(reality.draw_hidden(name, form, rng, world, strength))
     return Case(
-        _label(causes), kind, world, shapes, releases, heldout, fps, FILM_LENGTH * time_scale, camera, soil_sd,
+        kind, world, shapes, releases, heldout, fps, FILM_LENGTH * time_scale, camera, soil_sd,
         hidden, case_seed,
     )  # fmt: skip
-
-
-def _label(causes: tuple[str, ...]) -> str:
-    known = sorted(name for name in causes if name not in reality.OUTSIDE)
-    return "+".join([*known, *["unknown"] * (len(known) < len(causes))]) or "none"
 
 
 def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator) -> reality.Law:

@@ -45,6 +45,7 @@ class ScoredCase:
 
     Attributes
     ----------
+    label : the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"; or "none"
     hidden : effects of the catalogue -> own signal-to-noise
     outside : own signal-to-noise of the cause from outside the catalogue; None without one
     strength : signal-to-noise of all hidden causes together
@@ -61,6 +62,7 @@ class ScoredCase:
     of_record : effects that the original record contains"""
 
     name: str
+    label: str
     hidden: Mapping[str, float]
     outside: float | None
     strength: float
@@ -86,12 +88,6 @@ class ScoredCase:
         if self.outside is not None:
             return "outside cause"
         return LABEL_KINDS[min(len(self.hidden), 2)]
-
-    @property
-    def label(self) -> str:
-        """The hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"; or "none"."""
-        own = sorted(self.hidden) if self.outside is None else [*sorted(self.hidden), "unknown"]
-        return "+".join(own) or "none"
 
     @property
     def right(self) -> bool | None:
@@ -142,10 +138,10 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     claimed, found = (None, None) if typical is None else (_number(typical["closure"]), found_closure(misses))
     true = _number(result.get("true_closure"))
     return ScoredCase(
-        name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
-        dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p), int(label["releases"]),
-        float(result["seconds"]), _number(diagnosis["gap"]["closure"]), None if true is None else min(true, 1.0),
-        claimed, found, misses, size_errors(label, diagnosis["causes"]),
+        name, str(label["label"]), hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict,
+        single[verdict], dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p),
+        int(label["releases"]), float(result["seconds"]), _number(diagnosis["gap"]["closure"]),
+        None if true is None else min(true, 1.0), claimed, found, misses, size_errors(label, diagnosis["causes"]),
         str(label.get("base", MADE)), frozenset(label.get("of_record", ())),
     )  # fmt: skip
 

@@ -34,10 +34,6 @@ class Meaning:
     form: int = 0
 
 
-def _mean_factor(values: Mapping[str, float]) -> float:
-    return float(np.exp(np.mean(np.log(list(values.values())))))
-
-
 MEANINGS = {
     "air_drag": Meaning("drag_per_mass_1_m", lambda v: v["drag"]),
     "angle_offset": Meaning("offset_rad", lambda v: v["offset_rad"]),
@@ -45,7 +41,7 @@ MEANINGS = {
     "flight_damping": Meaning("rate_1_s", lambda v: v["rate_1_s"]),
     "frame_rate_error": Meaning("time_scale", lambda v: v["factor"], 1.0),
     "geometry_error": Meaning("facing_rad", lambda v: v["turn_rad"]),
-    "inertia_error": Meaning("factor", _mean_factor, 1.0),
+    "inertia_error": Meaning("factor", lambda v: float(np.exp(np.mean(np.log(list(v.values()))))), 1.0),
     "magnus_lift": Meaning("lift_per_mass", lambda v: v["lift"]),
     "scale_error": Meaning("scale", lambda v: v["y"], 1.0),
     "surface_roughness": Meaning("sd_rad", lambda v: v["sd_rad"]),

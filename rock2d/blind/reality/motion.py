@@ -33,17 +33,7 @@ from rock2d.blind.reality.compiled_records import (
     X,
     Y,
 )
-from rock2d.blind.reality.contact_detection import (
-    DEPTH,
-    N_FOUND,
-    NO_CONTACT,
-    PX,
-    PY,
-    facet_at,
-    find_contacts,
-    is_below,
-    nearest_on_facet,
-)
+from rock2d.blind.reality.contact_detection import DEPTH, N_FOUND, NO_CONTACT, PX, PY, find_contacts, nearest_on_ground
 from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import (
     EMBANKMENT_FORCE,
@@ -148,18 +138,6 @@ def move_ground(base: Ground, motion: Array, points: Array) -> None:
 
 
 @numba.njit
-def disc_clearance(x: float, y: float, reach: float, points: Array) -> float:
-    """Lower bound of the distance in m between the ground and a disc of radius `reach`; negative if unknown."""
-    home = facet_at(x, points)
-    if is_below(x, y, home, points):
-        return -reach
-    nearest = 1e9
-    for f in range(points.shape[0] - 1):
-        nearest = min(nearest, nearest_on_facet(x, y, f, points)[2])
-    return np.sqrt(nearest) - reach
-
-
-@numba.njit
 def simulate_release(
     state: Array, times: Array, base: Ground, first_body: Body, law: SoilLaw, draws: ImpactDraws, poses: Array
 ) -> None:
@@ -196,7 +174,7 @@ def simulate_release(
         if in_contact:
             h = _contact_step(sums, steps, speed, time_scale)
         else:
-            gap = disc_clearance(q[X], q[Y], reach, ground.points)
+            gap = max(0.0, -nearest_on_ground(q[X], q[Y], ground.points)[0]) - reach
             if gap < 0.5 * reach:
                 rows, near = find_contacts(q, body, ground, contacts.found)
                 gap = max(gap, min(near, 0.4 * reach))

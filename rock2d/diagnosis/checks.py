@@ -26,6 +26,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from rock2d.arrays import Array
+from rock2d.diagnosis.cross_validation import summed
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.derivatives import ScatterColumns, drawn_impacts, square_roots, times_normal
 from rock2d.diagnosis.fitting import Fit
@@ -325,14 +326,8 @@ class _RemainingPatterns:
     def _pulls(self, side: _Residuals, columns: Array) -> Array:
         """(releases + s, k) products of columns (n, d, k) with the residuals of each release, and with each shared slow
         error."""
-        own = self._summed(side.release, np.einsum("ndk,nd->nk", columns, side.z))
+        own = summed(side.release, np.einsum("ndk,nd->nk", columns, side.z), len(self._data.order))
         return np.vstack([own, np.einsum("ndk,nds->sk", columns, side.slow)])
-
-    def _summed(self, release: Array, values: Array) -> Array:
-        """(releases, k) sums of values (n, k)."""
-        out = np.zeros((len(self._data.order), values.shape[1]))
-        np.add.at(out, release, values)
-        return out
 
     def _functions(
         self, table: Mapping[str, Sequence[str]], dependences: Dependences, side: _Residuals
@@ -429,6 +424,6 @@ class _RemainingPatterns:
             middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
             each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
             absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
-            sums = (self._summed(impacts.release, values) for values in (each, absorbed))
+            sums = (summed(impacts.release, values, len(self._data.order)) for values in (each, absorbed))
             patterns += self._unabsorbed(name, f"size of {VELOCITIES}", parts, *sums)
         return patterns

@@ -149,6 +149,13 @@ def _fit_without(fit: Fit, data: Data, covariance: Array, keep: tuple[Array, Arr
     return fit.p, fit.residuals
 
 
+def summed(release: Array, values: Array, releases: int) -> Array:
+    """(releases, ...) sums of values (n, ...) over the rows of each release."""
+    total = np.zeros((releases, *values.shape[1:]))
+    np.add.at(total, release, values)
+    return total
+
+
 def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
     """(releases,) log likelihood of each release."""
     n = len(data.order)

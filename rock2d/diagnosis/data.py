@@ -312,17 +312,8 @@ class TableData(ImpactTable):
     depth of an indentation. On a hard floor the time in contact is not seen either, so the data determine only the
     ratio of the stiffnesses."""
 
-    @property
-    def flight_release(self) -> Array:
-        return np.empty(0, np.int64)
-
-    @property
-    def flight_block(self) -> Array:
-        return np.empty(0, np.int64)
-
-    @property
-    def flown(self) -> int:
-        return 0
+    flown = 0
+    flight_release = flight_block = np.empty(0, np.int64)
 
     def coarse(self) -> Self:
         """The same data: single impacts take little time."""

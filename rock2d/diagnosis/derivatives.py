@@ -70,6 +70,13 @@ class Jacobian:
         scatter, later, bend = (np.ascontiguousarray(s[..., columns]) for s in (self.scatter, self.later, self.bend))
         return replace(self, scatter=scatter, later=later, bend=bend)
 
+    def beside(self, impacts: Array, flights: Array) -> Jacobian:
+        """The derivatives with those by further parameters, (n, d, k) and (m, 3, degrees, k)."""
+        impacts, flights = (
+            np.concatenate(both, axis=-1) for both in ((self.impacts, impacts), (self.flights, flights))
+        )
+        return replace(self, impacts=impacts, flights=flights)
+
     def only(self, parameters: Array | slice) -> Jacobian:
         """The derivatives by some of the parameters. The arrays are contiguous, because sums in a worker would
         otherwise differ in the last digits: the memory layout would change on the way."""

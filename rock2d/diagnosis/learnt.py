@@ -135,10 +135,6 @@ def _fit_with_change(
     widths = np.full(response.size, width)
     model = old.model
     wider = replace(model, responses=[*model.responses, response], widths=np.concatenate([model.widths, widths]))
-    jacobian = replace(
-        old.jacobian,
-        impacts=np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
-        flights=np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
-    )
+    jacobian = old.jacobian.beside(columns.impacts * widths, columns.flights * widths)
     start = np.concatenate([old.p, np.zeros(len(widths))])
     return fit(wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), convergence=convergence)

@@ -79,10 +79,7 @@ class LinearModel:
         fit = self._fit
         (least, most), (centre, precision) = fit.model.bounds(), prior(fit.model)
         size, count = len(fit.p), len(low)
-        jacobian = replace(
-            fit.jacobian, impacts=np.concatenate([fit.jacobian.impacts, columns.impacts], axis=-1),
-            flights=np.concatenate([fit.jacobian.flights, columns.flights], axis=-1),
-        )  # fmt: skip
+        jacobian = fit.jacobian.beside(columns.impacts, columns.flights)
         least, most = np.concatenate([least - fit.p, low]), np.concatenate([most - fit.p, high])
         to_centre = np.concatenate([fit.p - centre, np.zeros(count)])
         precision = np.concatenate([precision, np.ones(count)])

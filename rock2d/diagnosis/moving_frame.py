@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.arrays import Array
-from rock2d.diagnosis.cross_validation import FOLDS, folds
+from rock2d.diagnosis.cross_validation import FOLDS, folds, summed
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FRAME, Dependence, Levers
@@ -85,8 +85,8 @@ class _Moved(NamedTuple):
         pulled = np.linalg.solve(self.covariance, self.columns)
         for _ in range(STEPS):
             weight = impact_weight(chi_square(self.left(motion), self.covariance), self.r.shape[1])
-            curvature = self._summed(np.einsum("n,nik,nil->nkl", weight, self.columns, pulled))
-            pull = self._summed(np.einsum("n,nik,ni->nk", weight, pulled, self.r))
+            curvature = summed(self.release, np.einsum("n,nik,nil->nkl", weight, self.columns, pulled), self.releases)
+            pull = summed(self.release, np.einsum("n,nik,ni->nk", weight, pulled, self.r), self.releases)
             motion = -np.linalg.solve(curvature + precision * np.eye(2), pull[..., None])[..., 0]
         return motion, curvature
 
@@ -98,7 +98,7 @@ class _Moved(NamedTuple):
     def gain(self, motion: Array) -> Array:
         """(releases,) gain in log likelihood of a motion (releases, 2)."""
         before, after = (log_likelihood(r, self.covariance) for r in (self.r, self.left(motion)))
-        return self._summed(after - before)
+        return summed(self.release, after - before, self.releases)
 
     def marginal_gain(self, sd: float) -> Array:
         """(releases,) gain in log marginal likelihood of motions with this standard deviation.
@@ -107,12 +107,6 @@ class _Moved(NamedTuple):
         motion, curvature = self.motions(sd**-2.0)
         volume = np.linalg.slogdet(np.eye(2) + sd**2 * curvature)[1]
         return np.asarray(self.gain(motion) - 0.5 * (motion**2).sum(axis=1) / sd**2 - 0.5 * volume)
-
-    def _summed(self, each: Array) -> Array:
-        """(releases, ...) sums of values (n, ...) of the impacts."""
-        total = np.zeros((self.releases, *each.shape[1:]))
-        np.add.at(total, self.release, each)
-        return total
 
 
 def _of_other_releases(gain: Array, fold: Array) -> Array:

@@ -381,8 +381,8 @@ class _Addition:
                 starts = _starts_beside_twin(self.model, data, self.name, self.before)
             else:
                 starts = [self.start, *narrowed_starts(self.model, data.coarse(), self.before)]
-            found = max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
-            return not_below(found, self.before, data, convergence)
+            best = max((fit(self.model, data, p, self.before, convergence) for p in starts), key=Fit.total)
+            return not_below(best, self.before, data, convergence)
         found = self.found or explore_on_some(self.model, data, self.before)
         return fit_effects(self.model, data, self.before, found, self.rival_total)
 

@@ -384,9 +384,10 @@ def next_release(
             f"More releases that show {_place(cell)}: most of the gap lies there, "
             "and nothing in the catalogue explains it."
         )
-    candidates, explained = attribution.candidates, {attribution.strongest, *attribution.named}
+    candidates = attribution.candidates
     first = candidates.get(attribution.verdict, candidates[attribution.strongest])
-    rivals = [c for name, c in candidates.items() if name not in explained and c is not first and not c.effect.scatter]
+    known = {first.effect.name, *attribution.named}
+    rivals = [c for name, c in candidates.items() if name not in known and not c.effect.scatter]
     if not rivals or first.effect.scatter:
         return "More releases of every block: only many releases separate a scatter from a shift."
     second = max(rivals, key=lambda c: c.total)

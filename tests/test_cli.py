@@ -35,13 +35,13 @@ def wait_in_destructor():
 
 class Constant:
     def __reduce__(self):
-        return exec, ("import time; print(flush=True); time.sleep(1)",)
+        code = "import time; print(flush=True); time.sleep(1); print('machine code has its constant', flush=True)"
+        return exec, (code,)
 
 @cli.cli.command()
 def wait_in_machine_code():
     from numba.core.serialize import _numba_unpickle
     _numba_unpickle(0, pickle.dumps(Constant()), b"")
-    print("machine code has its constant", flush=True)
     time.sleep(60)
 
 @cli.cli.command()

@@ -233,7 +233,7 @@ def _embankment_setup(size: float, rng: np.random.Generator) -> reality.Setup:
 
 def _floor_setup(size: float, rng: np.random.Generator) -> reality.Setup:
     points = np.array([[-60.0 * size, 0.0], [60.0 * size, 0.0]])
-    return reality.Setup(points, ("floor",))
+    return reality.Setup(points, ("floor",), face=None, embankment=None, ditch=None)
 
 
 def _states(block_ids: Array, world: reality.World, size: float, kind: str, rng: np.random.Generator) -> Array:

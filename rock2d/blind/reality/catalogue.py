@@ -31,7 +31,12 @@ OUTSIDE = tuple(OUTSIDE_CAUSES)
 
 
 def draw_hidden(name: str, form: int, rng: Rng, world: World, strength: float) -> Hidden:
-    """A cause of `strength` (0 to 1) times the largest plausible size in this world; the rng draws its sign."""
+    """A cause of `strength` (0 to 1) times the largest plausible size in this world; the rng draws its sign.
+
+    Raises KeyError for an unknown name, ValueError for a form that does not exist."""
+    forms = CAUSES[name].forms
+    if not 0 <= form < forms:
+        raise ValueError(f"{name} has forms 0 to {forms - 1}, got {form}")
     share = strength * float(rng.uniform(LEAST_SHARE_OF_STRENGTH, 1.0))
     values = CAUSES[name].sizes(form, share, rng, scale_of(world))
     return Hidden(name, form, {key: float(value) for key, value in values.items()})

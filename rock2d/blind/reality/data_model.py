@@ -56,6 +56,13 @@ class Setup:
     embankment: tuple[int, int] | None = None
     ditch: tuple[int, int] | None = None
 
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points_m, float)
+        if not (np.diff(points[:, 0]) > 0.0).all():
+            raise ValueError("x of a set-up's points must rise strictly")
+        if len(self.zones) != len(points) - 1:
+            raise ValueError(f"{len(points) - 1} facets need as many zones, got {len(self.zones)}")
+
 
 @dataclass(frozen=True)
 class Law:

@@ -88,7 +88,7 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival_tota
 def not_below(fitted: Fit, base: Fit, data: Data, convergence: Convergence) -> Fit:
     """The fit of a model with more effects than `base` has (which come first), fitted again from `base` if it ended
     below it: parameters that were found on some releases, or by a linear model, need not fit all. A fit that starts at
-    the base cannot end below it."""
+    the base gains from there; only where the noise of the base was computed elsewhere may it still end below it."""
     if fitted.total() >= base.total() or _must_choose(fitted.model):
         return fitted
     other = fit(fitted.model, data, extended(base, fitted.model), old=base, convergence=convergence)

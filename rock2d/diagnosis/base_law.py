@@ -1,5 +1,6 @@
 """The base law: the paper's law with its own parameters refitted, and the image in which the film is divided for it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,10 @@ from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
 
-# effects whose fit to all flights, impacts and rests locates the ground in the image, and effects that imitate them in
-# flights and at rest
-REGISTERED, IMITATES_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping", "angle_offset")
+# effects whose fit to all flights, impacts and rests locates the ground: in a turned and scaled image, or as built
+# (gravity in flights tells which); and effects that imitate them in flights and at rest
+REGISTERED = (("camera_tilt", "scale_error"), ("geometry_error",))
+IMITATES_REGISTERED = ("flight_damping", "angle_offset")
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of their parameters must have
 LEAST_CHANGED_FLIGHTS = 0.02  # relative change of the number of flights that they must cause
@@ -93,30 +95,37 @@ def _fits_from_grid(data: Data, model: Model, reading: float, known: Fit | None)
 
 
 def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
-    """Segment the film again in an image that is turned and scaled to fit its flights and impacts.
+    """Segment the film again in an image that is turned and scaled to fit its flights and impacts, or over a ground
+    that is built to fit them: the one that fits better.
 
-    Returns the film and the world of this image, or None if the number of flights hardly changes. If the stated ground
-    is not where the blocks strike it, some impacts are missed, and flights are cut short."""
-    effects_by_name, registered = catalogue(), None
-    # different scales along x and y would take up what the law of impacts misses
-    effects = [effects_by_name[name].without_refinement() for name in REGISTERED + IMITATES_REGISTERED]
-    setup = base.model.setup
-    model = Model(setup, base.model.base, effects)
-    p = extended(base, model)
-    first = [model.positions[name].start for name in REGISTERED]
+    Returns the film and the world with this image or ground, or None if the number of flights hardly changes. If the
+    stated ground is not where the blocks strike it, some impacts are missed, and flights are cut short."""
+    registered, setup = None, base.model.setup
     noise_of: Fit | None = base
+    models = [_registered_model(base, names) for names in REGISTERED]
+    starts = [extended(base, model) for model in models]
     for _ in range(MOST_REGISTRATIONS):
-        fitted = fit(model, data, p, noise_of, Convergence(REGISTERED_GAIN))
-        p, world, noise_of = fitted.p, setup, None
-        if (np.abs(p) / np.sqrt(np.diag(fitted.p_covariance)))[first].max() < REGISTERED_Z:
+        convergence = Convergence(REGISTERED_GAIN)
+        fits = [fit(model, data, p, noise_of, convergence) for model, p in zip(models, starts, strict=True)]
+        best = int(np.argmax([fitted.total() for fitted in fits]))
+        found, names = fits[best], REGISTERED[best]
+        own = np.concatenate([np.arange(len(found.p))[found.model.positions[name]] for name in names])
+        if (np.abs(found.p) / np.sqrt(np.diag(found.p_covariance)))[own].max() < REGISTERED_Z:
             break
-        for effect, values in zip(effects[: len(REGISTERED)], model.values(p), strict=False):
+        world = setup
+        for effect, values in zip(found.model.effects[: len(names)], found.model.values(found.p), strict=False):
             world = effect.apply(world, values)
         again = FilmData.of(replace(data.film), world)
         if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(data.flight_release):
             break
-        data, registered = again, (again, world)
+        data, registered, starts, noise_of = again, (again, world), [fitted.p for fitted in fits], None
     return registered
+
+
+def _registered_model(base: Fit, names: Sequence[str]) -> Model:
+    # different scales along x and y would take up what the law of impacts misses
+    effects = [catalogue()[name].without_refinement() for name in (*names, *IMITATES_REGISTERED)]
+    return Model(base.model.setup, base.model.base, effects)
 
 
 def ends_at(found: Fit, known: Fit, errors: float = 1.0) -> bool:

@@ -134,7 +134,7 @@ def diagnose(
             registered = register_by_fit(base, data)
             if registered is not None:
                 data, sanity.registered = registered
-                sanity.remarks.append(registered_remark(sanity.registered))
+                sanity.remarks.append(registered_remark(setup, sanity.registered))
                 base = fit_base(setup, base_law_start(experiment), data, sanity.registered)
                 # the stated ground is nearly right: blocks do not fall into it
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
@@ -158,12 +158,15 @@ def diagnose(
     return result
 
 
-def registered_remark(world: World) -> str:
+def registered_remark(setup: World, world: World) -> str:
     """A remark on the world in which a film is segmented, if it differs from the stated one."""
     turn = f"{np.rad2deg(world.view.tilt_rad):.2g}".replace("-", "−")
+    moved = world.cross_section.points_m - setup.cross_section.points_m
+    farthest_mm = 1e3 * float(np.hypot(*moved.T).max())
     return (
-        f"flights and impacts fit an image that is turned by {turn}° and "
-        f"{world.view.scale:.4f} times as large as stated; the film is divided into flights in it"
+        f"flights and impacts fit an image that is turned by {turn}° and {world.view.scale:.4f} times as large as "
+        f"stated, and ground that lies up to {farthest_mm:.2g} mm beside the stated one; the film is divided into "
+        "flights in it"
     )
 
 

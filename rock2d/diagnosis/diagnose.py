@@ -140,7 +140,7 @@ def diagnose(
                 refitted = fit(base.model, data, base.p, old=base, renew_noise=True)
         result.film = findings_of_film(experiment, setup, sanity, data)
         if isinstance(data, FilmData):  # in the image that fits, as the findings
-            sanity.remarks += rest_remarks(data, sanity.registered or setup) + slow_error_remarks(data)
+            sanity.remarks += rest_remarks(data, _over_stated_ground(sanity, setup)) + slow_error_remarks(data)
         unseen_effects = unseen(base, data, tried, result.film)
         visible = {name: effect for name, effect in tried.items() if name not in unseen_effects}
         attribution = attribute(
@@ -248,8 +248,14 @@ def findings_of_film(
     film."""
     if experiment.trajectories is None or any(fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults):
         return None
-    world = sanity.registered or setup
-    if world.gravity_m_s2 <= 0:
+    if setup.gravity_m_s2 <= 0:
         return None
+    world = sanity.registered or setup
     segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
-    return film_findings(segments, world, experiment.fps, experiment.from_gravity)
+    return film_findings(segments, _over_stated_ground(sanity, setup), experiment.fps, experiment.from_gravity)
+
+
+def _over_stated_ground(sanity: Sanity, setup: World) -> World:
+    """The world with the image in which the film is segmented, and with the stated ground: what blocks at rest show of
+    it."""
+    return replace(sanity.registered or setup, cross_section=setup.cross_section)

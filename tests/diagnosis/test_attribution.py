@@ -9,13 +9,14 @@ import pytest
 from rock2d.diagnosis.attribution import attribute
 from rock2d.diagnosis.base_law import fit_base, fit_from_grid, register_by_fit
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.diagnose import diagnose, findings_of_film
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.sanity import Sanity
 from rock2d.kinematics.setup_world import base_law_start, setup_world
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
@@ -59,6 +60,11 @@ def test_a_film_is_divided_where_its_blocks_strike_the_ground(name, values):
     assert found.cross_section.points_m == pytest.approx(true.cross_section.points_m, abs=2e-3)
     missed = [abs(len(own.flight_release) - len(seen.flight_release)) for own in (data, again)]
     assert missed[1] < 0.3 * missed[0]
+    findings = findings_of_film(experiment, setup, Sanity(registered=found), again)
+    assert findings is not None  # what it says of the stated ground does not depend on the ground that was found
+    rest = {own.block: own for own in findings.rests}["cube"]
+    ditch_m = true.cross_section.points_m[1, 1]
+    assert rest.height_m == pytest.approx(ditch_m, abs=1e-3)
 
 
 @pytest.fixture(scope="module")

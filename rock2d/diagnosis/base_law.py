@@ -116,9 +116,13 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
         for effect, values in zip(found.model.effects[: len(names)], found.model.values(found.p), strict=False):
             world = effect.apply(world, values)
         again = FilmData.of(replace(data.film), world)
-        if abs(len(again.flight_release) - len(data.flight_release)) < LEAST_CHANGED_FLIGHTS * len(data.flight_release):
+        more = abs(len(again.flight_release) - len(data.flight_release))
+        converged = more < LEAST_CHANGED_FLIGHTS * len(data.flight_release)
+        if not converged or registered is not None:  # the last fit knows the most impacts
+            registered = again, world
+        if converged:
             break
-        data, registered, starts, noise_of = again, (again, world), [fitted.p for fitted in fits], None
+        data, starts, noise_of = again, [fitted.p for fitted in fits], None
     return registered
 
 

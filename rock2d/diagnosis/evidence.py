@@ -41,7 +41,7 @@ from rock2d.diagnosis.visibility import (
     TURNS,
     is_negligible,
     is_out_of_range,
-    missing_in_first_flights,
+    lost_in_first_flights,
     only_gravity_is_turned,
     p_of_size,
     relative_size,
@@ -220,7 +220,11 @@ def evidence_of_members(
         bar.step(name)
     for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects.keys() - best.names):
         evidence_of |= beside_twin(search, name, evidence_of)
-    not_there = {name for name in best.names & TWINS.keys() if missing_in_first_flights(best.fit, data, name)}
+    not_there = {  # how blocks are released may change first flights, so a small loss is no proof
+        name
+        for name in best.names & TWINS.keys()
+        if lost_in_first_flights(best.fit, data, name) > EFFECT_FORM_SHARE * evidence_of[name].own_gain.total
+    }
     for name in not_there | (TURNS if only_gravity_is_turned(best.fit) else set()):
         evidence_of[name] = replace(evidence_of[name], p_no_closure=1.0)
     evidence_of = {name: beside_better_rivals(search, name, own) for name, own in evidence_of.items()}

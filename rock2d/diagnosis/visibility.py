@@ -102,12 +102,12 @@ def only_gravity_is_turned(fit: Fit) -> bool:
     return abs(sum(turns)) < LEAST_TURN * max(map(abs, turns))
 
 
-def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
-    """Whether an effect that changes gravity in all flights alike is surely not in the first flights of the releases,
-    from the change that it makes there and the residuals that are left. What acts near the ground, or in a band of the
-    set-up, may look like another gravity in all others."""
+def lost_in_first_flights(fit: Fit, data: Data, name: str) -> float:
+    """Log likelihood that an effect that changes gravity in all flights alike costs in the first flights of the
+    releases, if it is surely not there; else 0. From the change that it makes there and the residuals that are left.
+    What acts near the ground, or in a band of the set-up, may look like another gravity in all others."""
     if not isinstance(data, FilmData):
-        return False
+        return 0.0
     neutral, first = fit.p.copy(), data.flights.follows < 0
     neutral[fit.model.positions[name]] = 0.0
     with_it, without = (
@@ -117,7 +117,9 @@ def missing_in_first_flights(fit: Fit, data: Data, name: str) -> bool:
     weight = flight_weight(r)
     square = float((weight * change**2).sum())
     shown = square + float((weight * change * r).sum())
-    return bool(shown + SURE_Z * np.sqrt(square) < LEAST_FIRST_SHARE * square)
+    if shown + SURE_Z * np.sqrt(square) >= LEAST_FIRST_SHARE * square:
+        return 0.0
+    return 0.5 * (square - shown) ** 2 / square
 
 
 def relative_size(fit: Fit, name: str) -> float:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
 from rock2d.diagnosis import evidence
@@ -21,12 +22,13 @@ from rock2d.diagnosis.evidence import (
     outside_probability,
 )
 from rock2d.diagnosis.levers import FLIGHT, LAW
+from rock2d.diagnosis.likelihood import flight_weight
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
 from rock2d.diagnosis.visibility import (
     is_negligible,
     is_out_of_range,
-    missing_in_first_flights,
+    lost_in_first_flights,
     only_gravity_is_turned,
     p_of_size,
     relative_size,
@@ -321,4 +323,11 @@ def test_a_wrong_scale_or_rate_is_in_first_flights_too(name, values, recorded):
     p = model.start()
     p[model.positions[name].start] = to_scale(model.parameters_of(name)[0], values[0])
     fitted = SimpleNamespace(model=model, p=p, residuals=model.residuals(p, data))
-    assert missing_in_first_flights(fitted, data, name) != recorded
+    lost = lost_in_first_flights(fitted, data, name)
+    assert (lost > 0.0) != recorded
+    if not recorded:  # what the best share of the change would gain there
+        first = np.append(data.flights.follows < 0, np.zeros(len(data.flight_release) - data.flown, bool))
+        r = fitted.residuals.flights[first]
+        change, weight = model.residuals(model.start(), data).flights[first] - r, flight_weight(r)
+        best = minimize_scalar(lambda less: 0.5 * float((weight * (r + less * change) ** 2).sum()))
+        assert lost == pytest.approx(0.5 * float((weight * r**2).sum()) - best.fun, rel=1e-6)

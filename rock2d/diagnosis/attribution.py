@@ -23,7 +23,6 @@ from rock2d.diagnosis.evidence import (
     Evidence,
     evidence_of_members,
     gain_left_by_forms,
-    outside_probability,
     plausible_rivals,
 )
 from rock2d.diagnosis.exploring import REFIT_GAIN
@@ -34,7 +33,7 @@ from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.moving_frame import MOTIONS, frame_of_each_release
 from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.significance import Gain, SummedGain
+from rock2d.diagnosis.significance import Gain, SummedGain, outside_probability
 from rock2d.diagnosis.workload import EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect

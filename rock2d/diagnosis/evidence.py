@@ -26,14 +26,16 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Change, Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, WIDTHS, Levers, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
-from rock2d.diagnosis.linear_model import LinearModel, Screening
+from rock2d.diagnosis.linear_model import LinearModel, Screening, gain_of_own_values_in_flights
 from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
 from rock2d.diagnosis.quantities import Basis
 from rock2d.diagnosis.significance import (
+    FORM_STEEPNESS,
     Gain,
     SummedGain,
     chance_p_value,
     largest_bayes_factor,
+    logistic,
     probability_from_p_value,
 )
 from rock2d.diagnosis.visibility import (
@@ -71,8 +73,9 @@ OTHER_FORMS, OTHER_FORM_Z, OTHER_FORM_SHARE = {"zone_contrast": ("embankment_yie
 PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
-# effects that a curve over the place contains, and their `Evidence.even_ratio`: a true one predicts better than it
-IN_CURVES, EVEN_CONTAINED_RATIO = {"geometry_error", "zone_contrast"}, 1.0
+# `Evidence.even_ratio` of effects that a curve over the place contains: a true one predicts better than it; and of
+# smooth changes of the picture, which imitate much: true ones had 1.1 or more, imitators 0.75 or less
+EVEN_RATIOS = {"geometry_error": 1.0, "zone_contrast": 1.0, "lens_distortion": 0.8, "keystone_distortion": 0.8}
 # the same for a learnt profile and one parameter of the law that follows the place: heights move positions, too
 EVEN_SOFT_PLACE_RATIO = 1.4
 # effects that depend on the place: the forms of their laws may leave a profile
@@ -87,9 +90,7 @@ FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 GRAVITY_FORM_SHARE = 0.2  # of learnt accelerations: what their form misses may look like another gravity
 # smooth changes of the picture: they may follow what the form of any learnt change misses, up to FORM_SHARE of its gain
 DISTORTIONS = {"lens_distortion", "keystone_distortion"}
-FORM_STEEPNESS = 3.0
-TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
-LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
+SPLIT_Z = 3.0  # standard errors from which on other values of a camera in flights than in impacts count
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,8 @@ class Evidence:
     own_gain : gain of the set over the set without the member; beside the twin of another member if that is less
     replacement_gain : gain of changes that are learnt in its place; for an effect that widens the scatter, of a free
         scatter
-    left_by_forms : log likelihood that the effect may gain only because the forms of other laws are not exact
+    left_by_forms : log likelihood that the effect may gain only because the forms of other laws are not exact, or
+        because it imitates something else, see `_left_by_forms`
     p_chance : probability that chance gives as large a gain, or as large a size
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     rival_share : share of its gain that the best of the rivals that gain more has in its place; 0 without one
@@ -138,8 +140,8 @@ class Evidence:
         if self.rival_share:  # what imitates an unknown cause gains only a part of what a better imitation gains
             ratio = min(ratio, 1.0 / self.rival_share / EVEN_RATIO)
         of_rests = largest_bayes_factor(float(ndtr(-self.rests_z))) if self.rests_z > LEAST_RESTS_Z else 1.0
-        true = _logistic(ratio, RATIO_STEEPNESS, of_rests)
-        beyond_form = _logistic(gain / max(self.left_by_forms, 1e-9), FORM_STEEPNESS)
+        true = logistic(ratio, RATIO_STEEPNESS, of_rests)
+        beyond_form = logistic(gain / max(self.left_by_forms, 1e-9), FORM_STEEPNESS)
         return self.p_acts * (1.0 - self.p_no_closure) * true * beyond_form
 
     @property
@@ -161,11 +163,6 @@ class Evidence:
         """Whether the member and its closest rivals are probable enough to be named."""
         probabilities = self.probabilities(name)
         return sum(probabilities[effect] for effect in (name, *self.group)) >= NAMED_PROBABILITY
-
-
-def _logistic(ratio: float, steepness: float, bayes_factor: float = 1.0) -> float:
-    odds = bayes_factor * min(ratio, 1e3) ** steepness
-    return odds / (1.0 + odds)
 
 
 def evidence_of_members(
@@ -216,7 +213,9 @@ def evidence_of_members(
     jobs = [(*both, search.effects[name].phase, evidence_of[name].own_gain.total) for name, both in to_relearn.items()]
     for k, (gain, z) in search.processes.as_finished(_replacement, jobs):
         name = list(to_relearn)[k]
-        evidence_of[name] = replace(evidence_of[name], replacement_gain=gain, rests_z=z)
+        # a distortion moves blocks at rest, as any block or ground does that is not as stated
+        of_rests = 0.0 if name in DISTORTIONS else z
+        evidence_of[name] = replace(evidence_of[name], replacement_gain=gain, rests_z=of_rests)
         bar.step(name)
     for name in sorted(name for name in best.names & TWINS.keys() if TWINS[name] in search.effects.keys() - best.names):
         evidence_of |= beside_twin(search, name, evidence_of)
@@ -278,7 +277,8 @@ def _replacement(data: Data, whole: Validated, without: Validated, phase: str, o
 
 def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFFECT_FORM_SHARE) -> float:
     """`Evidence.left_by_forms` of the member `name`: a `share` of what learnt changes gain, and of what other members
-    gain whose laws may have another form, in the flights or impacts that the effect changes."""
+    gain whose laws may have another form, in the flights or impacts that the effect changes. For an effect of the
+    camera, the gain at which values of its own in flights would gain EFFECT_FORM_SHARE of it, if that is more."""
     best, effects = search.best, search.effects
     phase, of_learnt = effects[name].phase, share
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
@@ -286,11 +286,15 @@ def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFF
     if name in DISTORTIONS:
         of_learnt = max(share, FORM_SHARE)
     left = of_learnt * max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
-    return left + share * sum(
+    left += share * sum(
         _form_share(effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()
         if other != name
     )
+    if effects[name].camera and phase == "all":
+        apart = gain_of_own_values_in_flights(best.fit, search.data, name)
+        left = max(left, apart.total / EFFECT_FORM_SHARE if apart.significance > SPLIT_Z else 0.0)
+    return left
 
 
 def _gain_in(phase: str, model: Validated, reference: Validated) -> float:
@@ -350,7 +354,7 @@ def _evidence_of_member(
     evidence = Evidence(
         own_gain, Gain(np.zeros_like(own_gain.gain)), 0.0 if effect.grows else left, p_chance, rival_z,
         p_no_closure=p_no_closure, negligible=negligible,
-        even_ratio=EVEN_CONTAINED_RATIO if name in IN_CURVES else EVEN_RATIO, out_of_range=out_of_range,
+        even_ratio=EVEN_RATIOS.get(name, EVEN_RATIO), out_of_range=out_of_range,
     )  # fmt: skip
     if (resistance := RESISTANCES.get(name)) is not None and resistance in best.names:
         gain = search.gain(search.alone[resistance], search.base).total
@@ -485,15 +489,3 @@ def gain_left_by_forms(search: Search, cause_set: Validated) -> float:
     shares = {name: _form_share(search.effects[name]) for name in gains}
     left = sum(shares[name] * gain for name, gain in gains.items()) / max(sum(gains.values()), 1e-9)
     return left * max(search.gain(cause_set, search.base).total, 0.0)
-
-
-def outside_probability(learnt: SummedGain, left: float, tried: int = TRIED_DEPENDENCES) -> float:
-    """Probability that something outside the catalogue acts.
-
-    `learnt`: gain of the learnt changes, or of a moving frame, over the causes; `left`: log likelihood that they may
-    gain because the forms of the laws are not exact; `tried`: number of changes of which this is the best."""
-    if learnt.total <= 0.0:
-        return LEAST_OUTSIDE_PROBABILITY
-    p = probability_from_p_value(tried * float(ndtr(-learnt.significance)))
-    p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
-    return max(p, LEAST_OUTSIDE_PROBABILITY)

@@ -31,7 +31,7 @@ from rock2d.diagnosis.likelihood import (
     prior,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, choice_positions, scatter_positions, to_scale
-from rock2d.diagnosis.significance import SummedGain
+from rock2d.diagnosis.significance import Gain, SummedGain
 from rock2d.effects.effect import Effect, Parameter
 
 CHANCE_DRAWS, CHANCE_SEED = 100, 0
@@ -202,6 +202,15 @@ class Expected(SummedGain):
     promise: float
     p: Array
     chance_gains: Array
+
+
+def gain_of_own_values_in_flights(fit: Fit, data: Data, name: str) -> SummedGain:
+    """Gain on held-out releases if an effect of the fit has other values in flights than in impacts. A camera changes
+    both alike, so a true effect of the camera gains nothing by it."""
+    flights = fit.jacobian.flights[..., fit.model.positions[name]].copy()
+    flights[data.flown :] = 0.0
+    columns = Residuals(np.zeros((*fit.residuals.impacts.shape, flights.shape[-1])), flights)
+    return Gain(LinearModel(fit, data).best_gain(columns)[0])
 
 
 class Screening:

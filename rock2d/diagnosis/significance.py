@@ -21,6 +21,9 @@ LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, of a
 UNUSUAL, TRUSTED_SHARE = 0.25, 0.5
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films gives a probability of 0.5
 LEAST_CHANCE = 1e-6  # smallest p value
+FORM_STEEPNESS = 3.0  # slope of the logarithm of the odds over that of a gain over what the forms of laws may leave
+TRIED_DEPENDENCES = 60  # number of dependences that are tried; the best one is learnt
+LEAST_OUTSIDE_PROBABILITY = 0.03  # probability that something acts that the data do not show
 
 
 class SummedGain:
@@ -134,3 +137,21 @@ def chance_p_value(gain: float, draws: Array) -> float:
     tail = float(np.mean(draws[draws > middle] - middle)) if (draws > middle).any() else 1.0
     share = float(np.mean(draws >= gain))
     return share if share > 0.05 else min(0.5 * float(np.exp(-(gain - middle) / max(tail, 1e-9))), 0.05)
+
+
+def logistic(ratio: float, steepness: float, bayes_factor: float = 1.0) -> float:
+    """Probability from odds that grow as a power, the `steepness`, of a ratio."""
+    odds = bayes_factor * min(ratio, 1e3) ** steepness
+    return odds / (1.0 + odds)
+
+
+def outside_probability(learnt: SummedGain, left: float, tried: int = TRIED_DEPENDENCES) -> float:
+    """Probability that something outside the catalogue acts.
+
+    `learnt`: gain of the learnt changes, or of a moving frame, over the causes; `left`: log likelihood that they may
+    gain because the forms of the laws are not exact; `tried`: number of changes of which this is the best."""
+    if learnt.total <= 0.0:
+        return LEAST_OUTSIDE_PROBABILITY
+    p = probability_from_p_value(tried * float(ndtr(-learnt.significance)))
+    p *= logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
+    return max(p, LEAST_OUTSIDE_PROBABILITY)

@@ -15,16 +15,18 @@ from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.evidence import (
     EFFECT_FORM_SHARE,
     FORM_SHARE,
+    SPLIT_Z,
     Evidence,
     beside_better_rivals,
     beside_twin,
     beyond_other_law,
-    outside_probability,
 )
+from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.levers import FLIGHT, LAW
 from rock2d.diagnosis.likelihood import flight_weight
+from rock2d.diagnosis.linear_model import gain_of_own_values_in_flights
 from rock2d.diagnosis.model import Model, to_scale
-from rock2d.diagnosis.significance import Gain, chance_p_value, probability_from_p_value
+from rock2d.diagnosis.significance import Gain, chance_p_value, outside_probability, probability_from_p_value
 from rock2d.diagnosis.visibility import (
     is_negligible,
     is_out_of_range,
@@ -34,6 +36,7 @@ from rock2d.diagnosis.visibility import (
     relative_size,
 )
 from rock2d.effects import catalogue
+from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import FLOOR, with_effect, world
 from tests.kinematics import synthetic_films
 from tests.laboratory import SETUP
@@ -331,3 +334,23 @@ def test_a_wrong_scale_or_rate_is_in_first_flights_too(name, values, recorded):
         change, weight = model.residuals(model.start(), data).flights[first] - r, flight_weight(r)
         best = minimize_scalar(lambda less: 0.5 * float((weight * (r + less * change) ** 2).sum()))
         assert lost == pytest.approx(0.5 * float((weight * r**2).sum()) - best.fun, rel=1e-6)
+
+
+@pytest.mark.parametrize("camera", [True, False])
+def test_a_camera_changes_flights_and_impacts_alike(camera):
+    """A tilted camera does. A set-up that was surveyed in the turned picture does not: the ground is then where it was
+    stated, and only gravity is turned."""
+    tilt_rad = 0.03
+    true = synthetic_films.with_causes(synthetic_films.world(), {"camera_tilt": [tilt_rad, 0.0, 0.0]})
+    film = synthetic_films.film(true, releases=12)
+    if not camera:
+        points = film.cross_section.points_m
+        picture = true.view.record(np.column_stack([points, np.zeros(len(points))]))[:, :2]
+        film = replace(film, cross_section=CrossSection(picture, film.cross_section.zones))
+    setup, data = synthetic_films.data_of(film)
+    model = Model(setup, synthetic_films.START, [catalogue()["camera_tilt"]])
+    start = model.start()
+    start[model.positions["camera_tilt"].start] = to_scale(model.parameters_of("camera_tilt")[0], 0.5 * tilt_rad)
+    fitted = fit(model, data, start)
+    apart = gain_of_own_values_in_flights(fitted, data, "camera_tilt")
+    assert (apart.significance > SPLIT_Z) != camera

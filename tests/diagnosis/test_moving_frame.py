@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.evidence import outside_probability
 from rock2d.diagnosis.moving_frame import MOTIONS, frame_of_each_release
+from rock2d.diagnosis.significance import outside_probability
 from rock2d.files.experiment import Experiment
 from tests.kinematics.synthetic_films import base_fit, film, world
 

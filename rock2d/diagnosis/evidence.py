@@ -103,7 +103,7 @@ class Evidence:
     replacement_gain : gain of changes that are learnt in its place; for an effect that widens the scatter, of a free
         scatter
     left_by_forms : log likelihood that the effect may gain only because the forms of other laws are not exact, or
-        because it imitates something else, see `_left_by_forms`
+        because it has other values in flights than in impacts
     p_chance : probability that chance gives as large a gain, or as large a size
     rival_z : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     rival_share : share of its gain that the best of the rivals that gain more has in its place; 0 without one
@@ -177,7 +177,7 @@ def evidence_of_members(
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, tuple[Validated, Validated]](), set[str]()
     smaller = _without_each(search, learnt, best.names)
     for name in sorted(best.names):
-        left = _left_by_forms(search, learnt, name)
+        left = max(_left_by_forms(search, learnt, name), _least_gain_of_camera(search, name))
         before = known.get(name)
         rivals = before.group if before is not None else ()
         without = smaller[name]
@@ -277,8 +277,7 @@ def _replacement(data: Data, whole: Validated, without: Validated, phase: str, o
 
 def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFFECT_FORM_SHARE) -> float:
     """`Evidence.left_by_forms` of the member `name`: a `share` of what learnt changes gain, and of what other members
-    gain whose laws may have another form, in the flights or impacts that the effect changes. For an effect of the
-    camera, the gain at which values of its own in flights would gain EFFECT_FORM_SHARE of it, if that is more."""
+    gain whose laws may have another form, in the flights or impacts that the effect changes."""
     best, effects = search.best, search.effects
     phase, of_learnt = effects[name].phase, share
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
@@ -286,15 +285,20 @@ def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFF
     if name in DISTORTIONS:
         of_learnt = max(share, FORM_SHARE)
     left = of_learnt * max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
-    left += share * sum(
+    return left + share * sum(
         _form_share(effects[other]) / FORM_SHARE * _gain_in(phase, best, without)
         for other, without in search.without(best).items()
         if other != name
     )
-    if effects[name].camera and phase == "all":
-        apart = gain_of_own_values_in_flights(best.fit, search.data, name)
-        left = max(left, apart.total / EFFECT_FORM_SHARE if apart.significance > SPLIT_Z else 0.0)
-    return left
+
+
+def _least_gain_of_camera(search: Search, name: str) -> float:
+    """Log likelihood that a member must gain so that values of its own in flights gain no more than EFFECT_FORM_SHARE
+    of it; 0 if they gain nothing, or it is no effect of the camera on flights and impacts."""
+    if not (search.effects[name].camera and search.effects[name].phase == "all"):
+        return 0.0
+    apart = gain_of_own_values_in_flights(search.best.fit, search.data, name)
+    return apart.total / EFFECT_FORM_SHARE if apart.significance > SPLIT_Z else 0.0
 
 
 def _gain_in(phase: str, model: Validated, reference: Validated) -> float:

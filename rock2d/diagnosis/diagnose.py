@@ -160,13 +160,16 @@ def diagnose(
 
 def registered_remark(setup: World, world: World) -> str:
     """A remark on the world in which a film is segmented, if it differs from the stated one."""
+    moved_m = float(np.hypot(*(world.cross_section.points_m - setup.cross_section.points_m).T).max())
+    if moved_m:
+        return (
+            f"flights and impacts fit ground that lies up to {1e3 * moved_m:.2g} mm beside the stated one; the film is "
+            "divided into flights over it"
+        )
     turn = f"{np.rad2deg(world.view.tilt_rad):.2g}".replace("-", "−")
-    moved = world.cross_section.points_m - setup.cross_section.points_m
-    farthest_mm = 1e3 * float(np.hypot(*moved.T).max())
     return (
-        f"flights and impacts fit an image that is turned by {turn}° and {world.view.scale:.4f} times as large as "
-        f"stated, and ground that lies up to {farthest_mm:.2g} mm beside the stated one; the film is divided into "
-        "flights in it"
+        f"flights and impacts fit an image that is turned by {turn}° and "
+        f"{world.view.scale:.4f} times as large as stated; the film is divided into flights in it"
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from rock2d.diagnosis.attribution import attribute
 from rock2d.diagnosis.base_law import fit_base, fit_from_grid, register_by_fit
 from rock2d.diagnosis.data import FilmData
-from rock2d.diagnosis.diagnose import diagnose, findings_of_film
+from rock2d.diagnosis.diagnose import diagnose, findings_of_film, registered_remark
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import Convergence, fit
@@ -58,6 +58,7 @@ def test_a_film_is_divided_where_its_blocks_strike_the_ground(name, values):
     again, found = better
     assert found.view.tilt_rad == pytest.approx(true.view.tilt_rad, abs=2e-3)
     assert found.cross_section.points_m == pytest.approx(true.cross_section.points_m, abs=2e-3)
+    assert ("ground that lies" if name == "geometry_error" else "turned by 1.7°") in registered_remark(setup, found)
     missed = [abs(len(own.flight_release) - len(seen.flight_release)) for own in (data, again)]
     assert missed[1] < 0.3 * missed[0]
     findings = findings_of_film(experiment, setup, Sanity(registered=found), again)

@@ -109,7 +109,7 @@ def register_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
         fits = [fit(model, data, p, noise_of, convergence) for model, p in zip(models, starts, strict=True)]
         best = int(np.argmax([fitted.total() for fitted in fits]))
         found, names = fits[best], REGISTERED[best]
-        own = np.concatenate([np.arange(len(found.p))[found.model.positions[name]] for name in names])
+        own = slice(len(BASE_WIDTH), found.model.positions[names[-1]].stop)
         if (np.abs(found.p) / np.sqrt(np.diag(found.p_covariance)))[own].max() < REGISTERED_Z:
             break
         world = setup

@@ -26,7 +26,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Change, Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LAW, LEVERS, PROFILE, WIDTHS, Levers, state_units
 from rock2d.diagnosis.likelihood import fit_scatter, flight_log_likelihood, log_likelihood
-from rock2d.diagnosis.linear_model import LinearModel, Screening, gain_of_own_values_in_flights
+from rock2d.diagnosis.linear_model import LinearModel, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, LeverResponse
 from rock2d.diagnosis.quantities import Basis
 from rock2d.diagnosis.significance import (
@@ -74,7 +74,7 @@ PERMANENT = {"surface_roughness": PROFILE}
 CONTAINED = {PROFILE: "geometry_error"}  # lever -> effect that is a change of it, too, without detail
 CONTAINED_SHARE = 0.5  # share of what the others gain that such an effect may gain as a part of it
 # `Evidence.even_ratio` of effects that a curve over the place contains: a true one predicts better than it; and of
-# smooth changes of the picture, which imitate much: true ones had 1.1 or more, imitators 0.75 or less
+# smooth changes of the picture, which imitate much: true ones had 1.1 or more, an imitator 0.68
 EVEN_RATIOS = {"geometry_error": 1.0, "zone_contrast": 1.0, "lens_distortion": 0.8, "keystone_distortion": 0.8}
 # the same for a learnt profile and one parameter of the law that follows the place: heights move positions, too
 EVEN_SOFT_PLACE_RATIO = 1.4
@@ -175,9 +175,9 @@ def evidence_of_members(
     the gain of the member has changed little."""
     best, data, contained = search.best, search.data, {CONTAINED[change.lever] for change in permanent.changes}
     evidence_of, to_relearn, doubted = dict[str, Evidence](), dict[str, tuple[Validated, Validated]](), set[str]()
-    smaller = _without_each(search, learnt, best.names)
+    smaller, linear = _without_each(search, learnt, best.names), LinearModel(best.fit, data)
     for name in sorted(best.names):
-        left = max(_left_by_forms(search, learnt, name), _least_gain_of_camera(search, name))
+        left = max(_left_by_forms(search, learnt, name), _least_gain_of_camera(search.effects[name], linear))
         before = known.get(name)
         rivals = before.group if before is not None else ()
         without = smaller[name]
@@ -292,12 +292,14 @@ def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFF
     )
 
 
-def _least_gain_of_camera(search: Search, name: str) -> float:
-    """Log likelihood that a member must gain so that values of its own in flights gain no more than EFFECT_FORM_SHARE
-    of it; 0 if they gain nothing, or it is no effect of the camera on flights and impacts."""
-    if not (search.effects[name].camera and search.effects[name].phase == "all"):
+def _least_gain_of_camera(effect: Effect, linear: LinearModel) -> float:
+    """Log likelihood that a member of the best set must gain so that values of its own in flights gain no more than
+    EFFECT_FORM_SHARE of it; 0 if they gain nothing, or it is no effect of the camera on flights and impacts.
+
+    `linear`: of the best set"""
+    if not (effect.camera and effect.phase == "all"):
         return 0.0
-    apart = gain_of_own_values_in_flights(search.best.fit, search.data, name)
+    apart = linear.gain_of_own_values_in_flights(effect.name)
     return apart.total / EFFECT_FORM_SHARE if apart.significance > SPLIT_Z else 0.0
 
 

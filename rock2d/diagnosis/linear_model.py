@@ -69,6 +69,15 @@ class LinearModel:
         gains = [(self._held_out(impacts, flights, parts, width) - self._score_before, width) for width in widths]
         return max(gains, key=lambda one: float(one[0].sum()))
 
+    def gain_of_own_values_in_flights(self, name: str) -> SummedGain:
+        """Gain on held-out releases if an effect of the fit has other values in flights than in impacts. A camera
+        changes both alike, so a true effect of the camera gains nothing by it."""
+        fit = self._fit
+        flights = fit.jacobian.flights[..., fit.model.positions[name]].copy()
+        flights[self._data.flown :] = 0.0  # rests
+        columns = Residuals(np.zeros((*fit.residuals.impacts.shape, flights.shape[-1])), flights)
+        return Gain(self.best_gain(columns)[0])
+
     def promise(self, columns: Residuals, low: Array, high: Array) -> tuple[float, Array]:
         """Largest gain in log likelihood with steps of the columns between `low` and `high` (k,), and these steps (k,),
         to add. The parameters of the fit are free.
@@ -202,15 +211,6 @@ class Expected(SummedGain):
     promise: float
     p: Array
     chance_gains: Array
-
-
-def gain_of_own_values_in_flights(fit: Fit, data: Data, name: str) -> SummedGain:
-    """Gain on held-out releases if an effect of the fit has other values in flights than in impacts. A camera changes
-    both alike, so a true effect of the camera gains nothing by it."""
-    flights = fit.jacobian.flights[..., fit.model.positions[name]].copy()
-    flights[data.flown :] = 0.0
-    columns = Residuals(np.zeros((*fit.residuals.impacts.shape, flights.shape[-1])), flights)
-    return Gain(LinearModel(fit, data).best_gain(columns)[0])
 
 
 class Screening:

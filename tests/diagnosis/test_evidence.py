@@ -24,7 +24,7 @@ from rock2d.diagnosis.evidence import (
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.levers import FLIGHT, LAW
 from rock2d.diagnosis.likelihood import flight_weight
-from rock2d.diagnosis.linear_model import gain_of_own_values_in_flights
+from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import Gain, chance_p_value, outside_probability, probability_from_p_value
 from rock2d.diagnosis.visibility import (
@@ -352,5 +352,5 @@ def test_a_camera_changes_flights_and_impacts_alike(camera):
     start = model.start()
     start[model.positions["camera_tilt"].start] = to_scale(model.parameters_of("camera_tilt")[0], 0.5 * tilt_rad)
     fitted = fit(model, data, start)
-    apart = gain_of_own_values_in_flights(fitted, data, "camera_tilt")
+    apart = LinearModel(fitted, data).gain_of_own_values_in_flights("camera_tilt")
     assert (apart.significance > SPLIT_Z) != camera

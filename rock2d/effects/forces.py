@@ -10,8 +10,9 @@ columns, in the order of `Effect.columns`. The engines call a law only if one of
 - tangential(columns, depth, slip, force_n): force in N against the slip, in addition to the tangential spring;
   `force_n` is the whole normal force
 - flight(columns, vx, vy, omega, mass, inertia): accelerations (m/s², m/s², rad/s²), in flight and in contact
-- recoil(columns, force): acceleration in m/s² that the frame of ground that yields horizontally as a body adds to the
-  block, see `effects/ground.py`; `force` in N on the block along x
+- recoil(columns, force, shift, speed): acceleration in m/s² that the frame of ground that yields horizontally as a body
+  adds to the block, see `effects/ground.py`; `force` in N on the block along x by all contacts with this ground; its
+  displacement in m in this impact and its speed in m/s. The ground recoils where the first of the columns is not 0
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity
@@ -54,7 +55,8 @@ def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:
 normal = _combined_law("normal", "depth, rate, peak, bottom, force_n", "total = 0.0", "total += new")
 friction = _combined_law("friction", "slip", "factor = 1.0", "factor *= new")
 tangential = _combined_law("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
-recoil = _combined_law("recoil", "force", "total = 0.0", "total += new")
+recoil = _combined_law("recoil", "force, shift, speed", "total = 0.0", "total += new")
+RECOIL_COLUMN = next(CONTACT_NAMES.index(e.columns[0]) for e in catalogue().values() if e.recoil is not None)
 departure = _combined_law("departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new")
 _flight = _combined_law(
     "flight", "vx, vy, omega, mass, inertia", "ax = 0.0; ay = 0.0; alpha = 0.0",

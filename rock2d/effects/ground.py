@@ -244,46 +244,69 @@ SOIL_COMPACTION = Effect(
 
 # friction of the embankment on its base, which holds it under a block that rolls or lies on it: soil on a firm ground
 BASE_FRICTION = 0.5
+# damping ratio of the horizontal motion on an elastic base: 0.29 / √B with a mass ratio B of about 1, after Richart,
+# Hall & Woods (1970), Vibrations of soils and foundations
+BASE_DAMPING_RATIO = 0.3
 
 
 @kernel
-def embankment_recoil(per_mass, held_m_s2, force):
-    """Acceleration in m/s² of the block in the frame of an embankment of mass M that slides on its base, in addition to
-    that by the force F_x on the block: F_x / M beyond the friction of the base, which can hold `held_m_s2` × M.
+def embankment_recoil(per_mass, held_m_s2, rate_1_s, force, shift, speed):
+    """Acceleration in m/s² of the block in the frame of an embankment of mass M, in addition to that by the force F_x
+    on the block. The embankment slides on its base: F_x / M beyond the friction, which can hold `held_m_s2` × M. Or,
+    with a natural frequency ω = `rate_1_s`, it moves on a spring with a dashpot: F_x / M + ω² `shift` + 2 D ω `speed`.
 
     At the end of the impact the embankment stops, and stays where it is until the release ends."""
+    if rate_1_s > 0.0:
+        return force * per_mass + rate_1_s * (rate_1_s * shift + 2.0 * BASE_DAMPING_RATIO * speed)
     sliding = abs(force) * per_mass - held_m_s2
     return np.copysign(sliding, force) if sliding > 0.0 else 0.0
 
 
 def with_embankment_yield(world: World, values: Sequence[float]) -> World:
+    """The embankment is a body of the blocks' mean mass over `values[0]`. It slides on its base, or is held by
+    `values[1]` × k_l."""
+    mass_ratio, base_stiffness = values
     zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
-    held_m_s2 = BASE_FRICTION * world.gravity_m_s2 if values[0] > 0.0 else 0.0
-    moving = with_column(world, "recoil_1_kg", values[0] / world.fitted_mass_kg, zones)
-    return with_column(moving, "recoil_held_m_s2", held_m_s2, zones)
+    per_kg = mass_ratio / world.fitted_mass_kg
+    rate_1_s = np.sqrt(base_stiffness * world.contact[..., K_L] * per_kg)
+    held_m_s2 = BASE_FRICTION * world.gravity_m_s2 if mass_ratio > 0.0 and not base_stiffness else 0.0
+    moving = with_column(world, "recoil_1_kg", per_kg, zones)
+    moving = with_column(moving, "recoil_held_m_s2", held_m_s2, zones)
+    return with_column(moving, "recoil_rate_1_s", rate_1_s, zones)
 
 
 def embankment_yield_remedy(fitted: FittedEffect) -> str:
-    """Check whether the embankment slides, with the mass that moves."""
+    """Check whether the embankment moves, with its moving mass."""
     moving = fitted.setup.fitted_mass_kg / max(fitted.values["mass_ratio"], 1e-9)
+    base = fitted.values["base_stiffness"] * fitted.law["k_l_N_m"]
+    how = f" on a base of {number(base)} N/m" if base else " that slides"
     return (
-        f"Look whether the embankment slides: film a mark on its crest. A moving mass of {number(moving)} kg is "
+        f"Look whether the embankment moves: film a mark on its crest. A moving mass of {number(moving)} kg{how} is "
         "expected. Fix the embankment to its base and film again, or weigh it and state that it moves."
     )
 
 
 EMBANKMENT_YIELD = Effect(
     name="embankment_yield",
-    summary="the embankment slides on its base as a body during an impact",
+    summary="the embankment moves on its base as a body during an impact",
     source="two bodies in impact: head-on, e is (e M - m) / (M + m) of a block of mass m",
     phase="impact",
     origin="ground",
     parameters=(
         Parameter("mass_ratio", "1", 0.0, 0.0, 0.6, "blocks' mean mass over the mass of the embankment that moves"),
+        Parameter(
+            "base_stiffness",
+            "1",
+            0.0,
+            0.0,
+            10.0,
+            "horizontal stiffness of the base over k_l of the embankment; 0: it slides on its base",
+            optional=True,
+        ),
     ),
     apply=with_embankment_yield,
     remedy=embankment_yield_remedy,
-    columns=("recoil_1_kg", "recoil_held_m_s2"),
+    columns=("recoil_1_kg", "recoil_held_m_s2", "recoil_rate_1_s"),
     recoil=embankment_recoil,
 )
 

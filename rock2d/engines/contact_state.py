@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.columns import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, N_COLUMNS
-from rock2d.effects.forces import ground_forces, recoil
+from rock2d.effects.forces import ground_forces
 from rock2d.engines.free_flight import air_acts
 from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
 from rock2d.laws.contact import (
@@ -263,8 +263,7 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m and rotation in rad of its springs
 
     Returns (force along x and y in N, moment in N m, slip velocity in m/s and spin in rad/s that deform its springs,
-    0 while unpressed; power in W of its tangential spring, of its rolling spring and of its effects; acceleration along
-    x in m/s² of recoiling ground)."""
+    0 while unpressed; power in W of its tangential spring, of its rolling spring and of its effects)."""
     depth, nx, ny, rx, ry = placed(rows, a, pose)
     vx, vy, omega = velocity
     k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + ROLLING_CAP]
@@ -276,7 +275,7 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     pressed = rows[a, L_PRESSED] != 0.0
     if pressed:
         force_n = max(force_n, LEAST_FORCE_N)
-    drag = power_e = push = 0.0
+    drag = power_e = 0.0
     if effects and rows[a, L_ACTS] != 0.0:
         rate, law_n = -(ux * nx + uy * ny), force_n
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
@@ -292,7 +291,5 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     if effects:
         along += drag
     fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
-    if effects and rows[a, L_ACTS] != 0.0:
-        push = recoil(rows[a], L_EFFECTS, fx)
     moment, winding = rx * fy - ry * fx - rolling, slip if pressed else 0.0
-    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, power_e, push
+    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, power_e

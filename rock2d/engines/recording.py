@@ -28,6 +28,7 @@ from rock2d.records.columns import (
     N_STATE,
     OMEGA,
     RECOIL,
+    RECOIL_SHIFT,
     THETA,
     TIME,
     VX,
@@ -237,7 +238,9 @@ def note_pressure(current, lifted, force, depth, t, q):
 @kernel(forceinline=True)
 def note_recoil(h, added, audit):
     """Note that the frame of recoiling ground has `added` a velocity in m/s to the block in a step of h (s)."""
-    audit[GROUND_SHIFT] -= h * (audit[RECOIL] + 0.5 * added)
+    moved = -h * (audit[RECOIL] + 0.5 * added)
+    audit[RECOIL_SHIFT] += moved
+    audit[GROUND_SHIFT] += moved
     audit[RECOIL] += added
 
 
@@ -257,7 +260,7 @@ def end_impact(q, current, row, block, audit):
     before = kinetic_energy(q, block)
     _apply_departure(q, row, audit[RECOIL])
     _apply_departure(current[AFTER], row, audit[RECOIL])
-    audit[RECOIL] = 0.0
+    audit[RECOIL] = audit[RECOIL_SHIFT] = 0.0
     dissipated = before - kinetic_energy(q, block)
     audit[EFFECTS] += dissipated
     return dissipated != 0.0

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.effects.forces import flight, ground_forces
+from rock2d.effects.forces import RECOIL_COLUMN, flight, ground_forces, recoil
 from rock2d.engines.contact_state import (
     ACTING_1,
     ARM,
@@ -78,13 +78,14 @@ POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angle
 
 
 @kernel(forceinline=True)
-def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect, view):
+def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, ground, inspect, view):
     """One step of at most h (s) from q, whose direction is (cos θ, sin θ), into q1. It ends at the first event of the
     law, and is halved while its error is too large.
 
     contacts : (number of contacts that may press, number of active contacts)
     effects : whether effects of the catalogue may act; then the error is unknown, because the work of effects is known
         only as well as the motion
+    ground : (displacement in m in this impact, velocity in m/s) of recoiling ground
     inspect : function that inspects the end of a step: `inspect(q, q1, h, whole, effects, view)` returns (why there can
         be no step, or 0; time in s of the first event). `whole` is the step in s that was tried first
 
@@ -98,7 +99,9 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, inspect,
     landings, halvings, halved, whole, error, scale = zero, zero, 1.0, h, 0.0, 0.0
     note_pressed(active, loaded, whole)
     while True:
-        work_t, work_r, work_e, pushed = runge_kutta(q, direction, h, body, (pressing, rows, rates), q1, effects)
+        work_t, work_r, work_e, pushed = runge_kutta(
+            q, direction, h, body, (pressing, rows, rates), q1, effects, ground
+        )
         if pressing == 0:
             for a in range(active):
                 rates[a, UNLIMITED_DISPLACEMENT], rates[a, UNLIMITED_ROTATION] = 0.0, rows[a, L_ROTATION]
@@ -282,35 +285,36 @@ def _oscillation(q, h, body, rows):
 
 
 @kernel(forceinline=True)
-def runge_kutta(q, direction, h, body, contacts, q1, effects):
+def runge_kutta(q, direction, h, body, contacts, q1, effects, ground):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
     contacts : (number of active contacts, rows and rates of `LoadedContacts`), of which UNLIMITED_DISPLACEMENT and
         UNLIMITED_ROTATION are filled
     effects : whether effects of the catalogue may act; compiled twice, because their code slows the plain law down
+    ground : (displacement in m in this impact, velocity in m/s) of recoiling ground
 
     Returns (work in J on the tangential springs, on the rolling springs and of effects; velocity in m/s that recoiling
     ground added). Without contacts the step is a free flight."""
     if effects:
-        return _with_effects(q, direction, h, body, contacts, q1)
+        return _with_effects(q, direction, h, body, contacts, q1, ground)
     return _plain(q, direction, h, body, contacts, q1)
 
 
 @kernel
 def _plain(q, direction, h, body, contacts, q1):
-    return _four_stages(q, direction, h, body, contacts, q1, False)
+    return _four_stages(q, direction, h, body, contacts, q1, False, (0.0, 0.0))
 
 
 @kernel
-def _with_effects(q, direction, h, body, contacts, q1):
+def _with_effects(q, direction, h, body, contacts, q1, ground):
     if contacts[0] == 0:
         copy(q, q1)
         return 0.0, 0.0, fly(q1, h, body.gravity, body.block), 0.0
-    return _four_stages(q, direction, h, body, contacts, q1, True)
+    return _four_stages(q, direction, h, body, contacts, q1, True, ground)
 
 
 @kernel(forceinline=True)
-def _four_stages(q, direction, h, body, contacts, q1, effects):
+def _four_stages(q, direction, h, body, contacts, q1, effects, ground):
     """`runge_kutta` for both values of `effects`."""
     block, gravity = body
     active, rows, rates = contacts
@@ -326,7 +330,8 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
         for i in range(4):
             rates[a, i] = 0.0
     dx = dy = dtheta = dvx = dvy = domega = 0.0
-    work_t = work_r = work_e = pushed = 0.0
+    work_t = work_r = work_e = push = pushed = 0.0
+    shift, shift_speed = ground
     c, s = c0, s0
     turning = not is_ball(block)
     oscillates = not effects and not turning and active == 1
@@ -346,9 +351,12 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
                 depth, nx, ny, _, _ = placed(rows, 0, (x, y, c, s))
                 up = depth - (half if k < 3 else end)
                 x, y = x + up * nx, y + up * ny
-        fx = fy = moment = push = 0.0
+            if effects:
+                shift, shift_speed = ground[0] + ahead * shift_speed, ground[1] - ahead * push
+        fx = fy = moment = on_ground = 0.0
+        recoiling = -1
         for a in range(active):
-            f, g, m, slip, spin, power_t, power_r, power_e, recoiled = contact_rates(
+            f, g, m, slip, spin, power_t, power_r, power_e = contact_rates(
                 rows, a, (x, y, c, s), (vx, vy, omega),
                 rows[a, L_DISPLACEMENT] + ahead * rates[a, SLIP_RATE],
                 rows[a, L_ROTATION] + ahead * rates[a, SPIN_RATE], effects,
@@ -361,12 +369,15 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
             work_r += weight * power_r
             if effects:
                 work_e += weight * power_e
-                push += recoiled
+                if rows[a, L_ACTS] != 0.0 and rows[a, L_EFFECTS + RECOIL_COLUMN] != 0.0:
+                    on_ground += f
+                    recoiling = a
         ax, ay, alpha = fx * per_mass, fy * per_mass - gravity, moment * per_inertia
         if effects:
             bx = by = beta = 0.0
             if air_acts(block):
                 bx, by, beta = flight(block.air, vx, vy, omega, block.mass, block.inertia)
+            push = recoil(rows[recoiling], L_EFFECTS, on_ground, shift, shift_speed) if recoiling >= 0 else 0.0
             bx += push
             pushed += weight * push
             ax, ay, alpha = ax + bx, ay + by, alpha + beta

@@ -55,9 +55,9 @@ N_KNOT = N_INSTANT + 1
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
 # further columns while a release runs: velocity in m/s that the frame of recoiling ground adds to the block in an
-# impact, and the displacement in m of this ground since the start; in J the sum of corrections of steps, the correction
-# that is still due, and the energy in contact springs at the end
-RECOIL, GROUND_SHIFT, CORRECTED, PENDING, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 5)
+# impact, and the displacements in m of this ground in the impact and since the start; in J the sum of corrections of
+# steps, the correction that is still due, and the energy in contact springs at the end
+RECOIL, RECOIL_SHIFT, GROUND_SHIFT, CORRECTED, PENDING, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 6)
 N_AUDIT = ELASTIC + 1
 # the final energy balance in J: energy at the end, dissipated energy, kinetic and potential energy (above the lowest
 # ground) at the start, residual of the balance (0 if it closes), and the sum of corrections of steps

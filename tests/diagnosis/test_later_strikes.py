@@ -106,7 +106,7 @@ def test_displacements_of_the_ground_add_up_within_a_release():
 def test_an_embankment_stays_where_an_earlier_strike_of_the_release_pushed_it(monkeypatch):
     """The true world misses later strikes by a tenth of a millimetre, in a fit and in a prediction; on an embankment
     that stands where it stood first, by one millimetre."""
-    true = catalogue()["embankment_yield"].apply(world(), [0.3])
+    true = catalogue()["embankment_yield"].apply(world(), [0.3, 0.0])
     data = data_of(film(true, 24, seed=5, soil=0.0, noise_m=2e-5, noise_rad=1e-3))[1]
     struck = np.isin(data.impact_zone, [ZONES.index(zone) for zone in ("uphill_face", "crest", "downhill_face")])
     later = struck & (moved_before(data.impacts.release, 1.0 * struck) > 0.0)

@@ -4,19 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from rock2d.effects.columns import column
-from rock2d.effects.ground import embankment_recoil
+from rock2d.effects.ground import BASE_DAMPING_RATIO, embankment_recoil
 from rock2d.effects.impact_law import ONSET_SHARE
 from rock2d.engines.batch import run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
-from rock2d.records.columns import E_DISSIPATED, EFFECTS
+from rock2d.records.columns import E_DISSIPATED, EFFECTS, I_ZONE
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 from tests.effects.worlds import CATALOGUE, FLOOR, elastic, pymunk_release, run, with_effect, world
-from tests.laboratory import SPHERE, VELOCITIES_AFTER, after
+from tests.laboratory import CUBE, SPHERE, VELOCITIES_AFTER, after
 
 M, R = SPHERE.mass_kg, SPHERE.radius_m
 NO_ROLLING = {"k_r_Nm_rad": 0.0}
@@ -151,7 +152,7 @@ WALL = CrossSection([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], [
 @pytest.mark.parametrize("ratio", [0.1, 0.5])
 def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     """Head-on against an upright wall of mass M: e_eff = (e M - m) / (M + m)."""
-    w = with_effect(world(WALL, (SPHERE,), SMOOTH, gravity_m_s2=0.0), "embankment_yield", [ratio])
+    w = with_effect(world(WALL, (SPHERE,), SMOOTH, gravity_m_s2=0.0), "embankment_yield", [ratio, 0.0])
     mass = M / ratio
     e = np.sqrt(SMOOTH.k_l_N_m / SMOOTH.k_ul_N_m)
     expected = (e * mass - M) / (mass + M)
@@ -172,7 +173,7 @@ def test_an_embankment_that_slides_takes_the_block_with_it(ratio):
     """On a linear spring, two bodies part after T = π / √(k (1/m + 1/M)). Their centre of mass keeps its velocity, so
     the wall moves by S = v T m / (M + m), and the poses of the block after the impact are those beside the moved
     wall."""
-    w = with_effect(world(WALL, (SPHERE,), elastic(), gravity_m_s2=0.0), "embankment_yield", [ratio])
+    w = with_effect(world(WALL, (SPHERE,), elastic(), gravity_m_s2=0.0), "embankment_yield", [ratio, 0.0])
     mass, v, gap = M / ratio, 2.0, 1e-4
     contact_s = np.pi / np.sqrt(1e4 * (1 / M + 1 / mass))
     shift = v * contact_s * M / (mass + M)
@@ -187,13 +188,58 @@ def test_an_embankment_that_slides_takes_the_block_with_it(ratio):
         assert track.states(times_s)[:, 0] == pytest.approx(expected, rel=1e-3, abs=1e-6), engine
 
 
+@pytest.mark.parametrize("ratio, stiffness", [(0.5, 0.5), (0.1, 0.5), (0.6, 10.0)])
+def test_an_embankment_on_an_elastic_base_swings(ratio, stiffness):
+    """Two masses, the soil's spring between them, a spring and a dashpot below: the motion is linear until they part,
+    and given by a matrix exponential."""
+    w = with_effect(world(WALL, (SPHERE,), elastic(), gravity_m_s2=0.0), "embankment_yield", [ratio, stiffness])
+    mass, v, gap, soil, base = M / ratio, 2.0, 1e-9, 1e4, stiffness * 1e4
+    dashpot = 2 * BASE_DAMPING_RATIO * np.sqrt(base * mass)
+    rates = np.zeros((4, 4))  # of (block, embankment, their velocities)
+    rates[0, 2] = rates[1, 3] = 1.0
+    rates[2, :2] = np.array([-soil, soil]) / M
+    rates[3] = np.array([soil, -soil - base, 0.0, -dashpot]) / mass
+
+    def moved(t_s):
+        return expm(rates * t_s) @ [0.0, 0.0, v, 0.0]
+
+    def depth_m(t_s):
+        return moved(t_s) @ [1.0, -1.0, 0.0, 0.0]
+
+    times_s = np.linspace(1e-4, 0.02, 400)
+    first = np.flatnonzero([depth_m(t_s) < 0.0 for t_s in times_s])[0]
+    parted_s = brentq(depth_m, times_s[first - 1], times_s[first])
+    _, shift, after, _ = moved(parted_s)
+    state = np.array([[-R - gap, 0.25, 0.0, v, 0.0, 0.0]])
+    result = run(w, state, impact_limit=1, impact_room=1)
+    assert result.ends[0, 4] == pytest.approx(after, rel=1e-3)
+    assert result.ground_shift_m[0] == pytest.approx(shift, rel=2e-3, abs=1e-6)
+    fine = run(w, state, impact_limit=1, impact_room=1, step_fraction=0.02)
+    assert taken_by_effects(fine) == pytest.approx(0.5 * M * (v**2 - after**2), rel=1e-3)
+
+
+def test_two_corners_push_one_embankment():
+    """A square that strikes an upright wall with a whole side moves as a ball on a spring of twice the stiffness."""
+    after = []
+    for block, reach_m, soil_N_m, base_stiffness in (
+        (CUBE, CUBE.inradius_m, 1e4, 1.0),
+        (SPHERE, R, 2e4 * M / CUBE.mass_kg, 0.5),
+    ):
+        w = world(WALL, (block,), elastic(k_l_N_m=soil_N_m, k_ul_N_m=soil_N_m), gravity_m_s2=0.0)
+        w = with_effect(w, "embankment_yield", [0.5, base_stiffness])
+        state = np.array([-reach_m - 1e-9, 0.25, 0.0, 2.0, 0.0, 0.0])
+        after.append(run(w, state[None], impact_limit=1, impact_room=1).ends[0, 4])
+    assert after[0] == pytest.approx(after[1], rel=1e-3)
+
+
 def test_friction_at_its_base_holds_an_embankment_under_a_light_push():
     """Beyond M times what friction can hold, the rest of the force accelerates it; it does not move under a ball that
     rolls down its face."""
-    assert embankment_recoil(2.0, 5.0, 2.4) == embankment_recoil(2.0, 5.0, -2.4) == 0.0
-    assert embankment_recoil(2.0, 5.0, 4.0) == -embankment_recoil(2.0, 5.0, -4.0) == pytest.approx(3.0)
+    slides = 2.0, 5.0, 0.0
+    assert embankment_recoil(*slides, 2.4, 0.1, 0.3) == embankment_recoil(*slides, -2.4, 0.1, 0.3) == 0.0
+    assert embankment_recoil(*slides, 4.0, 0.1, 0.3) == -embankment_recoil(*slides, -4.0, 0.1, 0.3) == pytest.approx(3)
     face = CrossSection([[-2, 0], [0, 0], [1.0, 0.5], [1.5, 0.5], [2.5, 0], [4, 0]], ["floor", *["bank"] * 3, "out"])
-    w = with_effect(world(face, (SPHERE,), elastic()), "embankment_yield", [0.3])
+    w = with_effect(world(face, (SPHERE,), elastic()), "embankment_yield", [0.3, 0.0])
     up = np.array([-np.sin(np.arctan(0.5)), np.cos(np.arctan(0.5))])
     lying = np.array([0.5, 0.25]) + (R - M * 9.81 * up[1] / 1e4) * up
     states = np.array([[*lying, 0.0, 0.0, 0.0, 0.0], [*lying, 0.0, *(-2.0 * up), 0.0]])
@@ -207,6 +253,15 @@ def test_only_the_embankment_recoils():
     assert set(zones[w.contact[0, :, column("recoil_1_kg")] > 0]) == {"face", "crest", "back"}
     plain = world(FLOOR)
     assert not with_effect(plain, "embankment_yield").contact[..., column("recoil_1_kg")].any()
+
+
+def test_a_wall_that_recoiled_does_not_move_when_the_ball_strikes_the_floor():
+    """Also where effects act in the second impact: those of the air."""
+    w = with_effect(with_effect(world(WALL, (SPHERE,)), "embankment_yield", [0.3, 1.0]), "air_drag", [0.5])
+    state = np.array([[-R - 1e-4, 0.25, 0.0, 2.0, 0.0, 0.0]])
+    once, twice = (run(w, state, impact_limit=n, impact_room=n) for n in (1, 2))
+    assert twice.impacts[0, 1, I_ZONE] != once.impacts[0, 0, I_ZONE] and twice.ends[0, 4] != once.ends[0, 4]
+    assert twice.ground_shift_m[0] == once.ground_shift_m[0] != 0.0
 
 
 def test_out_of_plane_turns_the_horizontal_velocity():

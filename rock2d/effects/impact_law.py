@@ -110,7 +110,8 @@ ADHESION = Effect(
     source="constant tension along the path out of the indentation, the simplest law with a work of separation",
     phase="impact",
     origin="impact law",
-    parameters=(Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),),
+    # wet soil sucks with some kPa: 5 kPa are 6.5 weights of a 3 cm cube of rock if they act on one side, 20 on three
+    parameters=(Parameter("pull_per_weight", "1", 0.0, 0.0, 20.0, "pull divided by the blocks' mean weight"),),
     apply=with_adhesion,
     remedy=adhesion_remedy,
     columns=("adhesion_N",),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -238,11 +239,15 @@ def _noise(model: Model, p: Array, data: Data, at: Residuals, scatter: Array, by
     return Noise(covariance, square_roots(further) / START_SCATTER)
 
 
-def drawn_impacts(model: Model, p: Array, data: Data, soil: Array, shift: Array) -> Array:
-    """(n, d) residuals of impacts with changes (n, 5) of the soil, as the scatter, and (n, 6) of the states before."""
+def drawn_impacts(
+    model: Model, p: Array, data: Data, soil: Array, shift: Array, amounts: Sequence[Sequence[Any]] | None = None
+) -> Array:
+    """(n, d) residuals of impacts with changes (n, 5) of the soil, as the scatter, and (n, 6) of the states before.
+
+    `amounts`: see `Model.world`"""
     drawn = LeverResponse(1, law=soil[..., None], shift=shift[..., None])
     model = replace(model, responses=[*model.responses, drawn], widths=np.append(model.widths, 1.0))
-    return model.residuals(np.append(p, 1.0), data).impacts
+    return model.residuals(np.append(p, 1.0), data, amounts=amounts).impacts
 
 
 def square_roots(covariance: Array) -> Array:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -151,7 +152,7 @@ class Model:
             for own, at in zip(self.parameters, self.positions.values(), strict=True)
         ]
 
-    def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
+    def world(self, p: Array, order: Array, amounts: Sequence[Sequence[Any]] | None = None) -> World:
         """The world at p for releases with these positions `order` in their series; `amounts` replace the values of the
         effects."""
         rows = self.setup.contact.copy()
@@ -163,7 +164,7 @@ class Model:
         return world
 
     def residuals(
-        self, p: Array, data: Data, shift: Array | float = 0.0, amounts: Sequence[Sequence[float]] | None = None
+        self, p: Array, data: Data, shift: Array | float = 0.0, amounts: Sequence[Sequence[Any]] | None = None
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts`: see `world`."""
         world, shift = self.acting(p, data.impact_order, shift, amounts)
@@ -176,7 +177,7 @@ class Model:
         return residuals
 
     def acting(
-        self, p: Array, order: Array, shift: Array | float = 0.0, amounts: Sequence[Sequence[float]] | None = None
+        self, p: Array, order: Array, shift: Array | float = 0.0, amounts: Sequence[Sequence[Any]] | None = None
     ) -> tuple[World, Array | float]:
         """World of the impacts at p, and shift of the states before, with the learnt changes; see `residuals`."""
         world = self.world(p, order, amounts)

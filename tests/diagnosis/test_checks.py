@@ -9,9 +9,9 @@ from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, far_impacts, predictive_checks
 from rock2d.diagnosis.cross_validation import Validated, held_out_gain
 from rock2d.diagnosis.data import FilmData, Residuals
-from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.likelihood import fit_scatter, normal_equations
-from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.report.sections import checks_sentence
 from rock2d.effects import catalogue
 from rock2d.kinematics.setup_world import base_law_start
@@ -128,6 +128,19 @@ def test_few_impacts_are_far_from_a_true_law_and_as_many_as_it_says_itself(fitte
     far, replicates, p = far_impacts(data, own, own, np.random.default_rng(1))
     assert p > 0.05
     assert abs(far.sum() - replicates.mean()) < 4.0 * np.sqrt(replicates.mean() + 1.0)
+
+
+def test_replicates_of_rough_ground_are_simulated(fitted):
+    """A slope of 3° makes another corner strike first, far beyond what its derivatives say; a normal distribution with
+    them has no impact at five standard deviations."""
+    data, own = fitted
+    model = Model(own.model.setup, own.model.base, [catalogue()["surface_roughness"]])
+    found = fit(model, data, extended(own, model), convergence=Convergence(rounds=1))
+    sd_rad, at = 0.05, model.positions["surface_roughness"].start
+    p, scatter = found.p.copy(), found.scatter.copy()
+    p[at], scatter[-1] = to_scale(model.parameters[0][0], sd_rad), sd_rad
+    far = far_impacts(data, own, replace(found, p=p, scatter=scatter), np.random.default_rng(0))[1]
+    assert far.min() > 5
 
 
 def test_an_impact_that_another_size_of_a_cause_explains_is_not_far():

@@ -6,6 +6,7 @@ significant, and "unknown" if the residuals of even the best effect can be predi
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from rock2d.diagnosis.cross_validation import Names, Validated, held_out_gain
 from rock2d.diagnosis.data import Data, FilmData
 from rock2d.diagnosis.evidence import (
     FORM_SHARE,
+    NAMED_PROBABILITY,
     PERMANENT,
     Evidence,
     evidence_of_members,
@@ -254,13 +256,15 @@ def _attribution(search: Search, seed: int) -> Attribution:
 
 def _outside_probability(search: Search, models: Sequence[WeighedSet], moving: Sequence[Dependence]) -> float:
     """Probability that something outside the catalogue acts: the smallest over models, of which each has its frame that
-    is `moving` in each release. Models that explain much less than the best one do not count. What is learnt as a part
-    of a cause that is named is not outside."""
+    is `moving` in each release. Models that explain much less than the best one do not count; one with a member that
+    may be chance is not the best. What is learnt as a part of a cause that is named is not outside."""
     data, permanent_is_named = search.data, search.best.names & PERMANENT.keys()
     explained = [held_out_gain(data, model.learnt, search.base).total for model in models]
+    sure = [all(member.p_acts > NAMED_PROBABILITY for member in model.evidence.values()) for model in models]
+    most = max(compress(explained, sure), default=max(explained))
     probabilities = []
     for model, frame, total in zip(models, moving, explained, strict=True):
-        if total < LEAST_EXPLAINED_SHARE * max(explained):
+        if total < LEAST_EXPLAINED_SHARE * most:
             continue
         left = gain_left_by_forms(search, model.cause_set)
         if permanent_is_named:

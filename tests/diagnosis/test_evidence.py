@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
-from rock2d.diagnosis import evidence
-from rock2d.diagnosis.attribution import inclusion_probabilities, single_answers, unexplained_probability
+from rock2d.diagnosis import attribution, evidence
+from rock2d.diagnosis.attribution import WeighedSet, inclusion_probabilities, single_answers, unexplained_probability
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.evidence import (
@@ -123,6 +123,24 @@ def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_
     assert outside_probability(clear, 0.0) > 0.95 and outside_probability(clear, 35.0) > 0.9
     assert outside_probability(clear, 2500.0) < 0.1
     assert outside_probability(scattered, 0.0) < 0.5 and outside_probability(gain(0.0), 0.0) < 0.05
+
+
+@pytest.mark.parametrize(("chance", "outside"), [(1e-6, True), (0.4, False)])
+def test_what_is_learnt_beside_chance_alone_is_not_outside(monkeypatch, chance, outside):
+    """Two models: a member with a learnt change, and nothing at all, which explains nothing. If the member is real,
+    the second does not count; if it may be chance, it does."""
+    gains = {"base": gain(0.0), "member": gain(20.0, 0.5), "learnt": gain(60.0, 0.5), "nothing": gain(0.0)}
+    monkeypatch.setattr(attribution, "gain_left_by_forms", lambda search, cause_set: 0.0)
+    monkeypatch.setattr(
+        attribution, "held_out_gain", lambda data, one, other: Gain(gains[one].gain - gains[other].gain)
+    )
+    search = SimpleNamespace(data=None, base="base", best=SimpleNamespace(names=frozenset()))
+    models = [
+        WeighedSet("nothing", "nothing", "nothing", {}),
+        WeighedSet("member", "learnt", "member", {"lens_distortion": found(20.0, chance=chance)}),
+    ]
+    p = attribution._outside_probability(search, models, [gain(0.0), gain(0.0)])
+    assert (p > 0.9) == outside and (p < 0.1) == (not outside)
 
 
 def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():

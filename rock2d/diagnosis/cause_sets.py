@@ -32,6 +32,7 @@ from rock2d.diagnosis.likelihood import total_log_likelihood
 from rock2d.diagnosis.linear_model import Expected, Screening
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.visibility import DISTORTIONS
 from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -228,12 +229,13 @@ class Search:
     def _grow(self) -> None:
         """Add effects, and remove those that become superfluous, until nothing gains or a set occurs again:
         significance is not transitive, so effects can replace each other in turn."""
-        seen = set[Names]()
+        seen, alone = set[Names](), {name: self.gain(own, self.base).total for name, own in self.alone.items()}
+        scattering = [name for name in alone if self.effects[name].scatter and alone[name] > LEAST_SCATTER_GAIN]
         while len(self.best.names) < MOST_CAUSES and self.best.names not in seen:
             seen.add(self.best.names)
             found = self.promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                found += self._with_each([n for n in self._scatter_effects() if n not in self.best.names], self.best)
+                found += self._with_each([name for name in scattering if name not in self.best.names], self.best)
             found += self._with_both_twins()
             gains = [(self.gain(addition, self.best), addition) for addition in found]
             better = [(gain.total, addition) for gain, addition in gains if gain.significant_addition]
@@ -293,23 +295,20 @@ class Search:
             self.best = smaller[least]
 
     def _exchange(self) -> bool:
-        """Exchange a member for a rival that gains more; returns whether there is one."""
+        """Exchange a member for a rival that gains more, or for two; returns whether there is one."""
         exchanged: list[Validated] = []
-        for smaller in self.without(self.best).values():
+        for name, smaller in self.without(self.best).items():
             lead = self.best.fit.total() - smaller.fit.total()
-            exchanged += self.promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
+            rivals = self.promising_additions(smaller, self.best.names, EXCHANGED_AT_ONCE, lead)
+            if name in DISTORTIONS and rivals and len(self.best.names) < MOST_CAUSES:  # it can stand for two causes
+                nearest = max(rivals, key=lambda one: one.fit.total())
+                rivals += self.promising_additions(nearest, self.best.names, EXCHANGED_AT_ONCE)
+            exchanged += rivals
         best = max(exchanged, key=lambda one: self.gain(one, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
         self.best = best
         return True
-
-    def _scatter_effects(self) -> list[str]:
-        """Effects that only widen the scatter, and gain alone."""
-        return [
-            name for name, found in self.alone.items()
-            if self.effects[name].scatter and self.gain(found, self.base).total > LEAST_SCATTER_GAIN
-        ]  # fmt: skip
 
     def _fit(self, steps: Sequence[_Addition | Reduction], lead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
@@ -398,8 +397,7 @@ class _Refit:
         return self.before.model
 
     def fitted(self, data: Data) -> Fit:
-        before = self.before
-        return fit(self.model, data, before.p, before, renew_noise=True, residuals=before.residuals)
+        return fit(self.model, data, self.before.p, self.before, renew_noise=True, residuals=self.before.residuals)
 
 
 @dataclass

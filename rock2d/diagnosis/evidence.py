@@ -39,6 +39,7 @@ from rock2d.diagnosis.significance import (
     probability_from_p_value,
 )
 from rock2d.diagnosis.visibility import (
+    DISTORTIONS,
     SPIN_TWINS,
     TURNS,
     is_negligible,
@@ -88,8 +89,6 @@ NAMED_PROBABILITY = 0.5  # smallest probability of an effect and its rivals at w
 # in the world, causes in the camera), and for another effect; but no law leaves what grows from release to release.
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 GRAVITY_FORM_SHARE = 0.2  # of learnt accelerations: what their form misses may look like another gravity
-# smooth changes of the picture: they may follow what the form of any learnt change misses, up to FORM_SHARE of its gain
-DISTORTIONS = {"lens_distortion", "keystone_distortion"}
 SPLIT_Z = 3.0  # standard errors from which on other values of a camera in flights than in impacts count
 
 

@@ -25,6 +25,9 @@ SPIN_TWINS = {"flight_damping": "air_drag"}
 # Effects whose first parameter turns the picture of ground without an embankment. If the sum of the two turns is less
 # than this share of the larger one, only gravity is turned.
 TURNS, LEAST_TURN = {"camera_tilt", "geometry_error"}, 0.25
+# Smooth changes of the picture: they may follow what the form of any learnt change misses, up to `evidence.FORM_SHARE`
+# of its gain, and what two other causes do.
+DISTORTIONS = {"lens_distortion", "keystone_distortion"}
 # A wrong scale or frame rate is none if first flights show less than this share of it, by so many standard errors.
 LEAST_FIRST_SHARE, SURE_Z = 0.5, 2.0
 LARGEST_UNSEEN_CHANGE = 0.05  # largest change of a residual, in standard deviations, that is not visible

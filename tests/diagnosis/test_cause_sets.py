@@ -310,7 +310,27 @@ def test_effects_that_replace_each_other_in_turn_come_to_an_end(two, monkeypatch
     search, both = copy.copy(two), two.best
     search.best = search.known[frozenset({"camera_tilt"})]
     monkeypatch.setattr(search, "promising_additions", lambda *given: [both])
-    monkeypatch.setattr(search, "_scatter_effects", list)
+    monkeypatch.setattr(cause_sets, "LEAST_SCATTER_GAIN", np.inf)
     monkeypatch.setattr(search, "_prune", lambda kept: setattr(search, "best", search.known[kept]))
     search._grow()
     assert search.best.names == {"camera_tilt"}
+
+
+@pytest.mark.parametrize(("member", "exchanged"), [("keystone_distortion", True), ("angle_offset", False)])
+def test_a_smooth_distortion_is_exchanged_for_two_causes_that_gain_more(member, exchanged):
+    """In real film a turned picture over inclined ground: a keystone gains more than either, and less than both."""
+
+    def cause_set(total, *names):
+        return SimpleNamespace(names=frozenset(names), fit=SimpleNamespace(total=lambda: total))
+
+    best, nothing, tilted = cause_set(50.0, member), cause_set(0.0), cause_set(40.0, "camera_tilt")
+    both = cause_set(70.0, "camera_tilt", "geometry_error")
+    additions = {nothing.names: [tilted], tilted.names: [both]}
+    search = SimpleNamespace(
+        best=best,
+        without=lambda own: {member: nothing},
+        promising_additions=lambda own, *further: list(additions[own.names]),
+        gain=lambda one, other: SimpleNamespace(total=one.fit.total() - other.fit.total()),
+    )
+    assert Search._exchange(search) == exchanged
+    assert (search.best is both) == exchanged

@@ -276,12 +276,14 @@ def _replacement(data: Data, whole: Validated, without: Validated, phase: str, o
 
 def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFFECT_FORM_SHARE) -> float:
     """`Evidence.left_by_forms` of the member `name`: a `share` of what learnt changes gain, and of what other members
-    gain whose laws may have another form, in the flights or impacts that the effect changes."""
+    gain whose laws may have another form, in the flights or impacts that the effect changes. Learnt changes of impacts
+    stand for a cause without a name, and may miss more of it than a law: another effect of impacts can follow that."""
     best, effects = search.best, search.effects
     phase, of_learnt = effects[name].phase, share
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
         of_learnt = max(share, GRAVITY_FORM_SHARE)
-    if name in DISTORTIONS:
+    of_impacts = phase == "impact" and any(change.lever != FLIGHT for change in learnt.changes)
+    if name in DISTORTIONS or of_impacts:
         of_learnt = max(share, FORM_SHARE)
     left = of_learnt * max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
     return left + share * sum(

@@ -143,6 +143,24 @@ def test_what_is_learnt_beside_chance_alone_is_not_outside(monkeypatch, chance, 
     assert (p > 0.9) == outside and (p < 0.1) == (not outside)
 
 
+@pytest.mark.parametrize(
+    ("name", "lever", "share"),
+    [
+        ("ploughing_drag", LAW, FORM_SHARE),
+        ("ploughing_drag", FLIGHT, EFFECT_FORM_SHARE),
+        ("air_drag", LAW, EFFECT_FORM_SHARE),
+        ("lens_distortion", FLIGHT, FORM_SHARE),
+    ],
+)
+def test_what_a_learnt_change_of_impacts_misses_another_effect_of_impacts_may_follow(monkeypatch, name, lever, share):
+    """A kick of the spin gained 221 as a curve over the place, and ploughing, which did not act, 52 beside it."""
+    monkeypatch.setattr(evidence, "_gain_in", lambda phase, model, reference: 221.0)
+    search = SimpleNamespace(best=None, effects=catalogue(), without=lambda best: {})
+    left = evidence._left_by_forms(search, SimpleNamespace(changes=[SimpleNamespace(lever=lever)]), name)
+    assert left == pytest.approx(share * 221.0)
+    assert found(52.0, left_by_forms=left).named(name) == (share == EFFECT_FORM_SHARE)
+
+
 def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():
     assert found(own_gain=300.0, left_by_forms=EFFECT_FORM_SHARE * 3000.0).named("adhesion")
     assert not found(own_gain=80.0, left_by_forms=EFFECT_FORM_SHARE * 3000.0).named("adhesion")

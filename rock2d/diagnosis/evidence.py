@@ -282,8 +282,8 @@ def _left_by_forms(search: Search, learnt: Learnt, name: str, share: float = EFF
     phase, of_learnt = effects[name].phase, share
     if name in TWINS and any(change.lever == FLIGHT for change in learnt.changes):
         of_learnt = max(share, GRAVITY_FORM_SHARE)
-    of_impacts = phase == "impact" and any(change.lever != FLIGHT for change in learnt.changes)
-    if name in DISTORTIONS or of_impacts:
+    unnamed = {change.lever for change in learnt.changes} - {FLIGHT, *PERMANENT.values()}
+    if name in DISTORTIONS or (unnamed and phase == "impact" and not effects[name].scatter):
         of_learnt = max(share, FORM_SHARE)
     left = of_learnt * max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
     return left + share * sum(

@@ -22,7 +22,7 @@ from rock2d.diagnosis.evidence import (
     beyond_other_law,
 )
 from rock2d.diagnosis.fitting import fit
-from rock2d.diagnosis.levers import FLIGHT, LAW
+from rock2d.diagnosis.levers import FLIGHT, LAW, PROFILE
 from rock2d.diagnosis.likelihood import flight_weight
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model, to_scale
@@ -148,6 +148,8 @@ def test_what_is_learnt_beside_chance_alone_is_not_outside(monkeypatch, chance, 
     [
         ("ploughing_drag", LAW, FORM_SHARE),
         ("ploughing_drag", FLIGHT, EFFECT_FORM_SHARE),
+        ("ploughing_drag", PROFILE, EFFECT_FORM_SHARE),
+        ("surface_roughness", LAW, EFFECT_FORM_SHARE),
         ("air_drag", LAW, EFFECT_FORM_SHARE),
         ("lens_distortion", FLIGHT, FORM_SHARE),
     ],

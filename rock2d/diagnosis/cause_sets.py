@@ -229,13 +229,14 @@ class Search:
     def _grow(self) -> None:
         """Add effects, and remove those that become superfluous, until nothing gains or a set occurs again:
         significance is not transitive, so effects can replace each other in turn."""
-        seen, alone = set[Names](), {name: self.gain(own, self.base).total for name, own in self.alone.items()}
-        scattering = [name for name in alone if self.effects[name].scatter and alone[name] > LEAST_SCATTER_GAIN]
+        seen = set[Names]()
         while len(self.best.names) < MOST_CAUSES and self.best.names not in seen:
             seen.add(self.best.names)
             found = self.promising_additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                found += self._with_each([name for name in scattering if name not in self.best.names], self.best)
+                wider = [name for name in self.effects.keys() - self.best.names if self.effects[name].scatter]
+                alone = {name: self.gain(self.known[frozenset({name})], self.base).total for name in sorted(wider)}
+                found += self._with_each([n for n, gain in alone.items() if gain > LEAST_SCATTER_GAIN], self.best)
             found += self._with_both_twins()
             gains = [(self.gain(addition, self.best), addition) for addition in found]
             better = [(gain.total, addition) for gain, addition in gains if gain.significant_addition]

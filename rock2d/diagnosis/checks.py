@@ -240,18 +240,18 @@ def _with_other_sizes(model: Model, p: Array) -> Iterator[Array]:
 def _simulated_again(data: Data, fit: Fit, rng: np.random.Generator) -> Iterator[Array]:
     """(n, d) residuals of each replicate: the difference of impacts with drawn noise, soil and amounts of effects that
     widen the scatter from those without."""
-    model, n, first = fit.model, len(data.impact_release), len(BASE_WIDTH)
-    expected = fit.model.residuals(fit.p, data).impacts
-    noise_before = square_roots(data.state_noise(fit.model.world(fit.p, data.impact_order)))
+    model, p, n, first = fit.model, fit.p, len(data.impact_release), len(BASE_WIDTH)
+    values, expected = model.values(p), model.residuals(p, data).impacts
+    noise_before = square_roots(data.state_noise(model.world(p, data.impact_order)))
     noise_after = square_roots(data.outcome_noise())
     for _ in range(SIMULATED_REPLICATES):
         shift = times_normal(noise_before, rng)
         soil = fit.scatter[:first] * rng.normal(size=(n, first))
         amounts = [
             [sizes[0] * rng.normal(size=n), *sizes[1:]] if effect.scatter else sizes
-            for effect, sizes in zip(model.effects, model.values(fit.p), strict=True)
+            for effect, sizes in zip(model.effects, values, strict=True)
         ]
-        yield expected - drawn_impacts(model, fit.p, data, soil, shift, amounts) + times_normal(noise_after, rng)
+        yield expected - drawn_impacts(model, p, data, soil, shift, amounts) + times_normal(noise_after, rng)
 
 
 class _Residuals(NamedTuple):

@@ -56,7 +56,7 @@ from rock2d.laws.contact import (
     rolling_energy,
     tangential_force,
 )
-from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, RECOIL_SHIFT, ROLLING, VX, VY
+from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, ROLLING, VX, VY
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # share of the radius by which rounding may leave a landing above the surface
@@ -297,9 +297,8 @@ def step(q, h, near, world, contacts, audit, floating):
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     counts, view = (np.int64(0) if floating else active, active), (reach, near, world, memory, found)
-    ground = audit[RECOIL_SHIFT], -audit[RECOIL]
     _, h, _, works, (error, scale), _ = step_to_event(
-        q, (c, s), h, body, counts, loaded, q1, effects, ground, _inspect, view
+        q, (c, s), h, body, counts, loaded, q1, effects, audit, _inspect, view
     )
     if active > 0 and not effects:
         correct_energy(q, q1, h, error, scale, body, audit)

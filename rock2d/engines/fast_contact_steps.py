@@ -82,7 +82,7 @@ from rock2d.laws.contact import (
     residual_indentation,
     tangential_force,
 )
-from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, RECOIL_SHIFT, ROLLING, THETA, VX, VY, X, Y
+from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, ROLLING, THETA, VX, VY, X, Y
 
 # why a series of fast steps ended; 0: none of these. After a hop the guard is still valid
 GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
@@ -177,9 +177,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         if h <= 0.0 or (done > 0 and t + h >= limit.next_sample):
             break
         counts, view = (zero if floating else active, active), (world.block, anchor, active, loaded)
-        ground = audit[RECOIL_SHIFT], -audit[RECOIL]
         why, elapsed, (c1, s1), works, (error, scale), halved = step_to_event(
-            q, (c, s), h, body, counts, loaded, q1, effects, ground, _inspect, view
+            q, (c, s), h, body, counts, loaded, q1, effects, audit, _inspect, view
         )
         if why > 0:
             break

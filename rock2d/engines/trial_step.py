@@ -66,7 +66,7 @@ from rock2d.laws.contact import (
     rolling_moment,
     tangential_force,
 )
-from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
+from rock2d.records.columns import CORRECTED, OMEGA, PENDING, RECOIL, RECOIL_SHIFT, THETA, VX, VY, X, Y
 
 # largest energy error of a step, as a share of the energy; otherwise it is halved
 LARGEST_STEP_ERROR = 0.0005
@@ -78,14 +78,14 @@ POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angle
 
 
 @kernel(forceinline=True)
-def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, ground, inspect, view):
+def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, audit, inspect, view):
     """One step of at most h (s) from q, whose direction is (cos θ, sin θ), into q1. It ends at the first event of the
     law, and is halved while its error is too large.
 
     contacts : (number of contacts that may press, number of active contacts)
     effects : whether effects of the catalogue may act; then the error is unknown, because the work of effects is known
         only as well as the motion
-    ground : (displacement in m in this impact, velocity in m/s) of recoiling ground
+    audit : the motion of recoiling ground in this impact, see `records.columns`
     inspect : function that inspects the end of a step: `inspect(q, q1, h, whole, effects, view)` returns (why there can
         be no step, or 0; time in s of the first event). `whole` is the step in s that was tried first
 
@@ -99,9 +99,7 @@ def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, ground, 
     landings, halvings, halved, whole, error, scale = zero, zero, 1.0, h, 0.0, 0.0
     note_pressed(active, loaded, whole)
     while True:
-        work_t, work_r, work_e, pushed = runge_kutta(
-            q, direction, h, body, (pressing, rows, rates), q1, effects, ground
-        )
+        work_t, work_r, work_e, pushed = runge_kutta(q, direction, h, body, (pressing, rows, rates), q1, effects, audit)
         if pressing == 0:
             for a in range(active):
                 rates[a, UNLIMITED_DISPLACEMENT], rates[a, UNLIMITED_ROTATION] = 0.0, rows[a, L_ROTATION]
@@ -285,18 +283,18 @@ def _oscillation(q, h, body, rows):
 
 
 @kernel(forceinline=True)
-def runge_kutta(q, direction, h, body, contacts, q1, effects, ground):
+def runge_kutta(q, direction, h, body, contacts, q1, effects, audit):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
     contacts : (number of active contacts, rows and rates of `LoadedContacts`), of which UNLIMITED_DISPLACEMENT and
         UNLIMITED_ROTATION are filled
     effects : whether effects of the catalogue may act; compiled twice, because their code slows the plain law down
-    ground : (displacement in m in this impact, velocity in m/s) of recoiling ground
+    audit : see `step_to_event`
 
     Returns (work in J on the tangential springs, on the rolling springs and of effects; velocity in m/s that recoiling
     ground added). Without contacts the step is a free flight."""
     if effects:
-        return _with_effects(q, direction, h, body, contacts, q1, ground)
+        return _with_effects(q, direction, h, body, contacts, q1, audit)
     return _plain(q, direction, h, body, contacts, q1)
 
 
@@ -306,16 +304,18 @@ def _plain(q, direction, h, body, contacts, q1):
 
 
 @kernel
-def _with_effects(q, direction, h, body, contacts, q1, ground):
+def _with_effects(q, direction, h, body, contacts, q1, audit):
     if contacts[0] == 0:
         copy(q, q1)
         return 0.0, 0.0, fly(q1, h, body.gravity, body.block), 0.0
+    ground = audit[RECOIL_SHIFT], -audit[RECOIL]
     return _four_stages(q, direction, h, body, contacts, q1, True, ground)
 
 
 @kernel(forceinline=True)
 def _four_stages(q, direction, h, body, contacts, q1, effects, ground):
-    """`runge_kutta` for both values of `effects`."""
+    """`runge_kutta` for both values of `effects`; `ground`: displacement in m in this impact, and velocity in m/s, of
+    recoiling ground."""
     block, gravity = body
     active, rows, rates = contacts
     c0, s0 = direction

@@ -138,7 +138,7 @@ def test_replicates_of_rough_ground_are_simulated(fitted):
     found = fit(model, data, extended(own, model), convergence=Convergence(rounds=1))
     sd_rad, at = 0.05, model.positions["surface_roughness"].start
     p, scatter = found.p.copy(), found.scatter.copy()
-    p[at], scatter[-1] = to_scale(model.parameters[0][0], sd_rad), sd_rad
+    p[at] = scatter[-1] = to_scale(model.parameters[0][0], sd_rad)
     far = far_impacts(data, own, replace(found, p=p, scatter=scatter), np.random.default_rng(0))[1]
     assert far.min() > 5
 
